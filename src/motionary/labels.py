@@ -1,0 +1,81 @@
+"""What is a label, and what is a track of labels?
+
+Conventions: times in seconds from the recording's first frame, half-open; frames as the
+file counts them, inclusive, as people look them up.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from motionary.errors import InvalidInput
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A named stretch of a recording.
+
+    Attributes
+    ----------
+    name : class
+    start_s, end_s : seconds, half-open
+    start_frame, end_frame : the file's own frame numbers, inclusive; None if unknown
+    cost : smallest matching cost within; None for labels made by hand
+    known : share of the relations that were seen, in [0, 1]
+    evidence : what `explain` needs; None for labels that were read from a table
+    """
+
+    name: str
+    start_s: float
+    end_s: float
+    cost: float | None = None
+    known: float = 1.0
+    start_frame: int | None = None
+    end_frame: int | None = None
+    evidence: Any = field(default=None, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise InvalidInput("a label needs a name")
+        if not self.start_s <= self.end_s:
+            raise InvalidInput(
+                f"label {self.name!r}: start must not come after end, "
+                f"got {self.start_s} to {self.end_s} s"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class LabelTrack:
+    """Labels of one recording, sorted by start; they may overlap.
+
+    Attributes
+    ----------
+    recording : name of the recording
+    labels : sorted by start, end, name
+    duration_s : length of the recording; None if unknown
+    rate_hz : rate of the recording; None if unknown
+    unassessed : stretches (start_s, end_s) of which too little was seen to judge
+    nearest : for a track without labels, a sentence on the class that came closest
+    """
+
+    recording: str
+    labels: tuple[Label, ...] = ()
+    duration_s: float | None = None
+    rate_hz: float | None = None
+    unassessed: tuple[tuple[float, float], ...] = ()
+    nearest: str = ""
+
+    def __post_init__(self) -> None:
+        order = tuple(sorted(self.labels, key=lambda x: (x.start_s, x.end_s, x.name)))
+        object.__setattr__(self, "labels", order)
+
+    def __iter__(self) -> Iterator[Label]:
+        return iter(self.labels)
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that occur, sorted."""
+        return tuple(sorted({label.name for label in self.labels}))

@@ -1,0 +1,228 @@
+"""What is a recording once it is read?
+
+A `Motion` holds joint positions in metres, y up, right-handed, by the file's own names,
+and how those names give the 24 generic joints that relations are defined on.
+NaN = not seen.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+
+GENERIC_JOINTS = (
+    "root", "lhip", "lknee", "lankle", "ltoes", "rhip", "rknee", "rankle", "rtoes",
+    "belly", "chest", "neck", "head", "headtop",
+    "lclavicle", "lshoulder", "lelbow", "lwrist", "lfingers",
+    "rclavicle", "rshoulder", "relbow", "rwrist", "rfingers",
+)  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Skeleton:
+    """A tree of joints: names, parents before children, offsets in metres.
+
+    Attributes
+    ----------
+    names : one unique name per joint
+    parents : array, shape (joints,), index of the parent, -1 for a root
+    offsets : array, shape (joints, 3), metres, in the parent's frame at rest
+    """
+
+    names: tuple[str, ...]
+    parents: NDArray[np.intp]
+    offsets: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        if len(set(self.names)) != n:
+            raise InvalidInput("joint names must be unique")
+        if self.parents.shape != (n,) or self.offsets.shape != (n, 3):
+            raise InvalidInput(
+                f"{n} joints need parents (joints,) and offsets (joints, 3), "
+                f"got {self.parents.shape} and {self.offsets.shape}"
+            )
+        if np.any(self.parents >= np.arange(n)) or np.any(self.parents < -1):
+            raise InvalidInput("a joint's parent must come before it")
+
+
+@dataclass(frozen=True, slots=True)
+class JointMapping:
+    """How the names of a file give the generic joints.
+
+    A generic joint is a weighted sum of the file's points; a joint without weights is
+    not to be had from this file. `substituted` lists generic joints whose place is a
+    stated guess, `note` says which.
+    """
+
+    name: str
+    weights: dict[str, dict[str, float]]
+    substituted: tuple[str, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A recording.
+
+    Attributes
+    ----------
+    names : the file's own joint or marker names
+    positions : array, shape (frames, joints, 3), metres, y up; NaN = not seen
+    rate_hz : frames per second
+    mapping : how the names give the generic joints; None if unknown
+    skeleton, rotations : the joint tree and local rotations (frames, joints, 4), unit
+        quaternions wxyz, where the file has them
+    source : name of the file, without its folder
+    first_frame : number that the file gives its first frame
+    notes : what was assumed or noticed while reading, one sentence each
+    """
+
+    names: tuple[str, ...]
+    positions: Floats
+    rate_hz: float
+    mapping: JointMapping | None = None
+    skeleton: Skeleton | None = None
+    rotations: Floats | None = None
+    source: str = ""
+    first_frame: int = 0
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        shape = self.positions.shape
+        if len(shape) != 3 or shape[1:] != (len(self.names), 3):
+            raise InvalidInput(
+                f"positions need shape (frames, {len(self.names)} joints, 3), got {shape}"
+            )
+        if shape[0] == 0:
+            raise InvalidInput("a motion needs at least one frame, got none")
+        if not (np.isfinite(self.rate_hz) and self.rate_hz > 0):
+            raise InvalidInput(f"rate_hz must be a positive number, got {self.rate_hz}")
+        if np.isinf(self.positions).any():
+            raise InvalidInput("positions must be finite, or NaN where a joint is not seen")
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return self.positions.shape[0]
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds: frames / rate."""
+        return self.n_frames / self.rate_hz
+
+    def generic_positions(self) -> Floats:
+        """Positions of the 24 generic joints, shape (frames, 24, 3), NaN where unknown.
+
+        Raises
+        ------
+        InvalidInput
+            If the mapping is unknown.
+        """
+        if self.mapping is None:
+            raise InvalidInput(
+                f"{self.source or 'motion'}: no known skeleton has the joints "
+                f"{', '.join(self.names[:6])}, ...; pass skeleton= with a known name"
+            )
+        index = {name: i for i, name in enumerate(self.names)}
+        result = np.full((self.n_frames, len(GENERIC_JOINTS), 3), np.nan)
+        for g, joint in enumerate(GENERIC_JOINTS):
+            weights = self.mapping.weights.get(joint)
+            if weights and all(name in index for name in weights):
+                if list(weights.values()) == [1.0]:
+                    result[:, g] = self.positions[:, index[next(iter(weights))]]
+                else:
+                    terms = [w * self.positions[:, index[name]] for name, w in weights.items()]
+                    result[:, g] = np.sum(terms, axis=0)
+        return result
+
+    def cut(self, first: int, stop: int) -> Self:
+        """Frames `first` to `stop` (half-open, counted from 0) as a motion."""
+        if not 0 <= first < stop <= self.n_frames:
+            raise InvalidInput(
+                f"a cut needs 0 <= first < stop <= {self.n_frames} frames, got {first}, {stop}"
+            )
+        return replace(
+            self,
+            positions=self.positions[first:stop],
+            rotations=None if self.rotations is None else self.rotations[first:stop],
+            first_frame=self.first_frame + first,
+        )
+
+
+def forward_kinematics(
+    skeleton: Skeleton,
+    rotations: NDArray[np.float64],
+    root_positions: Floats,
+    translations: dict[int, Floats] | None = None,
+) -> Floats:
+    """Joint positions of a tree from local rotation matrices.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    rotations : array, shape (frames, joints, 3, 3), each joint relative to its parent
+    root_positions : array, shape (frames, 3), metres; added to each root's offset
+    translations : per joint index, local translations (frames, 3), metres, that replace
+        the joint's offset
+
+    Returns
+    -------
+    array, shape (frames, joints, 3), metres
+    """
+    n_frames = rotations.shape[0]
+    translations = translations or {}
+    world = np.empty_like(rotations)
+    positions = np.empty((n_frames, len(skeleton.names), 3))
+    for joint, parent in enumerate(skeleton.parents):
+        offset = translations.get(joint, skeleton.offsets[joint])
+        if parent < 0:
+            world[:, joint] = rotations[:, joint]
+            positions[:, joint] = root_positions + offset
+            continue
+        positions[:, joint] = positions[:, parent] + _turn(world[:, parent], offset)
+        np.matmul(world[:, parent], rotations[:, joint], out=world[:, joint])
+    return positions
+
+
+def _turn(rotations: Floats, vectors: Floats) -> Floats:
+    return np.einsum("fij,fj->fi", rotations, np.broadcast_to(vectors, (len(rotations), 3)))
+
+
+def resample(positions: Floats, *, rate_hz: float, to_hz: float) -> Floats:
+    """Positions at another rate, by a cubic through the four nearest frames.
+
+    The cubic (Catmull-Rom) is local: a gap stays a gap of its own length plus the
+    neighbouring frames, and a part gives what the whole gives.
+
+    Parameters
+    ----------
+    positions : array, shape (frames, ...), NaN = not seen
+    rate_hz, to_hz : frames per second
+
+    Returns
+    -------
+    array, shape (new frames, ...), first frame at the same time
+    """
+    n = positions.shape[0]
+    if rate_hz == to_hz or n == 1:
+        return positions
+    n_new = int(np.floor((n - 1) * to_hz / rate_hz + 1e-9)) + 1
+    at = np.arange(n_new) * (rate_hz / to_hz)
+    left = np.minimum(at.astype(np.intp), n - 2)
+    u = (at - left).reshape((-1,) + (1,) * (positions.ndim - 1))
+    before, after = np.maximum(left - 1, 0), np.minimum(left + 2, n - 1)
+    p0, p1, p2, p3 = (positions[i] for i in (before, left, left + 1, after))
+    # A missing outer neighbour costs curvature, not the frame.
+    p0 = np.where(np.isnan(p0), p1, p0)
+    p3 = np.where(np.isnan(p3), p2, p3)
+    curve = 0.5 * (
+        2 * p1 + u * (p2 - p0) + u**2 * (2 * p0 - 5 * p1 + 4 * p2 - p3)
+        + u**3 * (3 * (p1 - p2) + p3 - p0)
+    )  # fmt: skip
+    return np.where(u < 1e-9, p1, np.where(u > 1 - 1e-9, p2, curve))
