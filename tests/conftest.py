@@ -1,0 +1,113 @@
+"""What all tests share: recordings, seeded hypothesis, no network, a count of what ran.
+
+Recordings are not part of the repository. `MOTIONARY_DATA` names their folder; without
+it the tests that ask for them skip, and the run says how many did.
+"""
+
+import ipaddress
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+VARIABLE = "MOTIONARY_DATA"
+RECORDING_FIXTURES = {"data", "golden"}
+MARK = "recordings"
+
+# Derandomised: the same commit gives the same verdict everywhere. No deadline: a shared
+# machine stalls now and then, which says nothing about the code.
+settings.register_profile(
+    "motionary",
+    derandomize=True,
+    deadline=None,
+    max_examples=60,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("motionary")
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """Folder of the recordings."""
+    return _folder(Path(_named_folder()))
+
+
+@pytest.fixture(scope="session")
+def golden() -> Path:
+    """Folder of the published matrices and tables, beside the recordings."""
+    return _folder(Path(_named_folder()).resolve().parent / "reference" / "golden")
+
+
+def _named_folder() -> str:
+    named = os.environ.get(VARIABLE, "")
+    if not named:
+        pytest.skip(f"{VARIABLE} is not set: no recordings to test on")
+    return named
+
+
+def _folder(path: Path) -> Path:
+    # A wrong path must not look like a machine without recordings.
+    if not path.is_dir():
+        pytest.fail(f"{VARIABLE} is set, but there is no folder {path}")
+    return path
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _no_network() -> Iterator[None]:
+    """Fail a test that connects to another machine."""
+    patch = pytest.MonkeyPatch()
+    for name in ("connect", "connect_ex"):
+        patch.setattr(socket.socket, name, _local_only(getattr(socket.socket, name)))
+    yield
+    patch.undo()
+
+
+def _local_only(connect: Any) -> Any:
+    def guarded(self: socket.socket, address: Any) -> Any:
+        if self.family != getattr(socket, "AF_UNIX", None) and not _is_local(address[0]):
+            pytest.fail(f"a test tried to reach {address[0]}; tests use no network")
+        return connect(self, address)
+
+    return guarded
+
+
+def _is_local(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the mark that the summary counts."""
+    config.addinivalue_line("markers", f"{MARK}: needs real recordings (set by itself)")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark tests that ask for recordings; marks travel from workers to the summary."""
+    for item in items:
+        if RECORDING_FIXTURES & set(getattr(item, "fixturenames", ())):
+            item.add_marker(MARK)
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Say how many tests used real recordings and how many lacked them."""
+    ran, skipped = set(), set()
+    for status, reports in terminalreporter.stats.items():
+        for report in reports:
+            if MARK not in getattr(report, "keywords", ()):
+                continue
+            if status == "skipped":
+                if VARIABLE in str(report.longrepr):
+                    skipped.add(report.nodeid)
+            elif report.when == "call":
+                ran.add(report.nodeid)
+    terminalreporter.write_line(
+        f"real recordings: {len(ran)} tests used them, "
+        f"{len(skipped)} skipped for want of them ({VARIABLE})"
+    )
