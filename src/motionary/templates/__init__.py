@@ -1,1 +1,11 @@
+"""Motion templates: what the examples of one class of motion have in common."""
 
+from motionary.templates.template import (
+    RATE_HZ,
+    MotionTemplate,
+    QuantisedTemplate,
+    mirror,
+    quantise,
+)
+
+__all__ = ["RATE_HZ", "MotionTemplate", "QuantisedTemplate", "mirror", "quantise"]
