@@ -1,0 +1,67 @@
+# make demo      find, teach, label and draw; tells where the results are
+# make test      all tests; real recordings are used where MOTIONARY_DATA names them
+# make lint      types, style, layers
+# make bench     speed beside other packages, medians
+# make docs      the documentation, into docs/_build/html
+# make evidence  the tables and figures behind the claims
+# make clean     remove what these commands made
+#
+# The first command makes .venv; later ones install again when pyproject.toml changes.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+# MOTIONARY_DATA= (empty) runs without recordings.
+DATA := $(abspath $(wildcard ../shared/data))
+ifneq ($(DATA),)
+export MOTIONARY_DATA ?= $(DATA)
+endif
+
+.PHONY: help demo test lint bench docs evidence clean
+
+help:
+	@sed -n 's/^# \(make .*\)/\1/p' Makefile
+
+demo: $(VENV)/.base
+	@$(BIN)/motionary demo
+
+test: $(VENV)/.base
+	$(BIN)/python -m pytest -q -n 2
+
+lint: $(VENV)/.lint
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.bench
+	$(BIN)/python bench/run.py
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+evidence: $(VENV)/.base
+	@test -f evidence/run.py || { echo "there are no evidence scripts yet"; exit 1; }
+	$(BIN)/python evidence/run.py
+
+clean:
+	rm -rf $(VENV) build dist docs/_build demo-output
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/pyvenv.cfg:
+	$(PYTHON) -m venv $(VENV)
+
+# A stamp is written when its installation is complete.
+$(VENV)/.base: pyproject.toml | $(VENV)/pyvenv.cfg
+	@echo "installing into $(VENV), once"
+	@$(PIP) -e '.[fast,test]'
+	@touch $@
+
+$(VENV)/.lint $(VENV)/.docs $(VENV)/.bench: $(VENV)/.%: pyproject.toml $(VENV)/.base
+	@echo "installing what 'make $*' needs, once"
+	@$(PIP) -e '.[$*]'
+	@touch $@
