@@ -32,11 +32,14 @@ class Skeleton:
     names : one unique name per joint
     parents : array, shape (joints,), index of the parent, -1 for a root
     offsets : array, shape (joints, 3), metres, in the parent's frame at rest
+    ends : whether a joint is the end of its bone, as in Acclaim files: its offset then
+        turns with the joint itself instead of with its parent
     """
 
     names: tuple[str, ...]
     parents: NDArray[np.intp]
     offsets: Floats
+    ends: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.names)
@@ -57,13 +60,15 @@ class JointMapping:
 
     A generic joint is a weighted sum of the file's points; a joint without weights is
     not to be had from this file. `substituted` lists generic joints whose place is a
-    stated guess, `note` says which.
+    stated guess, `note` says which. `order` is the usual order of the points where a
+    format has them without names.
     """
 
     name: str
     weights: dict[str, dict[str, float]]
     substituted: tuple[str, ...] = ()
     note: str = ""
+    order: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +114,7 @@ class Motion:
     @property
     def n_frames(self) -> int:
         """Number of frames."""
-        return self.positions.shape[0]
+        return len(self.positions)
 
     @property
     def duration_s(self) -> float:
@@ -185,13 +190,16 @@ def forward_kinematics(
             world[:, joint] = rotations[:, joint]
             positions[:, joint] = root_positions + offset
             continue
-        positions[:, joint] = positions[:, parent] + _turn(world[:, parent], offset)
         np.matmul(world[:, parent], rotations[:, joint], out=world[:, joint])
+        turning = world[:, joint if skeleton.ends else parent]
+        positions[:, joint] = positions[:, parent] + _turn(turning, offset)
     return positions
 
 
 def _turn(rotations: Floats, vectors: Floats) -> Floats:
-    return np.einsum("fij,fj->fi", rotations, np.broadcast_to(vectors, (len(rotations), 3)))
+    wide = np.broadcast_to(vectors, (len(rotations), 3))
+    turned: Floats = np.einsum("fij,fj->fi", rotations, wide)
+    return turned
 
 
 def resample(positions: Floats, *, rate_hz: float, to_hz: float) -> Floats:
@@ -221,7 +229,7 @@ def resample(positions: Floats, *, rate_hz: float, to_hz: float) -> Floats:
     # A missing outer neighbour costs curvature, not the frame.
     p0 = np.where(np.isnan(p0), p1, p0)
     p3 = np.where(np.isnan(p3), p2, p3)
-    curve = 0.5 * (
+    curve: Floats = 0.5 * (
         2 * p1 + u * (p2 - p0) + u**2 * (2 * p0 - 5 * p1 + 4 * p2 - p3)
         + u**3 * (3 * (p1 - p2) + p3 - p0)
     )  # fmt: skip

@@ -1,1 +1,1 @@
-
+"""Readers and writers of labels, one module per file format."""

@@ -1,1 +1,1 @@
-
+"""Readers of motion, one module per file format."""

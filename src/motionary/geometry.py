@@ -1,0 +1,134 @@
+"""How are rotations written, joined and applied?
+
+Conventions: right-handed, angles in radians, matrices act on column vectors from the
+left, quaternions are unit and `wxyz`; leading axes of arrays are free.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motionary.errors import InvalidInput
+
+Floats = NDArray[np.float64]
+
+
+def unit_vectors(vectors: ArrayLike) -> Floats:
+    """Vectors of length one; NaN where the length is zero, shape (..., 3)."""
+    given = np.asarray(vectors, dtype=np.float64)
+    length = np.linalg.norm(given, axis=-1, keepdims=True)
+    result = np.full_like(given, np.nan)
+    np.divide(given, length, out=result, where=length > 0)
+    return result
+
+
+def euler_to_quaternions(angles: Floats, order: str) -> Floats:
+    """Quaternions of turns about the axes named in `order`, the first one outermost.
+
+    `order` "ZYX" gives Rz Ry Rx: turns about the moving axes z, y, x, in this sequence,
+    or about the fixed axes x, y, z.
+
+    Parameters
+    ----------
+    angles : array, shape (..., n), radians, as named in `order`
+    order : n letters of "XYZ", in any sequence, repeated or missing ones allowed
+
+    Returns
+    -------
+    array, shape (..., 4), unit quaternions wxyz
+    """
+    axes = check_order(order)
+    angles = np.asarray(angles, dtype=np.float64)
+    if angles.shape[-1:] != (len(axes),):
+        raise InvalidInput(
+            f"order {order!r} needs {len(axes)} angles, got an array of shape {angles.shape}"
+        )
+    result = np.zeros((*angles.shape[:-1], 4))
+    result[..., 0] = 1.0
+    cosines, sines = np.cos(angles / 2), np.sin(angles / 2)
+    for i, axis in enumerate(axes):
+        _turn_about_axis(result, axis, cosines[..., i], sines[..., i])
+    return result
+
+
+def check_order(order: str) -> list[int]:
+    """Axis numbers 0-2 of a rotation order such as "ZXY"."""
+    axes = ["XYZ".find(letter) for letter in order.upper()]
+    if -1 in axes:
+        raise InvalidInput(f"a rotation order has letters X, Y and Z only, got {order!r}")
+    return axes
+
+
+def _turn_about_axis(quaternions: Floats, axis: int, c: Floats, s: Floats) -> None:
+    """Multiply in place, from the right, by a turn about a coordinate axis."""
+    i, j, k = 1 + axis, 1 + (axis + 1) % 3, 1 + (axis + 2) % 3
+    for a, b, sign in ((0, i, -1.0), (j, k, 1.0)):
+        first, second = quaternions[..., a].copy(), quaternions[..., b]
+        quaternions[..., a] = c * first + sign * s * second
+        quaternions[..., b] = c * second - sign * s * first
+
+
+def multiply_quaternions(left: Floats, right: Floats) -> Floats:
+    """Product of quaternions wxyz: first the right turn, then the left one."""
+    w1, x1, y1, z1 = np.moveaxis(np.asarray(left), -1, 0)
+    w2, x2, y2, z2 = np.moveaxis(np.asarray(right), -1, 0)
+    return np.stack(
+        (
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        ),
+        axis=-1,
+    )
+
+
+def conjugate_quaternions(quaternions: Floats) -> Floats:
+    """The inverse turns of unit quaternions wxyz."""
+    result = np.array(quaternions, dtype=np.float64)
+    result[..., 1:] *= -1.0
+    return result
+
+
+def quaternions_to_matrices(quaternions: Floats) -> Floats:
+    """Rotation matrices of unit quaternions wxyz, shape (..., 3, 3)."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternions, dtype=np.float64), -1, 0)
+    result = np.empty((*w.shape, 3, 3))
+    result[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    result[..., 0, 1] = 2 * (x * y - w * z)
+    result[..., 0, 2] = 2 * (x * z + w * y)
+    result[..., 1, 0] = 2 * (x * y + w * z)
+    result[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    result[..., 1, 2] = 2 * (y * z - w * x)
+    result[..., 2, 0] = 2 * (x * z - w * y)
+    result[..., 2, 1] = 2 * (y * z + w * x)
+    result[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    return result
+
+
+def matrices_to_quaternions(matrices: Floats) -> Floats:
+    """Unit quaternions wxyz with w >= 0 of rotation matrices, shape (..., 4)."""
+    m = np.asarray(matrices, dtype=np.float64)
+    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    # Four times the square of each component; dividing by the largest keeps digits.
+    squares = np.stack((1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz), -1)
+    largest = squares.argmax(axis=-1)
+    wx, wy, wz = (m[..., k, j] - m[..., j, k] for j, k in ((1, 2), (2, 0), (0, 1)))
+    xy, xz, yz = (m[..., k, j] + m[..., j, k] for j, k in ((0, 1), (0, 2), (1, 2)))
+    rows = np.stack(
+        (
+            np.stack((squares[..., 0], wx, wy, wz), -1),
+            np.stack((wx, squares[..., 1], xy, xz), -1),
+            np.stack((wy, xy, squares[..., 2], yz), -1),
+            np.stack((wz, xz, yz, squares[..., 3]), -1),
+        ),
+        axis=-2,
+    )
+    row = np.take_along_axis(rows, largest[..., None, None], axis=-2)[..., 0, :]
+    result: Floats = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    result[result[..., 0] < 0] *= -1.0
+    return result
+
+
+def euler_to_matrices(angles: Floats, order: str) -> Floats:
+    """Rotation matrices, shape (..., 3, 3), of `euler_to_quaternions`' turns."""
+    return quaternions_to_matrices(euler_to_quaternions(angles, order))
