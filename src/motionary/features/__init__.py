@@ -1,1 +1,23 @@
+"""Relations of the body over time: the catalogue, and the words of a recording."""
 
+from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006
+from motionary.features.computing import (
+    MEASURE_HZ,
+    WORD_HZ,
+    FeatureSequence,
+    compute_features,
+    relation_matrix,
+)
+from motionary.features.relations import FeatureSet, Relation
+
+__all__ = [
+    "FULL_BODY",
+    "FULL_BODY_2006",
+    "MEASURE_HZ",
+    "WORD_HZ",
+    "FeatureSequence",
+    "FeatureSet",
+    "Relation",
+    "compute_features",
+    "relation_matrix",
+]

@@ -1,1 +1,28 @@
+"""Masked DTW on words: how well, where, and along which path a pattern occurs."""
 
+from motionary.matching.alignment import Alignment, align
+from motionary.matching.corpus import Corpus, concatenate
+from motionary.matching.distance import (
+    SKIP_WEIGHT,
+    MatchState,
+    corpus_distance,
+    distance_function,
+)
+from motionary.matching.hits import Hit, find_hits, local_minima
+from motionary.matching.pattern import Pattern, cell_costs
+
+__all__ = [
+    "SKIP_WEIGHT",
+    "Alignment",
+    "Corpus",
+    "Hit",
+    "MatchState",
+    "Pattern",
+    "align",
+    "cell_costs",
+    "concatenate",
+    "corpus_distance",
+    "distance_function",
+    "find_hits",
+    "local_minima",
+]

@@ -1,0 +1,133 @@
+"""Where does a match begin, and which frames meet which columns?
+
+Start frames are computed on demand, for the ends that are asked for: the pattern is run
+over the few frames before each end, in double precision.
+
+Conventions: paths are pairs (column, frame), 0-based. Of equally cheap steps into a cell
+the first of (1, 1), (1, 2), (2, 1) is taken.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motionary.errors import InvalidInput
+from motionary.matching.distance import SKIP_WEIGHT
+from motionary.matching.pattern import Pattern, cell_costs
+from motionary.words import Words, full_mask
+
+_STEPS = ((1, 1), (1, 2), (2, 1))
+#: Costs are sums of fractions; equal ones may differ in the last bits.
+_EQUAL = 1e-9
+_BATCH = 128
+
+
+class Alignment(NamedTuple):
+    """One match.
+
+    Attributes
+    ----------
+    start, end : first and last frame
+    cost : total along the path, divided by the number of columns
+    path : array, shape (cells, 2), of (column, frame)
+    """
+
+    start: int
+    end: int
+    cost: float
+    path: NDArray[np.intp]
+
+
+def align(
+    pattern: Pattern,
+    words: Words,
+    known: Words | None,
+    ends: ArrayLike,
+    *,
+    skip_weight: float = SKIP_WEIGHT,
+) -> list[Alignment]:
+    """Best matches that end at given frames of one document.
+
+    Parameters
+    ----------
+    pattern : Pattern
+    words, known : arrays, shape (frames, n_words); known may be None
+    ends : frames at which the distance function is finite
+
+    Returns
+    -------
+    list of Alignment, in the order of `ends`
+
+    Raises
+    ------
+    InvalidInput
+        If no path ends at one of the frames.
+    """
+    if known is None:
+        known = full_mask(len(words), words.shape[1] * 64)
+    frames = np.asarray(ends, dtype=np.intp)
+    result: list[Alignment] = []
+    for first in range(0, len(frames), _BATCH):
+        result += _align_batch(pattern, words, known, frames[first : first + _BATCH], skip_weight)
+    return result
+
+
+def _align_batch(
+    pattern: Pattern, words: Words, known: Words, ends: NDArray[np.intp], skip_weight: float
+) -> list[Alignment]:
+    width = 2 * len(pattern) - 1
+    at = ends[:, np.newaxis] + np.arange(1 - width, 1)
+    outside = at < 0
+    frames = np.maximum(at, 0)
+    total, steps = _accumulate(pattern, words[frames], known[frames], outside, skip_weight)
+    if not np.isfinite(total).all():
+        bad = int(ends[~np.isfinite(total)][0])
+        raise InvalidInput(f"no path of {len(pattern)} columns ends at frame {bad}")
+    return [
+        _backtrack(steps[:, i], int(end), float(cost) / len(pattern))
+        for i, (end, cost) in enumerate(zip(ends, total, strict=True))
+    ]
+
+
+def _accumulate(
+    pattern: Pattern,
+    words: Words,
+    known: Words,
+    outside: NDArray[np.bool_],
+    skip_weight: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """Costs at the last frame of each window, and the step into every cell."""
+    n_windows, width = outside.shape
+    steps = np.zeros((len(pattern), n_windows, width), dtype=np.int8)
+    padded = np.full((3, n_windows, width + 2), np.inf)
+    for k in range(len(pattern)):
+        cost = cell_costs(pattern, k, words, known)
+        row, before, skipped = padded[k % 3], padded[(k - 1) % 3], padded[(k - 2) % 3]
+        if k == 0:
+            row[:, 2:] = cost
+        else:
+            best = before[:, 1:-1] + cost
+            candidates = [before[:, :-2] + cost]
+            if k > 1:
+                candidates.append(skipped[:, 1:-1] + skip_weight * cost)
+            for number, other in enumerate(candidates, start=1):
+                better = other < best - _EQUAL
+                steps[k][better] = number
+                best = np.where(better, other, best)
+            row[:, 2:] = best
+        row[:, 2:][outside] = np.inf
+    return padded[(len(pattern) - 1) % 3][:, -1], steps
+
+
+def _backtrack(steps: NDArray[np.int8], end: int, cost: float) -> Alignment:
+    n_columns, width = steps.shape
+    column, place = n_columns - 1, width - 1
+    cells = [(column, place)]
+    while column > 0:
+        down, back = _STEPS[steps[column, place]]
+        column, place = column - down, place - back
+        cells.append((column, place))
+    path = np.array(cells[::-1], dtype=np.intp)
+    path[:, 1] += end - (width - 1)
+    return Alignment(int(path[0, 1]), end, cost, path)

@@ -1,0 +1,86 @@
+"""How are many documents searched as one?
+
+Documents stand one behind the other with two empty frames between them: no step of the
+matcher is longer than two frames, so no path crosses a border.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.words import Words
+
+PADDING = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corpus:
+    """Words of documents, padded.
+
+    Attributes
+    ----------
+    words, known : arrays, shape (frames with padding, n_words), uint64
+    starts, lengths : arrays, shape (documents,)
+        Where each document begins, and its number of frames.
+    blocked : array of the padding frames
+    all_known : whether every relation is known in every frame
+    """
+
+    words: Words
+    known: Words
+    starts: NDArray[np.intp]
+    lengths: NDArray[np.intp]
+    blocked: NDArray[np.intp]
+    all_known: bool = field(default=False)
+
+    @property
+    def n_documents(self) -> int:
+        """Number of documents."""
+        return len(self.starts)
+
+    @property
+    def n_frames(self) -> int:
+        """Frames of all documents, padding left out."""
+        return int(self.lengths.sum())
+
+    def document(self, index: int) -> tuple[Words, Words]:
+        """Words and mask of one document."""
+        part = slice(self.starts[index], self.starts[index] + self.lengths[index])
+        return self.words[part], self.known[part]
+
+    def split(self, per_frame: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Parts of an array (padded frames,), one per document."""
+        pairs = zip(self.starts, self.lengths, strict=True)
+        return [per_frame[start : start + length] for start, length in pairs]
+
+
+def concatenate(words: Sequence[Words], known: Sequence[Words], *, full: Words) -> Corpus:
+    """Corpus of documents.
+
+    Parameters
+    ----------
+    words, known : one array (frames, n_words) per document
+    full : array, shape (n_words,), the mask in which every relation is known
+    """
+    if not words:
+        raise InvalidInput("a corpus needs at least one document, got none")
+    for i, (a, b) in enumerate(zip(words, known, strict=True)):
+        if a.shape != b.shape or a.ndim != 2 or a.shape[1] != len(full):
+            raise InvalidInput(
+                f"document {i}: words and known need shape (frames, {len(full)}), "
+                f"got {a.shape} and {b.shape}"
+            )
+    lengths = np.array([len(a) for a in words], dtype=np.intp)
+    starts = np.concatenate([[0], np.cumsum(lengths[:-1] + PADDING)]).astype(np.intp)
+    total = int(starts[-1] + lengths[-1])
+    all_words = np.zeros((total, len(full)), dtype=np.uint64)
+    all_known = np.tile(full, (total, 1))
+    inside = np.zeros(total, dtype=np.bool_)
+    for a, b, start in zip(words, known, starts, strict=True):
+        part = slice(start, start + len(a))
+        all_words[part], all_known[part], inside[part] = a, b, True
+    blocked = np.flatnonzero(~inside)
+    return Corpus(all_words, all_known, starts, lengths, blocked, bool((all_known == full).all()))
