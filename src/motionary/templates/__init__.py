@@ -1,5 +1,6 @@
 """Motion templates: what the examples of one class of motion have in common."""
 
+from motionary.templates.learning import Learning, learn_template
 from motionary.templates.template import (
     RATE_HZ,
     MotionTemplate,
@@ -8,4 +9,12 @@ from motionary.templates.template import (
     quantise,
 )
 
-__all__ = ["RATE_HZ", "MotionTemplate", "QuantisedTemplate", "mirror", "quantise"]
+__all__ = [
+    "RATE_HZ",
+    "Learning",
+    "MotionTemplate",
+    "QuantisedTemplate",
+    "learn_template",
+    "mirror",
+    "quantise",
+]
