@@ -1,7 +1,8 @@
 """How are rotations written, joined and applied?
 
 Conventions: right-handed, angles in radians, matrices act on column vectors from the
-left, quaternions are unit and `wxyz`; leading axes of arrays are free.
+left, quaternions are unit and `wxyz`; leading axes of arrays are free. Components are
+the last axes but lie first in memory, so that arithmetic runs along frames.
 """
 
 import numpy as np
@@ -42,12 +43,12 @@ def euler_to_quaternions(angles: Floats, order: str) -> Floats:
         raise InvalidInput(
             f"order {order!r} needs {len(axes)} angles, got an array of shape {angles.shape}"
         )
-    result = np.zeros((*angles.shape[:-1], 4))
-    result[..., 0] = 1.0
+    result = np.zeros((4, *angles.shape[:-1]))
+    result[0] = 1.0
     cosines, sines = np.cos(angles / 2), np.sin(angles / 2)
     for i, axis in enumerate(axes):
         _turn_about_axis(result, axis, cosines[..., i], sines[..., i])
-    return result
+    return np.moveaxis(result, 0, -1)
 
 
 def check_order(order: str) -> list[int]:
@@ -59,12 +60,14 @@ def check_order(order: str) -> list[int]:
 
 
 def _turn_about_axis(quaternions: Floats, axis: int, c: Floats, s: Floats) -> None:
-    """Multiply in place, from the right, by a turn about a coordinate axis."""
+    """Multiply (4, ...) in place, from the right, by a turn about a coordinate axis."""
     i, j, k = 1 + axis, 1 + (axis + 1) % 3, 1 + (axis + 2) % 3
     for a, b, sign in ((0, i, -1.0), (j, k, 1.0)):
-        first, second = quaternions[..., a].copy(), quaternions[..., b]
-        quaternions[..., a] = c * first + sign * s * second
-        quaternions[..., b] = c * second - sign * s * first
+        first, second = quaternions[a], quaternions[b]
+        quaternions[a], quaternions[b] = (
+            c * first + sign * s * second,
+            c * second - sign * s * first,
+        )
 
 
 def multiply_quaternions(left: Floats, right: Floats) -> Floats:
@@ -92,17 +95,17 @@ def conjugate_quaternions(quaternions: Floats) -> Floats:
 def quaternions_to_matrices(quaternions: Floats) -> Floats:
     """Rotation matrices of unit quaternions wxyz, shape (..., 3, 3)."""
     w, x, y, z = np.moveaxis(np.asarray(quaternions, dtype=np.float64), -1, 0)
-    result = np.empty((*w.shape, 3, 3))
-    result[..., 0, 0] = 1 - 2 * (y * y + z * z)
-    result[..., 0, 1] = 2 * (x * y - w * z)
-    result[..., 0, 2] = 2 * (x * z + w * y)
-    result[..., 1, 0] = 2 * (x * y + w * z)
-    result[..., 1, 1] = 1 - 2 * (x * x + z * z)
-    result[..., 1, 2] = 2 * (y * z - w * x)
-    result[..., 2, 0] = 2 * (x * z - w * y)
-    result[..., 2, 1] = 2 * (y * z + w * x)
-    result[..., 2, 2] = 1 - 2 * (x * x + y * y)
-    return result
+    result = np.empty((3, 3, *w.shape))
+    result[0, 0] = 1 - 2 * (y * y + z * z)
+    result[0, 1] = 2 * (x * y - w * z)
+    result[0, 2] = 2 * (x * z + w * y)
+    result[1, 0] = 2 * (x * y + w * z)
+    result[1, 1] = 1 - 2 * (x * x + z * z)
+    result[1, 2] = 2 * (y * z - w * x)
+    result[2, 0] = 2 * (x * z - w * y)
+    result[2, 1] = 2 * (y * z + w * x)
+    result[2, 2] = 1 - 2 * (x * x + y * y)
+    return np.moveaxis(result, (0, 1), (-2, -1))
 
 
 def matrices_to_quaternions(matrices: Floats) -> Floats:

@@ -180,26 +180,32 @@ def forward_kinematics(
     -------
     array, shape (frames, joints, 3), metres
     """
-    n_frames = rotations.shape[0]
     translations = translations or {}
-    world = np.empty_like(rotations)
-    positions = np.empty((n_frames, len(skeleton.names), 3))
+    n_frames, n_joints = rotations.shape[:2]
+    # Components first and frames last: the arithmetic then runs along frames.
+    local = np.moveaxis(rotations, 0, -1)
+    root = root_positions.T
+    world = np.empty((n_joints, 3, 3, n_frames))
+    positions = np.empty((n_frames, n_joints, 3))
+    placed = np.moveaxis(positions, 0, -1)
     for joint, parent in enumerate(skeleton.parents):
-        offset = translations.get(joint, skeleton.offsets[joint])
+        offset = np.atleast_2d(translations.get(joint, skeleton.offsets[joint])).T
         if parent < 0:
-            world[:, joint] = rotations[:, joint]
-            positions[:, joint] = root_positions + offset
+            world[joint] = local[joint]
+            placed[joint] = root + offset
             continue
-        np.matmul(world[:, parent], rotations[:, joint], out=world[:, joint])
-        turning = world[:, joint if skeleton.ends else parent]
-        positions[:, joint] = positions[:, parent] + _turn(turning, offset)
+        _multiply(world[parent], local[joint], out=world[joint])
+        turning = world[joint if skeleton.ends else parent]
+        placed[joint] = placed[parent] + _multiply(turning, offset[:, None])[:, 0]
     return positions
 
 
-def _turn(rotations: Floats, vectors: Floats) -> Floats:
-    wide = np.broadcast_to(vectors, (len(rotations), 3))
-    turned: Floats = np.einsum("fij,fj->fi", rotations, wide)
-    return turned
+def _multiply(left: Floats, right: Floats, out: Floats | None = None) -> Floats:
+    """Matrix products along the last axis: (3, 3, n) times (3, k, n)."""
+    product: Floats = np.multiply(left[:, 0, None], right[0], out=out)
+    product += left[:, 1, None] * right[1]
+    product += left[:, 2, None] * right[2]
+    return product
 
 
 def resample(positions: Floats, *, rate_hz: float, to_hz: float) -> Floats:

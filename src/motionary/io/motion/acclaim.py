@@ -15,9 +15,9 @@ import numpy as np
 from motionary.errors import UnreadableFile
 from motionary.geometry import (
     Floats,
-    conjugate_quaternions,
     euler_to_quaternions,
     multiply_quaternions,
+    quaternions_to_matrices,
 )
 from motionary.io.motion.asf import AcclaimSkeleton, Bone, read_asf
 from motionary.io.motion.pose import place_joints
@@ -29,7 +29,8 @@ RATE_HZ = 120.0
 
 # The skeleton lies beside the motion or in one of this many folders above it.
 _FOLDERS_ABOVE = 2
-_BLOCK_CHARACTERS = 1 << 22
+# Words of a small piece of text are freed before memory for the next has to be found.
+_BLOCK_CHARACTERS = 1 << 16
 _KEYWORDS = {":degrees": True, ":radians": False}
 
 
@@ -170,18 +171,17 @@ def _read_block(text: str, layout: _Layout) -> Floats | None:
     rest: list[str] = []
     for start, stop in _pieces(text):
         words = rest + text[start:stop].split()
-        used = len(words) - len(words) % len(keep)
-        rest = words[used:]
-        if any(
-            set(words[c : used : len(keep)]) - {n}
-            for c, n in zip(columns, layout.names, strict=True)
-        ):
-            return None
+        n_frames = len(words) // len(keep)
+        rest = words[n_frames * len(keep) :]
+        del words[n_frames * len(keep) :]
+        for column, name in zip(columns, layout.names, strict=True):
+            if words[column :: len(keep)] != [name] * n_frames:
+                return None
         try:
-            numbers = [float(word) for word in compress(words[:used], cycle(keep))]
+            numbers = np.fromiter(map(float, compress(words, cycle(keep))), np.float64)
         except ValueError:
             return None
-        blocks.append(np.array(numbers).reshape(-1, sum(keep)))
+        blocks.append(numbers.reshape(n_frames, sum(keep)))
     values = np.concatenate(blocks)
     if rest or not len(values) or not np.isfinite(values).all():
         return None
@@ -190,7 +190,7 @@ def _read_block(text: str, layout: _Layout) -> Floats | None:
 
 
 def _pieces(text: str) -> Iterator[tuple[int, int]]:
-    """Bounds of pieces of a few megabytes that end with a line."""
+    """Bounds of pieces of many frames that end with a line."""
     start = 0
     while start < len(text):
         stop = text.find("\n", start + _BLOCK_CHARACTERS) + 1 or len(text)
@@ -272,9 +272,10 @@ def _to_motion(
     radians = acclaim.radians if body.degrees is None else (np.pi / 180 if body.degrees else 1.0)
     columns = _match(layout, acclaim, name)
     skeleton = acclaim.to_skeleton()
-    rotations = np.empty((len(values), len(skeleton.names), 4))
+    turns = np.empty((len(skeleton.names), 4, len(values)))
     for joint, (bone, _) in enumerate(acclaim.in_order()):
-        rotations[:, joint] = _rotate(acclaim, bone, values, columns[bone.name], radians)
+        turns[joint] = _rotate(acclaim, bone, values, columns[bone.name], radians).T
+    rotations = np.moveaxis(turns, -1, 0)
     root = np.zeros((len(values), 3))
     for axis, letter in enumerate("xyz"):
         if f"t{letter}" in columns["root"]:
@@ -321,7 +322,8 @@ def _rotate(
     angles = values[:, [columns[f"r{letter.lower()}"] for letter in order]] * radians
     turns = euler_to_quaternions(angles, order)
     axis = skeleton.axis_quaternion(bone)
-    turned = multiply_quaternions(axis, turns)
     if bone is skeleton.root:
-        return turned
-    return multiply_quaternions(turned, conjugate_quaternions(axis))
+        return multiply_quaternions(axis, turns)
+    # C R C^-1 turns by the same angle about the axis that C moves it to.
+    turns[:, 1:] = turns[:, 1:] @ quaternions_to_matrices(axis).T
+    return turns
