@@ -6,6 +6,7 @@ from pathlib import Path
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.motion.acclaim import read_amc
+from motionary.io.motion.bvh import read_bvh
 from motionary.motion import Motion
 from motionary.skeletons import named_mapping
 
@@ -21,9 +22,20 @@ def _read_amc(
     return read_amc(path, asf=asf, rate_hz=rate_hz)
 
 
+def _read_bvh(
+    path: Path,
+    asf: str | Path | None,
+    rate_hz: float | None,
+    unit: float | str | None,
+) -> Motion:
+    if asf is not None:
+        raise InvalidInput(f"{path.name}: a BVH file has its own skeleton; leave out asf=")
+    return read_bvh(path, rate_hz=rate_hz, unit=unit)
+
+
 _Reader = Callable[[Path, str | Path | None, float | None, float | str | None], Motion]
 
-_READERS: dict[str, _Reader] = {".amc": _read_amc}
+_READERS: dict[str, _Reader] = {".amc": _read_amc, ".bvh": _read_bvh}
 
 MOTION_SUFFIXES = tuple(_READERS)
 

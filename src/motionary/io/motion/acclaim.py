@@ -6,7 +6,6 @@ Its first frame has the number that stands there, usually 1.
 
 import re
 from collections.abc import Iterator
-from itertools import compress, cycle
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +19,7 @@ from motionary.geometry import (
     quaternions_to_matrices,
 )
 from motionary.io.motion.asf import AcclaimSkeleton, Bone, read_asf
+from motionary.io.motion.frames import read_frames
 from motionary.io.motion.pose import place_joints
 from motionary.io.text import read_text
 from motionary.motion import Motion
@@ -29,8 +29,6 @@ RATE_HZ = 120.0
 
 # The skeleton lies beside the motion or in one of this many folders above it.
 _FOLDERS_ABOVE = 2
-# Words of a small piece of text are freed before memory for the next has to be found.
-_BLOCK_CHARACTERS = 1 << 16
 _KEYWORDS = {":degrees": True, ":radians": False}
 
 
@@ -74,7 +72,7 @@ def read_amc(
     body = _find_body(read_text(path), path.name)
     skeleton = read_asf(asf if asf is not None else find_asf(path))
     layout = _read_layout(body, path.name)
-    values = _read_block(body.text, layout)
+    values = _read_block(body, layout)
     if values is None:
         values = _read_lines(body, layout, path.name)
     numbers = values[:, 0]
@@ -157,45 +155,16 @@ def _frame_lines(text: str) -> Iterator[list[str]]:
             yield words
 
 
-def _read_block(text: str, layout: _Layout) -> Floats | None:
-    """Frame number and values of all frames, or None if the frames are not alike.
-
-    Names stand at the same places of every frame, so that the words of many frames are
-    converted at once.
-    """
-    keep = [True]
-    for count in layout.counts:
-        keep += [False] + [True] * count
-    columns = [i for i, kept in enumerate(keep) if not kept]
-    blocks: list[Floats] = []
-    rest: list[str] = []
-    for start, stop in _pieces(text):
-        words = rest + text[start:stop].split()
-        n_frames = len(words) // len(keep)
-        rest = words[n_frames * len(keep) :]
-        del words[n_frames * len(keep) :]
-        for column, name in zip(columns, layout.names, strict=True):
-            if words[column :: len(keep)] != [name] * n_frames:
-                return None
-        try:
-            numbers = np.fromiter(map(float, compress(words, cycle(keep))), np.float64)
-        except ValueError:
-            return None
-        blocks.append(numbers.reshape(n_frames, sum(keep)))
-    values = np.concatenate(blocks)
-    if rest or not len(values) or not np.isfinite(values).all():
+def _read_block(body: _Body, layout: _Layout) -> Floats | None:
+    """Frame number and values of all frames, or None if the frames are not alike."""
+    words: list[bytes | None] = [None]
+    for name, count in zip(layout.names, layout.counts, strict=True):
+        words += [name.encode(), *[None] * count]
+    values = read_frames(body.text.encode(), words)
+    if values is None:
         return None
-    first = values[0, 0]
-    return values if np.array_equal(values[:, 0], first + np.arange(len(values))) else None
-
-
-def _pieces(text: str) -> Iterator[tuple[int, int]]:
-    """Bounds of pieces of many frames that end with a line."""
-    start = 0
-    while start < len(text):
-        stop = text.find("\n", start + _BLOCK_CHARACTERS) + 1 or len(text)
-        yield start, stop
-        start = stop
+    counted = values[0, 0] + np.arange(len(values))
+    return values if np.array_equal(values[:, 0], counted) else None
 
 
 def _read_lines(body: _Body, layout: _Layout, name: str) -> Floats:
