@@ -14,7 +14,7 @@ from motionary.templates import alignment as alignment_module
 from motionary.templates.alignment import Pair, align_all, align_batched
 from motionary.templates.averaging import Stack, average, contract, expand, unwarp
 from motionary.templates.compiled import align_compiled
-from motionary.templates.learning import learn_pass
+from motionary.templates.learning import learn_pass, repeat_passes
 from oracles import learning as oracle
 
 CONTRACT_AT = Learning().contract_at
@@ -281,6 +281,29 @@ def test_passes_end_at_the_stop_cost_and_at_the_latest_after_max_passes():
     stopped = learn(matrices, learning=Learning(stop=costs[1] * (1 - 1e-9))).values
     assert np.array_equal(stopped, after[2])
     assert not np.array_equal(after[0], after[1])
+
+
+def test_no_more_than_10_passes_are_made():
+    rng = np.random.default_rng(36)
+    matrices = [rng.integers(0, 2, (rng.integers(2, 9), 2)) for _ in range(rng.integers(2, 5))]
+    stack = stack_of([(m, np.ones(len(m))) for m in matrices])
+    for _ in range(10):
+        stack, cost = one_pass(stack)
+        assert cost > Learning().stop
+    assert np.array_equal(learn(matrices).values, stack.columns[: stack.offsets[1]])
+    after_11, _ = one_pass(stack)
+    assert not np.array_equal(after_11.columns, stack.columns)
+
+
+def test_passes_end_when_the_cost_does_not_change():
+    costs = iter([3.0, 2.0, 2.0, 1.0])
+
+    def engine(pairs):
+        return align_batched(pairs)._replace(largest_cost=next(costs))
+
+    stack = stack_of([(m, np.ones(len(m))) for m in clips(5, n_examples=3, n_columns=20)])
+    repeat_passes(stack, stack.columns.shape[1], Learning(), engine)
+    assert list(costs) == [1.0]
 
 
 # --- engines

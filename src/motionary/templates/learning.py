@@ -96,7 +96,7 @@ def learn_template(
     columns = examples if known is None else _with_shares(examples, known)
     offsets = np.cumsum([0] + [len(example) for example in examples]).astype(np.intp)
     stack = Stack(np.concatenate(columns), np.ones(offsets[-1]), offsets)
-    stack = _learn(stack, n_features, settings, _choose_engine(engine, stack))
+    stack = repeat_passes(stack, n_features, settings, _choose_engine(engine, stack))
     end = stack.offsets[1]
     return MotionTemplate(
         values=_values(stack.columns[:end], n_features),
@@ -108,7 +108,8 @@ def learn_template(
     )
 
 
-def _learn(stack: Stack, n_features: int, settings: Learning, engine: Engine) -> Stack:
+def repeat_passes(stack: Stack, n_features: int, settings: Learning, engine: Engine) -> Stack:
+    """Stack after passes until they agree, cost the same twice, or are `max_passes`."""
     cost_before = np.inf
     for _ in range(settings.max_passes):
         stack, cost = learn_pass(
