@@ -110,12 +110,13 @@ def learn_template(
 
 def repeat_passes(stack: Stack, n_features: int, settings: Learning, engine: Engine) -> Stack:
     """Stack after passes until they agree, cost the same twice, or are `max_passes`."""
+    mean_weight = stack.mean_weight
     cost_before = np.inf
     for _ in range(settings.max_passes):
         stack, cost = learn_pass(
             stack, n_features=n_features, contract_at=settings.contract_at, engine=engine
         )
-        if cost <= settings.stop or cost == cost_before:
+        if cost / mean_weight <= settings.stop or cost == cost_before:
             break
         cost_before = cost
     return stack
@@ -138,12 +139,12 @@ def learn_pass(
     Returns
     -------
     stack : Stack of the next pass
-    cost : cost of the dearest alignment, divided by the mean total weight
+    cost : cost of the dearest alignment
     """
     values = _values(stack.columns, n_features)
     alignment = align_all(values, stack.weights, stack.offsets, engine=engine)
-    cost = alignment.largest_cost / stack.mean_weight
-    return unwarp(average(stack, alignment), contract_at=contract_at), cost
+    averaged = average(stack, alignment)
+    return unwarp(averaged, contract_at=contract_at), alignment.largest_cost
 
 
 def _values(columns: Floats, n_features: int) -> Floats:
