@@ -89,7 +89,7 @@ def test_worked_example_of_the_thesis_through_evaluate():
     assert scores.classes["class3"].false_per_minute == 1 / (11 / 60)
 
 
-# STYLE: the edges of every measure are one test; a new measure joins the list.
+# The edges of every measure are one test; a new measure joins the list.
 # Of two tables: both empty, equal, nothing predicted, nothing true.
 TRUTH = [Segment("walk", 0, 2), Segment("kick", 1.5, 3), Segment("walk", 4, 5)]
 TABLE_MEASURES = {

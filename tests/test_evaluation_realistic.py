@@ -15,7 +15,7 @@ RATE_HZ = 120
 LENGTHS_S = {"01_01": 2751, "49_08": 575, "86_01": 4579, "HDM_bd_03-03_01_120": 3134}
 DURATIONS_S = {name: frames / RATE_HZ for name, frames in LENGTHS_S.items()}
 
-# What the eleven classes of HDM05 are called in the thesis' truth, FACTS section 6.
+# What the eleven classes of HDM05 at hand are called in the truth of the thesis.
 TAUGHT = {"grabDepR", "exercise", "jump", "move", "kick", "sitLieDown", "rotateArms", "throwR"}
 
 
@@ -75,7 +75,7 @@ def test_two_annotators_differ_in_pauses_and_pieces(truth, second):
 
 
 def test_everything_is_jump(truth):
-    """The trivial labeller of FACTS section 6: classes nobody taught are left out."""
+    """A trivial labeller; classes that the eleven do not cover are left out."""
     predicted = {name: [Segment("jump", 0, seconds)] for name, seconds in DURATIONS_S.items()}
     taught = evaluate(predicted, truth, classes=TAUGHT, durations_s=DURATIONS_S)
     assert round(taught.concatenated.frames.f, 2) == 0.25
