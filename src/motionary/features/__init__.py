@@ -1,20 +1,17 @@
 """Relations of the body over time: the catalogue, and the words of a recording."""
 
+from motionary.features.body import Body
 from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006
-from motionary.features.computing import (
-    MEASURE_HZ,
-    WORD_HZ,
-    FeatureSequence,
-    compute_features,
-    relation_matrix,
-)
+from motionary.features.computing import MEASURE_HZ, compute_features, relation_matrix
 from motionary.features.relations import FeatureSet, Relation
+from motionary.features.sequence import WORD_HZ, FeatureSequence
 
 __all__ = [
     "FULL_BODY",
     "FULL_BODY_2006",
     "MEASURE_HZ",
     "WORD_HZ",
+    "Body",
     "FeatureSequence",
     "FeatureSet",
     "Relation",

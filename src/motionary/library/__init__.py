@@ -1,1 +1,24 @@
+"""Motion classes: what they are, how they are learned, how they lie on disk."""
 
+from motionary.library.classes import ClassLibrary, MotionClass, Subclass
+from motionary.library.storage import load_library, save_library
+from motionary.library.teaching import (
+    Teaching,
+    learn,
+    learn_classes,
+    list_examples,
+    read_examples,
+)
+
+__all__ = [
+    "ClassLibrary",
+    "MotionClass",
+    "Subclass",
+    "Teaching",
+    "learn",
+    "learn_classes",
+    "list_examples",
+    "load_library",
+    "read_examples",
+    "save_library",
+]

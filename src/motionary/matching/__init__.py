@@ -10,6 +10,7 @@ from motionary.matching.distance import (
 )
 from motionary.matching.hits import Hit, find_hits, local_minima
 from motionary.matching.pattern import Pattern, cell_costs
+from motionary.matching.rarity import share_of_ones, surprise
 
 __all__ = [
     "SKIP_WEIGHT",
@@ -25,4 +26,6 @@ __all__ = [
     "distance_function",
     "find_hits",
     "local_minima",
+    "share_of_ones",
+    "surprise",
 ]

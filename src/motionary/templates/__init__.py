@@ -1,6 +1,7 @@
 """Motion templates: what the examples of one class of motion have in common."""
 
 from motionary.templates.learning import Learning, learn_template
+from motionary.templates.seeking import pattern_of
 from motionary.templates.template import (
     RATE_HZ,
     MotionTemplate,
@@ -16,5 +17,6 @@ __all__ = [
     "QuantisedTemplate",
     "learn_template",
     "mirror",
+    "pattern_of",
     "quantise",
 ]

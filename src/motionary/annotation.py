@@ -1,0 +1,274 @@
+"""Which motions occur in a recording, and when?
+
+The annotation procedure of Müller, Baak and Seidel (2009), section 4: per class a modified
+distance function that gives every frame of a match the cost of the match; per frame the
+class with the least; runs of one class, extended while the class's own function does not
+rise.
+
+Conventions: frames are words at 30 Hz, 0-based; ties go to the earlier class.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.explanation import Evidence, explain
+from motionary.features import WORD_HZ, FeatureSequence, compute_features
+from motionary.labels import Label, LabelTrack
+from motionary.library import ClassLibrary, MotionClass
+from motionary.matching import SKIP_WEIGHT, Alignment, align, distance_function, local_minima
+from motionary.motion import Motion
+from motionary.templates import QuantisedTemplate, pattern_of
+from motionary.words import count
+
+Floats = NDArray[np.float64]
+
+#: A frame of which fewer relations are known is not assessed.
+ASSESSED_FROM = 0.5
+
+
+class Segment(NamedTuple):
+    """A stretch of one class: index of the class, first frame, one past the last."""
+
+    class_index: int
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassDistance:
+    """How one class fits one recording.
+
+    Attributes
+    ----------
+    modified : array, shape (frames,), cost of the cheapest match that covers a frame
+    owner : array, shape (frames,), index into `matches` of that match, -1 without one
+    matches : template and path of every local minimum below the threshold
+    least : cheapest match of the recording, whatever the threshold; None if none fits
+    """
+
+    modified: Floats
+    owner: NDArray[np.intp]
+    matches: tuple[tuple[QuantisedTemplate, Alignment], ...]
+    least: tuple[QuantisedTemplate, Alignment] | None
+
+
+def annotate(
+    recording: Motion | FeatureSequence,
+    library: ClassLibrary,
+    *,
+    threshold: float | None = None,
+    skip_weight: float = SKIP_WEIGHT,
+) -> LabelTrack:
+    """Labels of one recording.
+
+    Parameters
+    ----------
+    recording : Motion or FeatureSequence
+    library : classes to look for
+    threshold : largest cost of a match; by default each class's own
+    skip_weight : how often the cell after a (2, 1) step counts
+
+    Returns
+    -------
+    LabelTrack; each label carries the evidence that `explain` reads
+
+    Raises
+    ------
+    InvalidInput
+        If the library is empty or has another feature set.
+    """
+    sequence = _words_of(recording, library)
+    distances = [
+        class_distance(sequence, motion_class, threshold=threshold, skip_weight=skip_weight)
+        for motion_class in library
+    ]
+    segments = annotate_distances([d.modified for d in distances])
+    labels = tuple(_label(sequence, library, distances, segment) for segment in segments)
+    return LabelTrack(
+        recording=sequence.source,
+        labels=labels,
+        duration_s=sequence.duration_s,
+        rate_hz=sequence.file_rate_hz,
+        unassessed=unassessed(sequence),
+        nearest="" if labels else _nearest(sequence, library, distances, threshold),
+    )
+
+
+def class_distance(
+    sequence: FeatureSequence,
+    motion_class: MotionClass,
+    *,
+    threshold: float | None = None,
+    skip_weight: float = SKIP_WEIGHT,
+) -> ClassDistance:
+    """Modified distance function of a class: the least over its templates."""
+    limit = motion_class.threshold if threshold is None else threshold
+    matches: list[tuple[QuantisedTemplate, Alignment]] = []
+    least: tuple[float, QuantisedTemplate, int] | None = None
+    for template in motion_class.quantised():
+        pattern = pattern_of(template)
+        distance = distance_function(
+            pattern, sequence.words, sequence.known, skip_weight=skip_weight
+        )
+        end = int(np.argmin(distance)) if len(distance) else 0
+        if np.isfinite(distance[end]) and (least is None or distance[end] < least[0]):
+            least = (float(distance[end]), template, end)
+        ends = local_minima(distance, threshold=limit)
+        found = align(pattern, sequence.words, sequence.known, ends, skip_weight=skip_weight)
+        matches += [(template, alignment) for alignment in found]
+    modified, owner = modify([m.start for _, m in matches], [m.end for _, m in matches],
+                             [m.cost for _, m in matches], n_frames=len(sequence))  # fmt: skip
+    nearest = None
+    if least is not None:
+        _, template, end = least
+        pattern = pattern_of(template)
+        words, known = sequence.words, sequence.known
+        nearest = (template, align(pattern, words, known, [end], skip_weight=skip_weight)[0])
+    return ClassDistance(modified, owner, tuple(matches), nearest)
+
+
+def modify(
+    starts: Sequence[int], ends: Sequence[int], costs: Sequence[float], *, n_frames: int
+) -> tuple[Floats, NDArray[np.intp]]:
+    """Modified distance function: every frame of a match gets the match's cost.
+
+    Parameters
+    ----------
+    starts, ends, costs : of the matches; ends inclusive
+    n_frames : length of the recording
+
+    Returns
+    -------
+    modified, owner : arrays, shape (frames,): the least cost and which match has it
+    """
+    modified = np.full(n_frames, np.inf)
+    owner = np.full(n_frames, -1, dtype=np.intp)
+    for i, (start, end, cost) in enumerate(zip(starts, ends, costs, strict=True)):
+        inside = slice(start, end + 1)
+        cheaper = cost < modified[inside]
+        modified[inside][cheaper] = cost
+        owner[inside][cheaper] = i
+    return modified, owner
+
+
+def annotate_distances(modified: Sequence[Floats]) -> list[Segment]:
+    """Segments from the classes' modified distance functions, eqs. 3 and 4 and extension.
+
+    Segments of one class that touch or overlap after the extension are one; segments of
+    different classes may overlap.
+    """
+    if not modified:
+        return []
+    matrix = np.array(modified)
+    best = np.where(np.isfinite(matrix.min(axis=0)), matrix.argmin(axis=0), -1)
+    extended = [
+        Segment(index, *_extend(matrix[index], start, stop))
+        for index, start, stop in _runs(best)
+        if index >= 0
+    ]
+    return _merge(extended)
+
+
+def unassessed(sequence: FeatureSequence) -> tuple[tuple[float, float], ...]:
+    """Stretches (start_s, end_s) in which fewer than half of the relations are known."""
+    known = count(sequence.known) / len(sequence.feature_set)
+    return tuple(
+        (sequence.seconds(start), sequence.seconds(stop))
+        for blind, start, stop in _runs((known < ASSESSED_FROM).astype(np.intp))
+        if blind
+    )
+
+
+def _words_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
+    if not library:
+        raise InvalidInput("the library has no classes, so there is nothing to look for")
+    if isinstance(recording, Motion):
+        return compute_features(recording, feature_set=library.feature_set)
+    if recording.feature_set.name != library.feature_set.name:
+        raise InvalidInput(
+            f"{recording.source}: words of {recording.feature_set.name!r}, but the library "
+            f"uses {library.feature_set.name!r}; compute them with feature_set="
+        )
+    return recording
+
+
+def _runs(values: NDArray[np.intp]) -> list[tuple[int, int, int]]:
+    """Runs of equal values as (value, start, stop)."""
+    if len(values) == 0:
+        return []
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
+    starts, stops = edges[:-1].tolist(), edges[1:].tolist()
+    return [(int(values[a]), a, b) for a, b in zip(starts, stops, strict=True)]
+
+
+def _extend(modified: Floats, start: int, stop: int) -> tuple[int, int]:
+    """Walk outwards while the class's own function is finite and does not rise."""
+    while start > 0 and np.isfinite(modified[start - 1]):
+        if modified[start - 1] > modified[start]:
+            break
+        start -= 1
+    while stop < len(modified) and np.isfinite(modified[stop]):
+        if modified[stop] > modified[stop - 1]:
+            break
+        stop += 1
+    return start, stop
+
+
+def _merge(segments: Sequence[Segment]) -> list[Segment]:
+    merged: list[Segment] = []
+    for segment in sorted(segments):
+        last = merged[-1] if merged else None
+        if last and last.class_index == segment.class_index and segment.start <= last.stop:
+            merged[-1] = last._replace(stop=max(last.stop, segment.stop))
+        else:
+            merged.append(segment)
+    return sorted(merged, key=lambda s: (s.start, s.stop, s.class_index))
+
+
+def _label(
+    sequence: FeatureSequence,
+    library: ClassLibrary,
+    distances: Sequence[ClassDistance],
+    segment: Segment,
+) -> Label:
+    distance = distances[segment.class_index]
+    inside = distance.modified[segment.start : segment.stop]
+    best = segment.start + int(np.argmin(inside))
+    template, alignment = distance.matches[distance.owner[best]]
+    name = library.names[segment.class_index]
+    evidence = Evidence(name, template, sequence, alignment)
+    start_s, end_s = sequence.seconds(segment.start), sequence.seconds(segment.stop)
+    return Label(
+        name, start_s, end_s,
+        cost=float(inside.min()),
+        known=evidence.known,
+        start_frame=sequence.file_frame(start_s),
+        end_frame=sequence.file_frame(sequence.seconds(segment.stop) - 1e-9),
+        evidence=evidence,
+    )  # fmt: skip
+
+
+def _nearest(
+    sequence: FeatureSequence,
+    library: ClassLibrary,
+    distances: Sequence[ClassDistance],
+    threshold: float | None,
+) -> str:
+    """What came closest, for a recording without labels."""
+    found = [(d.least, c) for d, c in zip(distances, library, strict=True) if d.least]
+    if not found:
+        return f"no class fits into the {sequence.duration_s:.1f} s of this recording"
+    (template, alignment), motion_class = min(found, key=lambda f: f[0][1].cost)
+    limit = motion_class.threshold if threshold is None else threshold
+    why = explain(Evidence(motion_class.name, template, sequence, alignment))
+    failed = sorted(why.failed, key=lambda f: -f.n_cells)[:3]
+    reasons = ", ".join(str(f) for f in failed)
+    return (
+        f"nothing below {limit:g}; nearest: {motion_class.name} {alignment.cost:.3f} at "
+        f"{alignment.start / WORD_HZ:.1f} s, failed: {reasons}"
+    )

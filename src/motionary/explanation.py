@@ -1,0 +1,181 @@
+"""Why was this stretch called that?
+
+Every match is a path through a template; each fixed cell on it asks for a relation to hold
+or not. An explanation lists which of them held, which failed, and when.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.features import WORD_HZ, FeatureSequence
+from motionary.matching import Alignment
+from motionary.templates import QuantisedTemplate
+from motionary.words import unpack
+
+Bools = NDArray[np.bool_]
+
+_SHORTEST_RUN = 3
+_MOST_PHRASES = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What a label or hit stands on: a template, a recording's words and the path."""
+
+    name: str
+    template: QuantisedTemplate
+    sequence: FeatureSequence
+    alignment: Alignment
+
+    @property
+    def known(self) -> float:
+        """Share of the cells that the template asks for and that were seen, in [0, 1]."""
+        asked, seen, _ = _cells(self)
+        n_asked = int(asked.sum())
+        return float((asked & seen).sum() / n_asked) if n_asked else 1.0
+
+
+class Explainable(Protocol):
+    """A label or a hit."""
+
+    @property
+    def evidence(self) -> Evidence | None:
+        """What it stands on; None if it was read from a table."""
+
+
+class Finding(NamedTuple):
+    """One relation over one stretch.
+
+    Attributes
+    ----------
+    relation : id ("F20")
+    phrase : in words, with "not" where the class asks for the relation not to hold
+    start_s, end_s : seconds, half-open
+    n_cells : cells of the template that it covers
+    """
+
+    relation: str
+    phrase: str
+    start_s: float
+    end_s: float
+    n_cells: int
+
+    def __str__(self) -> str:
+        return f"{self.phrase} ({self.start_s:.1f}–{self.end_s:.1f} s)"
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Which relations held and which failed; `str()` puts it into a sentence.
+
+    Attributes
+    ----------
+    name, recording, start_s, end_s, cost : of the match
+    held, failed : what the class asks for and the recording shows, or does not
+    unknown : phrases of relations that the class asks for and that were not seen
+    share_held : share of the seen cells that held
+    """
+
+    name: str
+    recording: str
+    start_s: float
+    end_s: float
+    cost: float
+    held: tuple[Finding, ...]
+    failed: tuple[Finding, ...]
+    unknown: tuple[str, ...]
+    share_held: float
+
+    def __str__(self) -> str:
+        parts = [
+            f"{self.name} at {self.start_s:.1f}–{self.end_s:.1f} s, cost {self.cost:.3f}: "
+            f"{100 * self.share_held:.0f} % of what the class asks for held"
+        ]
+        if self.held:
+            parts.append("held: " + ", ".join(str(f) for f in _telling(self.held)))
+        if self.failed:
+            worst = sorted(self.failed, key=lambda f: -f.n_cells)[:_MOST_PHRASES]
+            parts.append("failed: " + ", ".join(str(f) for f in worst))
+        if self.unknown:
+            parts.append("not seen: " + ", ".join(self.unknown[:_MOST_PHRASES]))
+        return "; ".join(parts)
+
+
+def explain(match: Explainable | Evidence) -> Explanation:
+    """Why a label or hit was given.
+
+    Parameters
+    ----------
+    match : Label of `annotate`, Hit of `search`, or their evidence
+
+    Raises
+    ------
+    InvalidInput
+        If the label carries no evidence, because it was read from a table.
+    """
+    evidence = match if isinstance(match, Evidence) else match.evidence
+    if evidence is None:
+        raise InvalidInput(
+            "a label that was read from a table cannot be explained; "
+            "annotate the recording again and explain those labels"
+        )
+    asked, seen, agrees = _cells(evidence)
+    frames = evidence.alignment.path[:, 1]
+    phrases = np.array(evidence.sequence.feature_set.names)
+    n_seen = int((asked & seen).sum())
+    return Explanation(
+        name=evidence.name,
+        recording=evidence.sequence.source,
+        start_s=evidence.alignment.start / WORD_HZ,
+        end_s=(evidence.alignment.end + 1) / WORD_HZ,
+        cost=evidence.alignment.cost,
+        held=tuple(_findings(evidence, asked & seen & agrees, frames)),
+        failed=tuple(_findings(evidence, asked & seen & ~agrees, frames)),
+        unknown=tuple(phrases[(asked & ~seen).any(axis=0)]),
+        share_held=float((asked & seen & agrees).sum() / n_seen) if n_seen else 0.0,
+    )
+
+
+def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
+    """What is asked for, seen, and agrees, per cell of the path and relation."""
+    columns, frames = evidence.alignment.path.T
+    n = len(evidence.sequence.feature_set)
+    seen = unpack(evidence.sequence.known[frames], n)
+    shown = unpack(evidence.sequence.words[frames], n)
+    asked = evidence.template.fixed[columns]
+    return asked, seen, shown == evidence.template.values[columns]
+
+
+def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Iterator[Finding]:
+    """Runs along the path in which one relation is asked for with one value."""
+    wanted = evidence.template.values[evidence.alignment.path[:, 0]]
+    relations = evidence.sequence.feature_set.relations
+    for i, relation in enumerate(relations):
+        for value in (True, False):
+            phrase = relation.name if value else f"not {relation.name}"
+            for first, last in _runs(where[:, i] & (wanted[:, i] == value)):
+                yield Finding(
+                    relation.id, phrase, frames[first] / WORD_HZ, (frames[last] + 1) / WORD_HZ,
+                    last - first + 1,
+                )  # fmt: skip
+
+
+def _runs(where: Bools) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]])))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
+def _telling(held: tuple[Finding, ...]) -> list[Finding]:
+    """The findings that say most: relations that hold, long runs first, one each."""
+    ranked = sorted(
+        (f for f in held if f.n_cells >= _SHORTEST_RUN),
+        key=lambda f: (f.phrase.startswith("not "), -f.n_cells),
+    )
+    first_of_each = list({f.relation: f for f in reversed(ranked)}.values())[::-1]
+    return sorted(first_of_each[:_MOST_PHRASES], key=lambda f: f.start_s)

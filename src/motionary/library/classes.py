@@ -1,0 +1,145 @@
+"""What is a motion class, and a library of them?
+
+A class is one name for one or more templates (subclasses: left and right, ways of doing
+it) with the threshold below which a match counts.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from motionary.errors import InvalidInput
+from motionary.features import FULL_BODY, FeatureSet
+from motionary.templates import MotionTemplate, QuantisedTemplate, quantise
+
+#: Müller and Röder (2006), section 5.4: a good trade-off between precision and recall.
+THRESHOLD = 0.06
+#: Müller, Baak and Seidel (2009), section 3.
+TOLERANCE = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subclass:
+    """One template of a class, under a name of its own."""
+
+    name: str
+    template: MotionTemplate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionClass:
+    """A named class of motion.
+
+    Attributes
+    ----------
+    name : what labels are called
+    subclasses : its templates, at least one
+    threshold : largest cost of a match
+    tolerance : a cell of a template is fixed if at most this share of examples differs
+    """
+
+    name: str
+    subclasses: tuple[Subclass, ...]
+    threshold: float = THRESHOLD
+    tolerance: float = TOLERANCE
+
+    def __post_init__(self) -> None:
+        if not self.subclasses:
+            raise InvalidInput(f"class {self.name!r} needs at least one template, got none")
+        names = [s.name for s in self.subclasses]
+        if len(set(names)) != len(names):
+            raise InvalidInput(f"class {self.name!r}: names of subclasses must be unique")
+        if not 0 <= self.threshold <= 1:
+            raise InvalidInput(
+                f"class {self.name!r}: threshold must lie in [0, 1], got {self.threshold}"
+            )
+
+    def quantised(self) -> tuple[QuantisedTemplate, ...]:
+        """Templates of the subclasses with fixed and free cells.
+
+        Raises
+        ------
+        InvalidInput
+            If one of them is free everywhere: it would match anything at no cost.
+        """
+        result = tuple(quantise(s.template, tolerance=self.tolerance) for s in self.subclasses)
+        for subclass, template in zip(self.subclasses, result, strict=True):
+            if template.n_fixed == 0:
+                raise InvalidInput(
+                    f"template {subclass.name!r} has no fixed cell at tolerance "
+                    f"{self.tolerance}, so it would match everything; its examples have "
+                    "nothing in common: split the class or raise the tolerance"
+                )
+        return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassLibrary:
+    """Classes over one feature set; the order of the classes breaks ties.
+
+    Attributes
+    ----------
+    classes : with unique names
+    feature_set : what the templates' features are
+    provenance, licence : where the classes come from and how they may be used
+    """
+
+    classes: tuple[MotionClass, ...]
+    feature_set: FeatureSet = FULL_BODY
+    provenance: str = ""
+    licence: str = ""
+
+    def __post_init__(self) -> None:
+        if len(set(self.names)) != len(self.names):
+            raise InvalidInput("a library needs unique class names")
+        for motion_class in self.classes:
+            for subclass in motion_class.subclasses:
+                if subclass.template.feature_names != self.feature_set.ids:
+                    raise InvalidInput(
+                        f"template {subclass.name!r} has the features of "
+                        f"{subclass.template.feature_set!r}, the library those of "
+                        f"{self.feature_set.name!r}; learn it again with the library's"
+                    )
+
+    def __iter__(self) -> Iterator[MotionClass]:
+        return iter(self.classes)
+
+    def __len__(self) -> int:
+        return len(self.classes)
+
+    def __getitem__(self, name: str) -> MotionClass:
+        for motion_class in self.classes:
+            if motion_class.name == name:
+                return motion_class
+        known = ", ".join(self.names) or "none"
+        raise InvalidInput(f"the library has no class {name!r}; its classes are: {known}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the classes, in order."""
+        return tuple(c.name for c in self.classes)
+
+    def save(self, folder: str | Path) -> None:
+        """Write the library to a folder of readable files; see `storage`.
+
+        Raises
+        ------
+        UnwritableFile
+            If the folder cannot be written, or holds something that is no library.
+        """
+        from motionary.library.storage import save_library
+
+        save_library(self, folder)
+
+    @staticmethod
+    def load(folder: str | Path) -> "ClassLibrary":
+        """Read a library from its folder.
+
+        Raises
+        ------
+        UnreadableFile
+            If the folder holds no library, a newer one, or one that does not fit together.
+        """
+        from motionary.library.storage import load_library
+
+        return load_library(folder)

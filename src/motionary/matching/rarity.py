@@ -1,0 +1,35 @@
+"""How much does a relation tell?
+
+What is rare in the searched recordings tells more: an entry weighs its surprise, minus the
+logarithm of the share of frames that show its value.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.matching.corpus import Corpus
+from motionary.words import unpack
+
+Floats = NDArray[np.float64]
+
+
+def share_of_ones(corpus: Corpus, n_relations: int) -> Floats:
+    """Share of known frames in which each relation holds, shape (n_relations,).
+
+    One frame of either value is added (Laplace), so that what never happens is rare and
+    not impossible.
+    """
+    ones = unpack(corpus.words & corpus.known, n_relations).sum(axis=0, dtype=np.int64)
+    seen = unpack(corpus.known, n_relations).sum(axis=0, dtype=np.int64) - len(corpus.blocked)
+    return np.asarray((ones + 1) / (seen + 2), dtype=np.float64)
+
+
+def surprise(values: NDArray[np.bool_], ones: Floats) -> Floats:
+    """Surprise of entries: -log of the share that shows their value, >= 0.
+
+    Parameters
+    ----------
+    values : array, shape (columns, relations)
+    ones : array, shape (relations,), from `share_of_ones`
+    """
+    return np.where(values, -np.log(ones), -np.log1p(-ones))
