@@ -4,7 +4,7 @@ Conventions: times in seconds from the recording's first frame, half-open; frame
 file counts them, inclusive, as people look them up.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +23,7 @@ class Label:
     cost : smallest matching cost within; None for labels made by hand
     known : share of the relations that were seen, in [0, 1]
     evidence : what `explain` needs; None for labels that were read from a table
+    extra : further columns of the table it was read from, as text
     """
 
     name: str
@@ -33,6 +34,7 @@ class Label:
     start_frame: int | None = None
     end_frame: int | None = None
     evidence: Any = field(default=None, compare=False, repr=False)
+    extra: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         if not self.name:

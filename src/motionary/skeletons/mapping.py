@@ -3,14 +3,13 @@
 The skeletons are tables in `tables/*.toml`, one a file, for people to read and extend:
 `[joints]` gives for a generic joint the name in the file, a weighted sum of names
 (`{ Spine = 0.4, Neck = 0.6 }`), or a list of alternatives of which the first one that
-is there counts. A table may call joints `substituted` and say why in `note`.
+is there counts. A table may call joints `substituted` and say why in `note`, and give
+the usual `order` of the points for formats that have them without names.
 """
 
-import tomllib
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 
 from motionary.errors import InvalidInput
 from motionary.motion import GENERIC_JOINTS, JointMapping
@@ -29,6 +28,7 @@ class _Table:
     joints: dict[str, tuple[Source, ...]]
     substituted: tuple[str, ...]
     note: str
+    order: tuple[str, ...]
 
 
 def known_mappings() -> tuple[str, ...]:
@@ -87,17 +87,22 @@ def _resolve(table: _Table, names: tuple[str, ...]) -> JointMapping:
         there = (source for source in alternatives if all(n in full for n in source))
         chosen = next(there, alternatives[0])
         weights[joint] = {full.get(n, n): w for n, w in chosen.items()}
-    return JointMapping(table.name, weights, table.substituted, table.note)
+    return JointMapping(table.name, weights, table.substituted, table.note, table.order)
 
 
 @cache
 def _tables() -> dict[str, _Table]:
+    # Imported late: reading tables costs more than reading most of what they are for.
+    from importlib import resources
+
     folder = resources.files("motionary.skeletons") / "tables"
     files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
     return {f.name[:-5]: _parse(f.name[:-5], f.read_text("utf-8")) for f in files}
 
 
 def _parse(name: str, text: str) -> _Table:
+    import tomllib
+
     content = tomllib.loads(text)
     joints = {}
     for joint, source in content["joints"].items():
@@ -106,4 +111,10 @@ def _parse(name: str, text: str) -> _Table:
     unknown = set(joints) - set(GENERIC_JOINTS)
     if unknown:
         raise InvalidInput(f"table {name}: {sorted(unknown)} are no generic joints")
-    return _Table(name, joints, tuple(content.get("substituted", ())), content.get("note", ""))
+    return _Table(
+        name,
+        joints,
+        tuple(content.get("substituted", ())),
+        content.get("note", ""),
+        tuple(content.get("order", ())),
+    )

@@ -1,0 +1,139 @@
+"""Which recordings do files, folders and patterns mean, and what are they called?
+
+A recording found in a folder is called by its path below that folder, with slashes; one
+that was named itself, by its file name. Names stay clear of people's home folders.
+"""
+
+import glob
+import itertools
+import os
+from collections import Counter
+from collections.abc import Collection, Iterable
+from pathlib import Path, PurePosixPath
+
+from motionary.errors import UnreadableFile
+from motionary.io.reading import MOTION_SUFFIXES
+
+
+def find_recordings(
+    paths: str | Path | Iterable[str | Path], *, suffixes: Collection[str] = MOTION_SUFFIXES
+) -> list[Path]:
+    """Recordings that files, folders and patterns mean, sorted, each once.
+
+    Parameters
+    ----------
+    paths : files, folders (searched to the bottom) and patterns such as "*.bvh"
+    suffixes : what counts as a recording in a folder or pattern, lower case
+
+    Raises
+    ------
+    UnreadableFile
+        If a path does not exist, or a folder or pattern holds no recording.
+    """
+    return sorted(set(name_recordings(paths, suffixes=suffixes).values()))
+
+
+def name_recordings(
+    paths: str | Path | Iterable[str | Path], *, suffixes: Collection[str] = MOTION_SUFFIXES
+) -> dict[str, Path]:
+    """The same with their names, sorted by name.
+
+    Two files of one name, from two folders, are called by their folders too.
+    """
+    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    found: dict[Path, tuple[Path, str]] = {}
+    for path in given:
+        for file, name in _find(Path(path), suffixes):
+            found.setdefault(file.absolute(), (file, name))
+    return dict(sorted(_tell_apart(list(found.values())).items()))
+
+
+def recording_name(path: str | Path, *, folder: str | Path | None = None) -> str:
+    """What a recording is called: its path below `folder`, with slashes.
+
+    Without a folder, or outside of it, its file name.
+    """
+    path = Path(path)
+    if folder is not None:
+        # Not `resolve`: a link below the folder is called by where it stands.
+        place, base = path.absolute(), Path(folder).absolute()
+        if place != base and place.is_relative_to(base):
+            return place.relative_to(base).as_posix()
+    return path.name
+
+
+def match_recording(name: str, names: Iterable[str]) -> str | None:
+    """Which of `names` a table of labels means by `name`; None if none or not one.
+
+    An equal name counts before one that differs in the suffix only, and that before one
+    that has the same stem in some folder.
+    """
+    names = list(names)
+    if name in names:
+        return name
+    wanted = PurePosixPath(name.replace("\\", "/"))
+    for key in (_without_suffix, lambda path: _without_suffix(path).name):
+        same = [other for other in names if key(PurePosixPath(other)) == key(wanted)]
+        if same:
+            return same[0] if len(same) == 1 else None
+    return None
+
+
+def _without_suffix(path: PurePosixPath) -> PurePosixPath:
+    return path.with_suffix("") if path.suffix.lower() in MOTION_SUFFIXES else path
+
+
+def _find(path: Path, suffixes: Collection[str]) -> list[tuple[Path, str]]:
+    if path.is_dir():
+        files = _walk(path, suffixes)
+        if not files:
+            known = ", ".join(sorted(suffixes))
+            raise UnreadableFile(f"{path}: no recordings in this folder; looked for {known}")
+        return [(file, recording_name(file, folder=path)) for file in files]
+    if path.exists():
+        return [(path, path.name)]
+    if not glob.has_magic(str(path)):
+        raise UnreadableFile(f"{path}: no such file or folder")
+    files = [file for file in _match(path) if file.is_file() and _is_recording(file, suffixes)]
+    if not files:
+        raise UnreadableFile(f"{path}: no recording has a name like this")
+    return [(file, file.name) for file in files]
+
+
+def _match(pattern: Path) -> list[Path]:
+    """Paths like a pattern, hidden folders left out, sorted."""
+    plain = list(itertools.takewhile(lambda part: not glob.has_magic(part), pattern.parts))
+    folder = Path(*plain)
+    found = folder.glob(str(Path(*pattern.parts[len(plain) :])))
+    return sorted(
+        path
+        for path in found
+        if not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    )
+
+
+def _walk(folder: Path, suffixes: Collection[str]) -> list[Path]:
+    files = []
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        files += [Path(place, name) for name in names if _is_recording(Path(name), suffixes)]
+    return sorted(files)
+
+
+def _is_recording(path: Path, suffixes: Collection[str]) -> bool:
+    return not path.name.startswith(".") and path.suffix.lower() in suffixes
+
+
+def _tell_apart(found: list[tuple[Path, str]]) -> dict[str, Path]:
+    """Files by name, with folders before each name that would occur twice."""
+    names = [name for _, name in found]
+    for depth in itertools.count(1):
+        counts = Counter(names)
+        twice = [i for i, name in enumerate(names) if counts[name] > 1]
+        if not twice:
+            break
+        for i in twice:
+            path, name = found[i]
+            used = len(PurePosixPath(name).parts) + depth
+            names[i] = PurePosixPath(*path.absolute().parts[-used:]).as_posix()
+    return {name: path for name, (path, _) in zip(names, found, strict=True)}
