@@ -3,133 +3,59 @@
 Müller and Röder (2006), table 6, F1 to F39; F40 after Müller, Baak and Seidel (2009),
 section 3. Thresholds are those of the authors' programs, weak before strong.
 
-To add one: write a `Relation` with a quantity of `quantities`, and put it into a
-`FeatureSet` of another name.
+To add one: write a `Relation` with a quantity of `quantities`, or a function of your own
+with the same arguments, and put it into a `FeatureSet` of another name. The fields, in
+the sequence used here: id, name, group, quantity, joints, test, weak, strong, unit,
+sentence.
 """
 
-from collections.abc import Callable
+from dataclasses import replace
 
 from motionary.features import quantities as q
 from motionary.features.relations import FeatureSet, Relation
 
-_SIDES = (("right", "r"), ("left", "l"))
 
+def _both(pattern: Relation) -> list[Relation]:
+    """The relation of the right and of the left side: {side} and {s} are filled in."""
 
-def _pair(first: int, make: Callable[..., Relation]) -> list[Relation]:
-    """The relations F(first) for the right and F(first + 1) for the left side."""
-    ids = (f"F{first}", f"F{first + 1}")
-    return [
-        make(id=ids[i], mirror=ids[1 - i], side=side, s=s) for i, (side, s) in enumerate(_SIDES)
-    ]
+    def fill(id: str, mirror: str, side: str) -> Relation:
+        return replace(
+            pattern,
+            id=id,
+            mirror=mirror,
+            name=pattern.name.format(side=side),
+            sentence=pattern.sentence.format(side=side),
+            joints=tuple(joint.format(s=side[0]) for joint in pattern.joints),
+        )
 
-
-def _hand_moves_forward(id: str, mirror: str, side: str, s: str) -> Relation:
-    return Relation(
-        id, f"{side} hand moves forward", "upper",
-        q.move_plane, ("neck", "rhip", "lhip", f"{s}wrist"), ">", 1.3, 1.8, "left humerus",
-        f"The {side} wrist moves forward, away from the plane of neck and hips.",
-        window_s=0.25, mirror=mirror,
-    )  # fmt: skip
-
-
-def _hand_above_neck(id: str, mirror: str, side: str, s: str) -> Relation:
-    return Relation(
-        id, f"{side} hand above neck", "upper",
-        q.along, ("chest", "neck", "neck", f"{s}wrist"), ">=", 0.0, 0.2, "chest to neck",
-        f"The {side} wrist lies beyond the neck, seen along the spine.", mirror=mirror,
-    )  # fmt: skip
-
-
-def _hand_moves_up(id: str, mirror: str, side: str, s: str) -> Relation:
-    return Relation(
-        id, f"{side} hand moves up", "upper",
-        q.move_along, ("chest", "neck", "neck", f"{s}wrist"), ">", 1.3, 1.8, "left humerus",
-        f"The {side} wrist moves up along the spine, relative to the neck.",
-        window_s=0.25, mirror=mirror,
-    )  # fmt: skip
-
-
-def _elbow_bent(id: str, mirror: str, side: str, s: str) -> Relation:
-    elbow = f"{s}elbow"
-    return Relation(
-        id, f"{side} elbow bent", "upper",
-        q.angle, (elbow, f"{s}shoulder", elbow, f"{s}wrist"), "<=", 120.0, 110.0, "degree",
-        f"The angle at the {side} elbow is small.", mirror=mirror,
-    )  # fmt: skip
-
-
-def _hand_leaves_root(id: str, mirror: str, side: str, s: str) -> Relation:
-    wrist = f"{s}wrist"
-    return Relation(
-        id, f"{side} hand moves away from the body", "upper",
-        q.move_along, ("root", wrist, "root", wrist), ">=", 1.2, 1.4, "humerus",
-        f"The {side} wrist moves away from the root.", mirror=mirror,
-    )  # fmt: skip
-
-
-def _hand_fast(id: str, mirror: str, side: str, s: str) -> Relation:
-    return Relation(
-        id, f"{side} hand fast", "upper", q.speed, (f"{s}fingers",), ">=", 2.0, 2.5, "humerus",
-        f"The fingers of the {side} hand move fast.", window_s=0.1, mirror=mirror,
-    )  # fmt: skip
-
-
-def _foot_raised(id: str, mirror: str, side: str, s: str) -> Relation:
-    return Relation(
-        id, f"{side} foot raised", "lower",
-        q.above_lowest, (f"{s}toes",), ">=", 1.0, 1.2, "humerus",
-        f"The toes of the {side} foot are far above the lowest joint.", mirror=mirror,
-    )  # fmt: skip
-
-
-def _knee_bent(id: str, mirror: str, side: str, s: str) -> Relation:
-    knee = f"{s}knee"
-    return Relation(
-        id, f"{side} knee bent", "lower",
-        q.angle, (knee, f"{s}hip", knee, f"{s}ankle"), "<=", 120.0, 110.0, "degree",
-        f"The angle at the {side} knee is small.", mirror=mirror,
-    )  # fmt: skip
-
-
-def _foot_fast(id: str, mirror: str, side: str, s: str) -> Relation:
-    return Relation(
-        id, f"{side} foot fast", "lower",
-        q.speed, (f"{s}toes", f"{s}ankle"), ">=", 2.0, 2.5, "humerus",
-        f"Toes and ankle of the {side} foot both move fast.", window_s=0.1, mirror=mirror,
-    )  # fmt: skip
-
-
-def _arm_off_body(id: str, mirror: str, side: str, s: str) -> Relation:
-    return Relation(
-        id, f"{side} upper arm away from the body", "mix",
-        q.angle, ("root", "neck", f"{s}shoulder", f"{s}elbow"), "<", 155.0, 150.0, "degree",
-        f"The {side} upper arm does not hang along the spine.", mirror=mirror,
-    )  # fmt: skip
-
-
-def _thigh_off_spine(id: str, mirror: str, side: str, s: str) -> Relation:
-    return Relation(
-        id, f"{side} hip bent", "mix",
-        q.angle, ("root", "neck", f"{s}knee", f"{s}hip"), ">", 45.0, 50.0, "degree",
-        f"The {side} thigh is turned out of line with the spine.", mirror=mirror,
-    )  # fmt: skip
-
-
-def _hand_low(id: str, mirror: str, side: str, s: str) -> Relation:
-    fingers, wrist = f"{s}fingers", f"{s}wrist"
-    return Relation(
-        id, f"{side} hand low", "mix",
-        q.above_lowest, (fingers, fingers, wrist), "<", 1.4, 1.2, "humerus",
-        f"The fingers of the {side} hand are near the height of the lowest other joint.",
-        mirror=mirror,
-    )  # fmt: skip
+    right, left = pattern.id, pattern.mirror
+    return [fill(right, left, "right"), fill(left, right, "left")]
 
 
 _UPPER = [
-    *_pair(1, _hand_moves_forward),
-    *_pair(3, _hand_above_neck),
-    *_pair(5, _hand_moves_up),
-    *_pair(7, _elbow_bent),
+    *_both(Relation(
+        "F1", "{side} hand moves forward", "upper",
+        q.move_plane, ("neck", "rhip", "lhip", "{s}wrist"), ">", 1.3, 1.8, "left humerus",
+        "The {side} wrist moves forward, away from the plane of neck and hips.",
+        window_s=0.25, mirror="F2",
+    )),
+    *_both(Relation(
+        "F3", "{side} hand above neck", "upper",
+        q.along, ("chest", "neck", "neck", "{s}wrist"), ">=", 0.0, 0.2, "chest to neck",
+        "The {side} wrist lies beyond the neck, seen along the spine.", mirror="F4",
+    )),
+    *_both(Relation(
+        "F5", "{side} hand moves up", "upper",
+        q.move_along, ("chest", "neck", "neck", "{s}wrist"), ">", 1.3, 1.8, "left humerus",
+        "The {side} wrist moves up along the spine, relative to the neck.",
+        window_s=0.25, mirror="F6",
+    )),
+    *_both(Relation(
+        "F7", "{side} elbow bent", "upper",
+        q.angle, ("{s}elbow", "{s}shoulder", "{s}elbow", "{s}wrist"),
+        "<=", 120.0, 110.0, "degree",
+        "The angle at the {side} elbow is small.", mirror="F8",
+    )),
     Relation(
         "F9", "hands far apart", "upper",
         q.reach, ("lshoulder", "rshoulder", "lwrist", "rwrist"), ">=", 2.0, 2.5,
@@ -140,8 +66,16 @@ _UPPER = [
         q.move_along, ("lwrist", "rwrist", "rwrist", "lwrist"), ">=", 1.2, 1.4, "humerus",
         "The left wrist moves towards the right one.", window_s=0.1,
     ),
-    *_pair(11, _hand_leaves_root),
-    *_pair(13, _hand_fast),
+    *_both(Relation(
+        "F11", "{side} hand moves away from the body", "upper",
+        q.move_along, ("root", "{s}wrist", "root", "{s}wrist"), ">=", 1.2, 1.4, "humerus",
+        "The {side} wrist moves away from the root.", mirror="F12",
+    )),
+    *_both(Relation(
+        "F13", "{side} hand fast", "upper",
+        q.speed, ("{s}fingers",), ">=", 2.0, 2.5, "humerus",
+        "The fingers of the {side} hand move fast.", window_s=0.1, mirror="F14",
+    )),
 ]  # fmt: skip
 
 _LOWER = [
@@ -155,13 +89,21 @@ _LOWER = [
         q.plane, ("root", "rankle", "rhip", "lankle"), ">=", 0.0, 0.375, "humerus",
         "The left ankle is behind the plane of the right leg.", mirror="F15",
     ),
-    *_pair(17, _foot_raised),
+    *_both(Relation(
+        "F17", "{side} foot raised", "lower",
+        q.above_lowest, ("{s}toes",), ">=", 1.0, 1.2, "humerus",
+        "The toes of the {side} foot are far above the lowest joint.", mirror="F18",
+    )),
     Relation(
         "F19", "feet far apart sideways", "lower",
         q.reach, ("lhip", "rhip", "lankle", "rankle"), ">=", 1.8, 2.1, "humerus",
         "The ankles are far apart, seen along the line of the hips.",
     ),
-    *_pair(20, _knee_bent),
+    *_both(Relation(
+        "F20", "{side} knee bent", "lower",
+        q.angle, ("{s}knee", "{s}hip", "{s}knee", "{s}ankle"), "<=", 120.0, 110.0, "degree",
+        "The angle at the {side} knee is small.", mirror="F21",
+    )),
     Relation(
         "F22", "feet crossed", "lower",
         q.along, ("lhip", "rhip", "lankle", "rankle"), "<=", 0.0, -0.125, "hip width",
@@ -179,12 +121,24 @@ _LOWER = [
         "The left ankle moves away from the right one along the line of the hips.",
         window_s=0.1,
     ),
-    *_pair(25, _foot_fast),
+    *_both(Relation(
+        "F25", "{side} foot fast", "lower",
+        q.speed, ("{s}toes", "{s}ankle"), ">=", 2.0, 2.5, "humerus",
+        "Toes and ankle of the {side} foot both move fast.", window_s=0.1, mirror="F26",
+    )),
 ]  # fmt: skip
 
 _MIX = [
-    *_pair(27, _arm_off_body),
-    *_pair(29, _thigh_off_spine),
+    *_both(Relation(
+        "F27", "{side} upper arm away from the body", "mix",
+        q.angle, ("root", "neck", "{s}shoulder", "{s}elbow"), "<", 155.0, 150.0, "degree",
+        "The {side} upper arm does not hang along the spine.", mirror="F28",
+    )),
+    *_both(Relation(
+        "F29", "{side} hip bent", "mix",
+        q.angle, ("root", "neck", "{s}knee", "{s}hip"), ">", 45.0, 50.0, "degree",
+        "The {side} thigh is turned out of line with the spine.", mirror="F30",
+    )),
     Relation(
         "F31", "hips behind the feet", "mix",
         q.plane, ("lankle", "neck", "rankle", "root"), "<", -0.35, -0.5, "humerus",
@@ -195,7 +149,12 @@ _MIX = [
         q.tilt, ("root", "neck"), "within", (60.0, 120.0), (70.0, 110.0), "degree",
         "The line from the root to the neck is nearly horizontal.",
     ),
-    *_pair(33, _hand_low),
+    *_both(Relation(
+        "F33", "{side} hand low", "mix",
+        q.above_lowest, ("{s}fingers", "{s}fingers", "{s}wrist"), "<", 1.4, 1.2, "humerus",
+        "The fingers of the {side} hand are near the height of the lowest other joint.",
+        mirror="F34",
+    )),
     Relation(
         "F35", "left shoulder turned forward", "mix",
         q.plane_difference, ("rhip", "lhip", "neck", "lshoulder", "rshoulder"),
@@ -221,11 +180,13 @@ _MIX = [
         "Feet, hands, head and root reach far apart horizontally.",
     ),
     Relation(
-        "F39", "body moves fast", "mix", q.speed, ("root",), ">=", 2.0, 2.3, "humerus",
+        "F39", "body moves fast", "mix",
+        q.speed, ("root",), ">=", 2.0, 2.3, "humerus",
         "The root moves fast.",
     ),
     Relation(
-        "F40", "body turns", "mix", q.turning, ("rhip", "lhip"), ">=", 50.0, 100.0, "degree",
+        "F40", "body turns", "mix",
+        q.turning, ("rhip", "lhip"), ">=", 50.0, 100.0, "degree",
         "The line of the hips turns about the vertical.",
     ),
 ]  # fmt: skip

@@ -1,95 +1,32 @@
-"""What are the words of a recording?
+"""How does a recording become words?
 
 Joint positions are brought to 120 Hz, relations measured and switched there, and every
 fourth frame kept: words at 30 Hz, as the thresholds of the published work expect.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
+from motionary.features.body import Body
 from motionary.features.catalogue import FULL_BODY
 from motionary.features.hysteresis import hysteresis
-from motionary.features.quantities import Body, Floats
 from motionary.features.relations import FeatureSet, holds
-from motionary.motion import GENERIC_JOINTS, Motion, resample
-from motionary.skeletons import named_mapping
-from motionary.words import Words, pack, unpack
+from motionary.features.sequence import FeatureSequence
+from motionary.features.vectors import Floats
+from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, resample
+from motionary.skeletons import find_mapping, known_mappings, named_mapping
+from motionary.words import pack
+
+Bools = NDArray[np.bool_]
 
 MEASURE_HZ = 120.0
-WORD_HZ = 30.0
 _STEP = 4
 
-
-@dataclass(frozen=True, slots=True)
-class FeatureSequence:
-    """Words of one recording.
-
-    Attributes
-    ----------
-    words : array, shape (frames, n_words), uint64, at 30 Hz; unknown relations are 0
-    known : array of the same shape: which relations are known
-    feature_set : what the bits mean
-    source : name of the recording
-    file_rate_hz, file_frames, first_frame : rate, length and first frame number of the file
-    """
-
-    words: Words
-    known: Words
-    feature_set: FeatureSet
-    source: str = ""
-    file_rate_hz: float = WORD_HZ
-    file_frames: int = 0
-    first_frame: int = 0
-
-    def __len__(self) -> int:
-        return self.words.shape[0]
-
-    @property
-    def rate_hz(self) -> float:
-        """Words per second."""
-        return WORD_HZ
-
-    @property
-    def duration_s(self) -> float:
-        """Length of the recording in seconds."""
-        return self.file_frames / self.file_rate_hz
-
-    @property
-    def features(self) -> NDArray[np.uint8]:
-        """Relations, shape (frames, features), 0/1; unknown ones are 0."""
-        return unpack(self.words, len(self.feature_set)).view(np.uint8)
-
-    @property
-    def known_features(self) -> NDArray[np.uint8]:
-        """Which relations are known, shape (frames, features), 0/1."""
-        return unpack(self.known, len(self.feature_set)).view(np.uint8)
-
-    def seconds(self, frame: int) -> float:
-        """Time at which a word begins; of the end, the recording's length at most."""
-        return min(frame / WORD_HZ, self.duration_s)
-
-    def file_frame(self, time_s: float) -> int:
-        """The file's number of the frame shown at a time."""
-        index = int(np.floor(time_s * self.file_rate_hz + 1e-6))
-        return self.first_frame + min(max(index, 0), max(self.file_frames - 1, 0))
-
-    def part(self, start: int, stop: int) -> "FeatureSequence":
-        """Words start to stop (half-open); times then count from `start`."""
-        if not 0 <= start < stop <= len(self):
-            raise InvalidInput(
-                f"{self.source}: a part needs 0 <= start < stop <= {len(self)} words, "
-                f"got {start} to {stop}"
-            )
-        first = round(start / WORD_HZ * self.file_rate_hz)
-        last = min(round(stop / WORD_HZ * self.file_rate_hz), self.file_frames)
-        return FeatureSequence(
-            self.words[start:stop], self.known[start:stop], self.feature_set, self.source,
-            self.file_rate_hz, last - first, self.first_frame + first,
-        )  # fmt: skip
+# Below, a frame tells nothing of speed, and a wrong rate would fill the memory.
+_LEAST_HZ = 1.0
 
 
 def compute_features(
@@ -105,8 +42,9 @@ def compute_features(
     ----------
     motion : Motion, or array, shape (frames, joints, 3), metres, y up, NaN = not seen
     rate_hz : frames per second; for arrays
-    skeleton : for arrays: name of a known skeleton, or the joints' names; without it the
-        array must hold the 24 generic joints in their order
+    skeleton : for arrays: name of a known skeleton with a usual order of joints ("smpl"),
+        or the joints' names in the order of the array; left out, the array holds the 24
+        generic joints in their order
     feature_set : relations to compute
 
     Returns
@@ -116,40 +54,69 @@ def compute_features(
     Raises
     ------
     InvalidInput
-        If an array comes without rate, with another shape, or an unknown skeleton.
+        If an array comes without rate, in another shape, or its joints are unknown; if a
+        motion's joints are unknown or its rate is below 1 Hz.
     """
     if not isinstance(motion, Motion):
         motion = _motion_from_array(motion, rate_hz, skeleton)
+    elif rate_hz is not None or skeleton is not None:
+        raise InvalidInput(
+            "rate_hz= and skeleton= go with arrays; a Motion has its own: read(..., rate_hz=, "
+            "skeleton=) or dataclasses.replace changes them"
+        )
+    if motion.rate_hz < _LEAST_HZ:
+        raise InvalidInput(
+            f"{motion.source or 'motion'}: features need at least {_LEAST_HZ:g} frames per "
+            f"second, got {motion.rate_hz:g}; check the rate of the recording"
+        )
     positions = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=MEASURE_HZ)
     features, known = relation_matrix(positions, feature_set)
     return FeatureSequence(
-        pack(features[::_STEP]), pack(known[::_STEP]), feature_set, motion.source,
-        motion.rate_hz, motion.n_frames, motion.first_frame,
-    )  # fmt: skip
+        words=pack(features[::_STEP]),
+        known=pack(known[::_STEP]),
+        feature_set=feature_set,
+        source=motion.source,
+        file_rate_hz=motion.rate_hz,
+        file_frames=motion.n_frames,
+        first_frame=motion.first_frame,
+    )
 
 
 def relation_matrix(
-    positions: Floats, feature_set: FeatureSet
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    positions: Floats, feature_set: FeatureSet, *, before: Bools | None = None
+) -> tuple[Bools, Bools]:
     """Relations at 120 Hz and which of them are known.
 
     Parameters
     ----------
-    positions : array, shape (frames, 24, 3), metres, at 120 Hz
+    positions : array, shape (frames, 24, 3), generic joints, metres, y up, at 120 Hz
+    feature_set : relations to compute
+    before : array, shape (features,): relations that hold before the first frame, for a
+        piece of a longer recording; none if left out
 
     Returns
     -------
-    features, known : arrays, shape (frames, features), bool
+    features, known : arrays, shape (frames, features), bool; unknown features are False
     """
+    n_frames, n_features = positions.shape[0], len(feature_set)
+    if positions.shape[1:] != (len(GENERIC_JOINTS), 3) or n_frames == 0:
+        raise InvalidInput(
+            f"relations need positions of shape (frames, {len(GENERIC_JOINTS)} generic joints, "
+            f"3), at least one frame, got {positions.shape}"
+        )
+    if before is None:
+        before = np.zeros(n_features, dtype=np.bool_)
+    if np.shape(before) != (n_features,):
+        raise InvalidInput(f"before needs one state a relation, {n_features}, got {len(before)}")
     body = Body.from_positions(positions, rate_hz=MEASURE_HZ)
-    shape = (len(feature_set), positions.shape[0])
-    features, known = np.empty(shape, dtype=np.bool_), np.empty(shape, dtype=np.bool_)
+    features = np.empty((n_features, n_frames), dtype=np.bool_)
+    known = np.empty_like(features)
     for i, relation in enumerate(feature_set.relations):
         value = relation.measure(body)
         known[i] = ~np.isnan(value)
         strong = holds(value, relation.test, relation.strong)
         weak = holds(value, relation.test, relation.weak)
-        features[i] = hysteresis(strong, weak, known[i])
+        features[i] = hysteresis(strong, weak, known[i], before=bool(before[i]))
     return features.T, known.T
 
 
@@ -161,12 +128,34 @@ def _motion_from_array(
         raise InvalidInput("an array of positions needs rate_hz=, its frames per second")
     if array.ndim != 3 or array.shape[2] != 3:
         raise InvalidInput(f"positions need shape (frames, joints, 3), got {array.shape}")
-    if skeleton is None:
-        names, mapping = GENERIC_JOINTS, named_mapping("generic")
-    elif isinstance(skeleton, str):
-        mapping = named_mapping(skeleton)
-        names = mapping.order
-    else:
-        names = tuple(skeleton)
-        mapping = named_mapping("generic")
+    names, mapping = _joints_of_array(skeleton)
+    if array.shape[1] != len(names):
+        expected = "skeleton= names" if skeleton is not None else "without skeleton= there must be"
+        raise InvalidInput(
+            f"{expected} {len(names)} joints, the array has {array.shape[1]}; pass "
+            "skeleton= with the names of its joints, in the order of the array"
+        )
     return Motion(names, array, rate_hz, mapping)
+
+
+def _joints_of_array(
+    skeleton: str | Sequence[str] | None,
+) -> tuple[tuple[str, ...], JointMapping]:
+    if skeleton is None:
+        return GENERIC_JOINTS, named_mapping("generic")
+    if isinstance(skeleton, str):
+        mapping = named_mapping(skeleton)
+        if not mapping.order:
+            raise InvalidInput(
+                f"joints of skeleton {skeleton!r} have no usual order; pass skeleton= with "
+                "their names, in the order of the array"
+            )
+        return mapping.order, mapping
+    names = tuple(skeleton)
+    found = find_mapping(names)
+    if found is None:
+        raise InvalidInput(
+            f"no known skeleton has the joints {', '.join(names[:6])}, ...; "
+            f"known are {', '.join(known_mappings())}"
+        )
+    return names, found

@@ -10,25 +10,27 @@ from numpy.typing import NDArray
 Bools = NDArray[np.bool_]
 
 
-def hysteresis(strong: Bools, weak: Bools, known: Bools) -> Bools:
+def hysteresis(strong: Bools, weak: Bools, known: Bools, *, before: bool = False) -> Bools:
     """State of a two-threshold switch.
+
+    As what passes the strong test passes the weak one too, the switch is on after a
+    strong frame until the weak test fails.
 
     Parameters
     ----------
     strong, weak, known : arrays, shape (frames,)
+    before : state before the first frame; of a stream, the last state so far
 
     Returns
     -------
     array, shape (frames,), bool; False where not known
     """
-    held = strong & known
-    rises = held.copy()
-    rises[1:] &= ~held[:-1]
-    falls = ~(weak & known)
-    # The last event decides: odd = rose, even = fell. An off wins over an on at once.
-    event = np.arange(1, len(strong) + 1, dtype=np.int32) * 2
-    event += rises
-    event[~(rises | falls)] = 0
-    event[rises & falls] &= ~np.int32(1)
+    on = strong & known
+    off = ~(weak & known)
+    # The last event decides: odd = on, even = off; 1 and 0 come before the first frame.
+    order = np.arange(2, 2 * len(strong) + 2, 2, dtype=np.int32)
+    event = np.where(on | off, order, np.int32(0))
+    event += on & ~off
+    event[:1] = np.maximum(event[:1], np.int32(before))
     np.maximum.accumulate(event, out=event)
     return (event & 1).astype(np.bool_)

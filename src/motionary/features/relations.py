@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features.quantities import Body, Floats, body_length
+from motionary.features.body import LENGTHS, Body
+from motionary.features.vectors import Floats
+from motionary.motion import GENERIC_JOINTS
 
 Comparison = Literal[">", ">=", "<", "<=", "within"]
 Threshold = float | tuple[float, float]
 
-UNITS = (
-    "humerus", "left humerus", "shoulder width", "hip width", "chest to neck",
-    "body height", "degree",
-)  # fmt: skip
+DEGREE = "degree"
+UNITS = (*LENGTHS, DEGREE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,8 @@ class Relation:
     test : how the quantity is compared with the thresholds
     weak, strong : thresholds in `unit`; a pair (least, most) for "within"
     unit : a length of the body, or degree; per second where the quantity is a velocity
-    window_s : velocities are averaged over so many seconds; 0 = one frame
     sentence : what is tested, in words
+    window_s : velocities are averaged over so many seconds; 0 = one frame
     mirror : `id` of the relation with left and right exchanged; its own if symmetric
     """
 
@@ -58,34 +58,67 @@ class Relation:
 
     def __post_init__(self) -> None:
         if self.unit not in UNITS:
-            raise InvalidInput(f"{self.id}: unit must be one of {', '.join(UNITS)}")
-        if (self.test == "within") != isinstance(self.weak, tuple):
-            raise InvalidInput(f"{self.id}: only 'within' takes pairs of thresholds")
+            raise InvalidInput(
+                f"{self.id}: unit must be one of {', '.join(UNITS)}, got {self.unit!r}"
+            )
+        if not 0 <= self.window_s < float("inf"):
+            raise InvalidInput(f"{self.id}: window_s must be at least 0, got {self.window_s}")
+        _check_thresholds(self)
         if not self.mirror:
             object.__setattr__(self, "mirror", self.id)
 
     def measure(self, body: Body) -> Floats:
         """The quantity in units of the relation, shape (frames,); NaN = unknown."""
-        return self.quantity(body, self.window_s, *self.joints) / body_length(body, self.unit)
+        value = self.quantity(body, self.window_s, *self.joints)
+        if np.shape(value) != (body.n_frames,):
+            raise InvalidInput(
+                f"{self.id}: its quantity must give one value a frame, shape "
+                f"({body.n_frames},), got {np.shape(value)}"
+            )
+        return value if self.unit == DEGREE else value / body.length(self.unit)
+
+
+def _check_thresholds(relation: Relation) -> None:
+    weak, strong = relation.weak, relation.strong
+    pairs = isinstance(weak, tuple), isinstance(strong, tuple)
+    if pairs != ((relation.test == "within"),) * 2:
+        raise InvalidInput(
+            f"{relation.id}: 'within' takes two pairs of thresholds, other tests two numbers, "
+            f"got {relation.test!r}, {weak}, {strong}"
+        )
+    # What passes the strong test must pass the weak one: the switch relies on it.
+    if not holds(np.atleast_1d(strong), relation.test, weak).all():
+        raise InvalidInput(
+            f"{relation.id}: the strong threshold must lie at or beyond the weak one, "
+            f"got weak {weak}, strong {strong} for {relation.test!r}"
+        )
+
+
+def _check_joints(relation: Relation) -> None:
+    unknown = [joint for joint in relation.joints if joint not in GENERIC_JOINTS]
+    if unknown:
+        raise InvalidInput(
+            f"{relation.id}: {unknown[0]!r} is no generic joint; "
+            f"expected some of {', '.join(GENERIC_JOINTS)}"
+        )
 
 
 def holds(value: Floats, test: Comparison, threshold: Threshold) -> NDArray[np.bool_]:
     """Where a quantity passes a test; NaN passes none."""
-    with np.errstate(invalid="ignore"):
-        if isinstance(threshold, tuple):
-            return np.asarray((value >= threshold[0]) & (value <= threshold[1]))
-        if test == ">":
-            return np.asarray(value > threshold)
-        if test == ">=":
-            return np.asarray(value >= threshold)
-        if test == "<":
-            return np.asarray(value < threshold)
-        return np.asarray(value <= threshold)
+    if isinstance(threshold, tuple):
+        return np.asarray((value >= threshold[0]) & (value <= threshold[1]))
+    if test == ">":
+        return np.asarray(value > threshold)
+    if test == ">=":
+        return np.asarray(value >= threshold)
+    if test == "<":
+        return np.asarray(value < threshold)
+    return np.asarray(value <= threshold)
 
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """A named, ordered set of relations.
+    """A named, ordered set of relations, of any number.
 
     Attributes
     ----------
@@ -97,12 +130,20 @@ class FeatureSet:
     relations: tuple[Relation, ...]
 
     def __post_init__(self) -> None:
-        ids = self.ids
-        if len(set(ids)) != len(ids):
+        object.__setattr__(self, "relations", tuple(self.relations))
+        if not self.name or not self.relations:
+            raise InvalidInput("a feature set needs a name and at least one relation")
+        for relation in self.relations:
+            _check_joints(relation)
+        mirrors = {relation.id: relation.mirror for relation in self.relations}
+        if len(mirrors) != len(self):
             raise InvalidInput(f"feature set {self.name!r}: ids must be unique")
-        stray = [r.id for r in self.relations if r.mirror not in ids]
+        stray = [i for i, mirror in mirrors.items() if mirrors.get(mirror) != i]
         if stray:
-            raise InvalidInput(f"feature set {self.name!r}: no mirror partner for {stray}")
+            raise InvalidInput(
+                f"feature set {self.name!r}: the mirror of {stray[0]!r} must be a relation of the "
+                f"set that names {stray[0]!r} as its own mirror, got {mirrors[stray[0]]!r}"
+            )
 
     def __len__(self) -> int:
         return len(self.relations)
@@ -124,9 +165,17 @@ class FeatureSet:
         return np.array([index[r.mirror] for r in self.relations], dtype=np.intp)
 
     def select(self, ids: Sequence[str], *, name: str) -> "FeatureSet":
-        """The named relations as a set of their own."""
+        """The named relations as a set of their own.
+
+        Raises
+        ------
+        InvalidInput
+            If an id is unknown, or a relation is chosen without its mirror image.
+        """
         index = {r.id: r for r in self.relations}
         unknown = [i for i in ids if i not in index]
         if unknown:
-            raise InvalidInput(f"no relation {unknown[0]!r} in {self.name!r}; it has {self.ids}")
+            raise InvalidInput(
+                f"no relation {unknown[0]!r} in {self.name!r}; it has {', '.join(self.ids)}"
+            )
         return FeatureSet(name, tuple(index[i] for i in ids))

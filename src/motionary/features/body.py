@@ -1,0 +1,121 @@
+"""Where are the joints of one document, and how long are its bones?
+
+Conventions: one track (3, frames) per generic joint, metres, y up; NaN where a joint is
+not seen.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from motionary.features.vectors import Floats, cross, norm, unit
+from motionary.features.velocity import smoothed_velocity, window_frames
+from motionary.motion import GENERIC_JOINTS
+
+
+def _chain(*joints: str) -> tuple[tuple[str, str], ...]:
+    return tuple(pairwise(joints))
+
+
+#: What thresholds are measured in: sums of segments from joint to joint.
+LENGTHS: dict[str, tuple[tuple[str, str], ...]] = {
+    "humerus": _chain("rshoulder", "relbow"),
+    "left humerus": _chain("lshoulder", "lelbow"),
+    "shoulder width": _chain("lshoulder", "rshoulder"),
+    "hip width": _chain("lhip", "rhip"),
+    "chest to neck": _chain("chest", "neck"),
+    "body height": _chain("rankle", "rknee", "rhip")
+    + _chain("root", "belly", "chest", "neck", "head", "headtop"),
+}
+
+# Frames whose coordinates are sorted by joint at once: few enough to stay in the cache.
+_BLOCK = 1024
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """Joint tracks of one document.
+
+    Directions, velocities and heights are kept, as several relations share them.
+
+    Attributes
+    ----------
+    tracks : array (3, frames) of each generic joint, metres
+    rate_hz : frames per second
+    """
+
+    tracks: dict[str, Floats]
+    rate_hz: float
+    _kept: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def from_positions(cls, positions: Floats, *, rate_hz: float) -> "Body":
+        """Body of generic positions, shape (frames, 24, 3)."""
+        n_frames = positions.shape[0]
+        tracks = np.empty((len(GENERIC_JOINTS), 3, n_frames))
+        for start in range(0, n_frames, _BLOCK):
+            block = slice(start, start + _BLOCK)
+            tracks[:, :, block] = positions[block].transpose(1, 2, 0)
+        return cls(dict(zip(GENERIC_JOINTS, tracks, strict=True)), rate_hz)
+
+    def __getitem__(self, joint: str) -> Floats:
+        return self.tracks[joint]
+
+    def height(self, joint: str) -> Floats:
+        """Height of a joint, shape (frames,), metres."""
+        y: Floats = self.tracks[joint][1]
+        return y
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return int(self.tracks["root"].shape[1])
+
+    def kept(self, key: tuple[object, ...], compute: Callable[[], Floats]) -> Floats:
+        """Result of `compute`, remembered under `key`; not to be written to."""
+        if key not in self._kept:
+            self._kept[key] = compute()
+        return self._kept[key]
+
+    def direction(self, a: str, b: str) -> Floats:
+        """Unit vector from joint a to joint b, shape (3, frames)."""
+        return self.kept(("direction", a, b), lambda: unit(self[b] - self[a]))
+
+    def normal(self, a: str, b: str, c: str) -> Floats:
+        """Unit normal (a - c) x (b - c) of the plane through three joints."""
+        return self.kept(
+            ("normal", a, b, c), lambda: unit(cross(self[a] - self[c], self[b] - self[c]))
+        )
+
+    def velocity(self, joint: str, *, relative_to: str | None, window_s: float) -> Floats:
+        """Velocity averaged over a window, shape (3, frames), metres per second."""
+
+        def compute() -> Floats:
+            track = self[joint] if relative_to is None else self[joint] - self[relative_to]
+            width = window_frames(window_s, self.rate_hz)
+            return smoothed_velocity(track, width=width, rate_hz=self.rate_hz)
+
+        return self.kept(("velocity", joint, relative_to, window_s), compute)
+
+    def length(self, name: str) -> float:
+        """A length of the body in metres; NaN if it is unseen or zero.
+
+        A segment counts as in the first frame; where an end is unseen there, with its
+        median over the frames that see both.
+
+        Parameters
+        ----------
+        name : one of `LENGTHS`
+        """
+        total = sum(self._segment(a, b) for a, b in LENGTHS[name])
+        return total if total > 0 else float("nan")
+
+    def _segment(self, a: str, b: str) -> float:
+        first = norm(self[b][:, :1] - self[a][:, :1])
+        if np.isfinite(first[0]):
+            return float(first[0])
+        lengths = norm(self[b] - self[a])
+        seen = lengths[np.isfinite(lengths)]
+        return float(np.median(seen)) if len(seen) else float("nan")
