@@ -3,12 +3,18 @@
 `cartwheels.npz` is from the authors' published toolbox: four cartwheels of HDM05 (39
 features) after one and after 32 passes, and the alignment behind the first average. Their
 matrices are (features, columns).
+
+`half_split.json` names the clips of eleven HDM05 classes that the authors trained on.
 """
+
+import json
 
 import numpy as np
 import pytest
 
-from motionary.templates import Learning
+from motionary.features import FULL_BODY_2006, compute_features
+from motionary.io import read
+from motionary.templates import Learning, learn_template
 from motionary.templates.alignment import align_batched
 from motionary.templates.averaging import Stack, unwarp
 from motionary.templates.compiled import align_compiled
@@ -61,3 +67,58 @@ def test_31_passes_lead_from_pass_1_to_pass_32(cartwheels, engine):
     assert np.allclose(stack.weights, wanted.weights, rtol=0, atol=1e-12)
     # Here they agree, and that is where the authors stopped.
     assert cost / stack.mean_weight <= Learning().stop
+
+
+@pytest.fixture(scope="module")
+def training_halves(data, golden):
+    """Matrices of the 39 features of 2006, by class."""
+    paths = {path.stem: path for path in (data / "hdm05").rglob("*.amc")}
+    split = json.loads((golden / "half_split.json").read_text())
+    return {
+        name: [
+            compute_features(read(paths[clip]), feature_set=FULL_BODY_2006).features
+            for clip in halves["train"]
+        ]
+        for name, halves in split.items()
+    }
+
+
+# Number of columns, and the authors' own (their table). Repeatable with the cut clips; the
+# authors took features from the uncut takes.
+@pytest.mark.parametrize(
+    ("name", "n_columns", "of_the_authors"),
+    [
+        ("depositFloorR", 74, 73),
+        ("elbowToKnee1RepsLelbowStart", 38, 38),
+        ("grabHighR", 68, 69),
+        ("hopBothLegs1hops", 24, 24),
+        ("jogLeftCircle4StepsRstart", 62, 63),
+        ("kickLFront1Reps", 55, 55),
+        ("lieDownFloor", 165, 170),
+        ("rotateArmsBothBackward1Reps", 28, 29),
+        ("sneak2StepsLStart", 58, 58),
+        ("squat1Reps", 47, 47),
+        ("throwBasketball", 95, 95),
+    ],
+)
+def test_templates_of_the_training_halves_are_as_long(
+    training_halves, name, n_columns, of_the_authors
+):
+    matrices = training_halves[name]
+    template = learn_template(
+        matrices,
+        feature_names=FULL_BODY_2006.names,
+        feature_set=FULL_BODY_2006.name,
+    )
+    assert template.n_columns == n_columns
+    assert template.n_columns == pytest.approx(of_the_authors, rel=0.035)
+    assert template.duration_s == pytest.approx(np.mean([len(m) for m in matrices]) / 30)
+
+
+def test_both_engines_learn_the_same_from_recordings(training_halves):
+    for matrices in training_halves.values():
+        names = {"feature_names": FULL_BODY_2006.names, "feature_set": FULL_BODY_2006.name}
+        by_numpy = learn_template(matrices, engine="numpy", **names)
+        compiled = learn_template(matrices, engine="compiled", **names)
+        assert by_numpy.values.tobytes() == compiled.values.tobytes()
+        assert by_numpy.weights.tobytes() == compiled.weights.tobytes()
