@@ -53,7 +53,7 @@ def acclaim_frame(bones, children, values, metres):
     with axis = orientation; `values`: name -> {dof: number}.
     """
     root = bones["root"]
-    orientation = about_fixed_axes(root["order"], root["axis"])
+    orientation = _axis(root)
     turned = _turned(root, values["root"])
     ends = {"root": np.array([values["root"][f"t{c}"] for c in "xyz"]) * metres}
     worlds = {"root": orientation @ turned}
@@ -61,13 +61,18 @@ def acclaim_frame(bones, children, values, metres):
     while waiting:
         parent, name = waiting.pop()
         bone = bones[name]
-        c = about_fixed_axes(bone["order"], bone["axis"])
+        c = _axis(bone)
         r = _turned(bone, values.get(name, {}))
         worlds[name] = worlds[parent] @ c @ r @ np.linalg.inv(c)
         along = np.array(bone["direction"]) * bone["length"] * metres
         ends[name] = ends[parent] + worlds[name] @ along
         waiting += [(name, child) for child in children.get(name, [])]
     return ends
+
+
+def _axis(bone):
+    """The three numbers of `axis` are x, y and z, whatever the order of turning."""
+    return about_fixed_axes(bone["order"], [bone["axis"]["XYZ".index(a)] for a in bone["order"]])
 
 
 def _turned(bone, values):

@@ -252,6 +252,9 @@ def _to_motion(
     notes = [f"skeleton {acclaim.name}"]
     if rate_hz is None:
         notes.append("rate assumed 120 Hz")
+    still = {bone.name for bone, _ in acclaim.in_order() if bone.dof and not columns[bone.name]}
+    if still:
+        notes.append(f"no values for {_some(still)}: kept at rest")
     return Motion(
         names=skeleton.names,
         positions=place_joints(skeleton, rotations, root, translations={}, source=name),

@@ -2,8 +2,10 @@
 
 Conventions: `length` of the units divides bone lengths and root translation alike, the
 result is inches. A bone turns by C R C^-1, with C from its `axis` and R from the values
-of its `dof`. Axes are fixed: order `XYZ` means Rz Ry Rx. A joint of the skeleton is
-the *end* of the bone of that name; `root` is where the body starts.
+of its `dof`. Axes are fixed: order `XYZ` means Rz Ry Rx; the three numbers of `axis`
+are x, y, z whatever the order, and the sequence of `dof` says only which value is which.
+A joint of the skeleton is the *end* of the bone of that name; `root` is where the body
+starts.
 """
 
 import math

@@ -12,6 +12,9 @@ Floats = NDArray[np.float64]
 # Matrices of this many frames stay in the processor's cache, and memory stays flat.
 BLOCK = 512
 
+# No unit is so small that a person is this many of them away.
+_FARTHEST = 1e9
+
 
 def place_joints(
     skeleton: Skeleton,
@@ -34,7 +37,7 @@ def place_joints(
     Raises
     ------
     UnreadableFile
-        If numbers so large occur that a position is not finite.
+        If numbers are so large that no body can be meant.
     """
     n_frames, n_joints = quaternions.shape[:2]
     positions = np.empty((n_frames, n_joints, 3))
@@ -47,7 +50,8 @@ def place_joints(
                 root_positions[part],
                 {joint: moved[part] for joint, moved in translations.items()},
             )
-    if not np.isfinite(positions).all():
-        frame = int(np.flatnonzero(~np.isfinite(positions).all(axis=(1, 2)))[0])
-        raise UnreadableFile(f"{source}: frame {frame} of the file has impossibly large numbers")
+    possible = np.abs(positions).max(axis=(1, 2)) < _FARTHEST
+    if not possible.all():
+        frame = 1 + int(np.flatnonzero(~possible)[0])
+        raise UnreadableFile(f"{source}: frame {frame} from the start has impossibly large numbers")
     return positions
