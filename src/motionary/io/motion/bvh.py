@@ -28,8 +28,10 @@ _MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAMES = re.compile(r"\s*Frames\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*Frame\s+Time\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 
-# Rates are printed rounded: within this share of a whole number, they are that number.
-_ROUNDING = 1e-3
+# Rates are printed rounded: within this share of a whole number they are that number, but
+# video's rates lie just as near: 29.97 is 30 / 1.001. A hair above 0.1 %: .0333 is 30.
+_ROUNDING = 1.001e-3
+_VIDEO_HZ = (24, 30, 48, 60, 120)
 _MAX_RATE_HZ = 1e5
 # A first step this many times the longest step of the next second is a change of pose.
 _REST_POSE_JUMP = 5.0
@@ -269,8 +271,9 @@ def _rate(table: _Table, name: str) -> float:
             "pass the frames per second with --rate (rate_hz=...)"
         )
     rate = 1 / frame_time
-    whole = round(rate)
-    return float(whole) if abs(rate - whole) <= _ROUNDING * whole else rate
+    usual = [float(round(rate)), *(hz / 1.001 for hz in _VIDEO_HZ)]
+    nearest = min(usual, key=lambda hz: abs(hz - rate))
+    return nearest if abs(frame_time * nearest - 1) <= _ROUNDING else rate
 
 
 def _to_motion(
