@@ -75,8 +75,9 @@ def full_mask(n_frames: int, n_relations: int) -> Words:
 
 
 def count(words: Words) -> NDArray[np.int64]:
-    """Number of set relations per frame, shape (frames,)."""
-    return np.bitwise_count(words).sum(axis=1, dtype=np.int64)
+    """Number of set relations per frame: words (..., n_words) give counts (...)."""
+    counts: NDArray[np.int64] = np.bitwise_count(words).sum(axis=-1, dtype=np.int64)
+    return counts
 
 
 def permute(words: Words, order: NDArray[np.intp]) -> Words:

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
 from motionary.matching.distance import SKIP_WEIGHT
-from motionary.matching.pattern import Pattern, cell_costs
-from motionary.words import Words, full_mask
+from motionary.matching.pattern import Pattern, cell_costs, check_document, check_skip_weight
+from motionary.words import Words
 
 _STEPS = ((1, 1), (1, 2), (2, 1))
 #: Costs are sums of fractions; equal ones may differ in the last bits.
@@ -62,11 +62,16 @@ def align(
     Raises
     ------
     InvalidInput
-        If no path ends at one of the frames.
+        If pattern and document do not fit, or no path ends at one of the frames.
     """
-    if known is None:
-        known = full_mask(len(words), words.shape[1] * 64)
+    check_document(pattern, words, known)
+    check_skip_weight(skip_weight)
     frames = np.asarray(ends, dtype=np.intp)
+    if len(frames) and not 0 <= frames.min() <= frames.max() < len(words):
+        raise InvalidInput(
+            f"ends must be frames of the document (0 to {len(words) - 1}), got "
+            f"{frames.min()} to {frames.max()}"
+        )
     result: list[Alignment] = []
     for first in range(0, len(frames), _BATCH):
         result += _align_batch(pattern, words, known, frames[first : first + _BATCH], skip_weight)
@@ -74,13 +79,18 @@ def align(
 
 
 def _align_batch(
-    pattern: Pattern, words: Words, known: Words, ends: NDArray[np.intp], skip_weight: float
+    pattern: Pattern,
+    words: Words,
+    known: Words | None,
+    ends: NDArray[np.intp],
+    skip_weight: float,
 ) -> list[Alignment]:
     width = 2 * len(pattern) - 1
     at = ends[:, np.newaxis] + np.arange(1 - width, 1)
     outside = at < 0
     frames = np.maximum(at, 0)
-    total, steps = _accumulate(pattern, words[frames], known[frames], outside, skip_weight)
+    mask = ~np.zeros(words.shape[1], dtype=np.uint64) if known is None else known[frames]
+    total, steps = _accumulate(pattern, words[frames], mask, outside, skip_weight)
     if not np.isfinite(total).all():
         bad = int(ends[~np.isfinite(total)][0])
         raise InvalidInput(f"no path of {len(pattern)} columns ends at frame {bad}")

@@ -5,7 +5,7 @@ matcher is longer than two frames, so no path crosses a border.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ class Corpus:
     starts, lengths : arrays, shape (documents,)
         Where each document begins, and its number of frames.
     blocked : array of the padding frames
-    all_known : whether every relation is known in every frame
     """
 
     words: Words
@@ -34,17 +33,6 @@ class Corpus:
     starts: NDArray[np.intp]
     lengths: NDArray[np.intp]
     blocked: NDArray[np.intp]
-    all_known: bool = field(default=False)
-
-    @property
-    def n_documents(self) -> int:
-        """Number of documents."""
-        return len(self.starts)
-
-    @property
-    def n_frames(self) -> int:
-        """Frames of all documents, padding left out."""
-        return int(self.lengths.sum())
 
     def document(self, index: int) -> tuple[Words, Words]:
         """Words and mask of one document."""
@@ -64,9 +52,17 @@ def concatenate(words: Sequence[Words], known: Sequence[Words], *, full: Words) 
     ----------
     words, known : one array (frames, n_words) per document
     full : array, shape (n_words,), the mask in which every relation is known
+
+    Raises
+    ------
+    InvalidInput
+        If there is no document, or words and masks are not of one form.
     """
-    if not words:
-        raise InvalidInput("a corpus needs at least one document, got none")
+    if not words or len(words) != len(known):
+        raise InvalidInput(
+            "a corpus needs at least one document, and a mask for each, got "
+            f"{len(words)} and {len(known)}"
+        )
     for i, (a, b) in enumerate(zip(words, known, strict=True)):
         if a.shape != b.shape or a.ndim != 2 or a.shape[1] != len(full):
             raise InvalidInput(
@@ -82,5 +78,4 @@ def concatenate(words: Sequence[Words], known: Sequence[Words], *, full: Words) 
     for a, b, start in zip(words, known, starts, strict=True):
         part = slice(start, start + len(a))
         all_words[part], all_known[part], inside[part] = a, b, True
-    blocked = np.flatnonzero(~inside)
-    return Corpus(all_words, all_known, starts, lengths, blocked, bool((all_known == full).all()))
+    return Corpus(all_words, all_known, starts, lengths, np.flatnonzero(~inside))

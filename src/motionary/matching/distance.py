@@ -10,6 +10,7 @@ so that both give the same bits. Along time the kernels take a chunk and the las
 frames of what came before; a document is one chunk.
 """
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -18,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.matching._numpy import march, row_costs, unit_costs
+from motionary.matching._numpy import march, prepare, row_costs
 from motionary.matching.corpus import Corpus
-from motionary.matching.pattern import Pattern
+from motionary.matching.pattern import Pattern, check_document, check_skip_weight
 from motionary.words import Words
 
 Engine = Literal["auto", "numpy", "compiled"]
@@ -33,7 +34,7 @@ SKIP_WEIGHT = 2.0
 #: Below so many cells NumPy ends before a compiled twin is loaded.
 COMPILED_PAYS_AT = 20_000_000
 
-_TILE = 8192
+_COMPILED = "motionary.matching._compiled"
 
 
 @dataclass(slots=True, eq=False)
@@ -66,14 +67,26 @@ def distance_function(
     known : array of the same shape: which relations are known; all if left out
     skip_weight : how often the cell after a (2, 1) step counts
     state : for chunks of a stream; is updated
-    engine : which twin computes; "auto" takes the compiled one where it pays
+    engine : which twin computes; "auto" takes the compiled one where it pays. Patterns
+        with entry weights or several integers a frame have no compiled twin.
 
     Returns
     -------
     array, shape (frames,), float32; inf where no path fits
+
+    Raises
+    ------
+    InvalidInput
+        If pattern, document and state do not fit, or the compiled twin is not installed.
     """
-    _check(pattern, words, known, skip_weight)
+    check_document(pattern, words, known)
     blocked = np.empty(0, dtype=np.intp)
+    state = state or MatchState.fresh(pattern)
+    if state.last_two.shape != (len(pattern), 2):
+        raise InvalidInput(
+            f"a pattern of {len(pattern)} columns needs its own state, got one for "
+            f"{len(state.last_two)}; see MatchState.fresh"
+        )
     return _distance(pattern, words, known, blocked, skip_weight, state, engine)
 
 
@@ -85,21 +98,10 @@ def corpus_distance(
     engine: Engine = "auto",
 ) -> Single:
     """Distance function of all documents of a corpus, shape (padded frames,); padding inf."""
-    known = None if corpus.all_known else corpus.known
-    _check(pattern, corpus.words, known, skip_weight)
-    return _distance(pattern, corpus.words, known, corpus.blocked, skip_weight, None, engine)
-
-
-def _check(pattern: Pattern, words: Words, known: Words | None, skip_weight: float) -> None:
-    if words.ndim != 2 or words.shape[1] != pattern.values.shape[1]:
-        raise InvalidInput(
-            f"the pattern has {pattern.values.shape[1]} integers a frame, the document has "
-            f"shape {words.shape}; both must come from one feature set"
-        )
-    if known is not None and known.shape != words.shape:
-        raise InvalidInput(f"known needs the shape of words {words.shape}, got {known.shape}")
-    if not skip_weight >= 0:
-        raise InvalidInput(f"skip_weight must be at least 0, got {skip_weight}")
+    words, known = corpus.words, corpus.known
+    check_document(pattern, words, known)
+    state = MatchState.fresh(pattern)
+    return _distance(pattern, words, known, corpus.blocked, skip_weight, state, engine)
 
 
 def _distance(
@@ -108,32 +110,29 @@ def _distance(
     known: Words | None,
     blocked: NDArray[np.intp],
     skip_weight: float,
-    state: MatchState | None,
+    state: MatchState,
     engine: Engine,
 ) -> Single:
-    state = state or MatchState.fresh(pattern)
-    result = np.empty(words.shape[0], dtype=np.float32)
+    check_skip_weight(skip_weight)
     skip = np.float32(skip_weight)
-    plain = pattern.entry_weights is None and known is None and words.shape[1] == 1
-    kernel = _compiled_kernel(engine, len(pattern) * len(words)) if plain else None
-    costs = row_costs(pattern, words, known)
-    for start in range(0, len(words), _TILE):
-        stop = min(start + _TILE, len(words))
-        inside = blocked[np.searchsorted(blocked, start) : np.searchsorted(blocked, stop)] - start
-        out = result[start:stop]
-        if kernel is not None:
-            scales = unit_costs(pattern)[np.arange(len(pattern)), pattern.n_fixed]
-            tile = np.ascontiguousarray(words[start:stop, 0])
-            kernel(pattern.values[:, 0], pattern.fixed[:, 0], scales, tile, inside, skip,
-                   state.last_two, out)  # fmt: skip
-        else:
-            march(costs, start, inside, skip, state.last_two, out)
+    if known is not None and not (~known & np.bitwise_or.reduce(pattern.fixed, axis=0)).any():
+        known = None
+    result = np.empty(len(words), dtype=np.float32)
+    kernel = _compiled_kernel(engine, len(pattern) * len(words))
+    if kernel is None or pattern.entry_weights is not None or words.shape[1] > 1:
+        march(row_costs(pattern, words, known), blocked, skip, state.last_two, result)
+    else:
+        # Kernels are compiled per kind of array: one kind keeps users from waiting again.
+        word = np.require(words[:, 0], requirements=["C", "W"])
+        mask = None if known is None else np.require(known[:, 0], requirements=["C", "W"])
+        kernel(prepare(pattern), word, mask, blocked, skip, state.last_two, result)
     result /= np.float32(len(pattern))
     return result
 
 
 def _compiled_kernel(engine: Engine, n_cells: int) -> Kernel | None:
-    if engine == "numpy" or (engine == "auto" and n_cells < COMPILED_PAYS_AT):
+    pays = n_cells >= COMPILED_PAYS_AT or _COMPILED in sys.modules
+    if engine == "numpy" or (engine == "auto" and not pays):
         return None
     try:
         from motionary.matching._compiled import march_words
@@ -143,4 +142,5 @@ def _compiled_kernel(engine: Engine, n_cells: int) -> Kernel | None:
                 "the compiled engine needs numba; pip install 'motionary[fast]'"
             ) from None
         return None
-    return march_words
+    kernel: Kernel = march_words
+    return kernel

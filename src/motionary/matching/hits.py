@@ -6,6 +6,7 @@ and ranked hits that exclude their neighbourhood (retrieval, after the authors' 
 Conventions: frames are 0-based; a hit is half-open, `stop` one past its last frame.
 """
 
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,13 @@ def local_minima(distance: Single, *, threshold: float) -> NDArray[np.intp]:
 
     Of a plateau the first frame counts; the ends of a document count when the neighbour
     inside is higher.
+
+    Raises
+    ------
+    InvalidInput
+        If the threshold is not a number.
     """
+    _check_threshold(threshold)
     if len(distance) == 0:
         return np.empty(0, dtype=np.intp)
     change = np.flatnonzero(distance[1:] != distance[:-1]) + 1
@@ -49,9 +56,7 @@ def local_minima(distance: Single, *, threshold: float) -> NDArray[np.intp]:
     level = distance[first]
     around = np.concatenate([[np.inf], level, [np.inf]])
     lowest = (level < around[:-2]) & (level < around[2:])
-    if len(first) == 1:
-        lowest[:] = np.isfinite(level)
-    return np.asarray(first[lowest & (level <= threshold) & np.isfinite(level)], dtype=np.intp)
+    return np.asarray(first[lowest & (level <= threshold)], dtype=np.intp)
 
 
 def find_hits(
@@ -76,9 +81,20 @@ def find_hits(
     pattern, words, known : what it was computed from
     threshold : largest cost of a hit
     limit : most hits to return
+
+    Raises
+    ------
+    InvalidInput
+        If the threshold is not a number, the limit negative, or the distance function
+        another document's.
     """
-    if np.isnan(threshold):
-        raise InvalidInput("threshold must be a number, got NaN")
+    _check_threshold(threshold)
+    if limit is not None and limit < 0:
+        raise InvalidInput(f"limit must be at least 0, got {limit}")
+    if len(distance) != len(words):
+        raise InvalidInput(
+            f"the distance function has {len(distance)} frames, the document {len(words)}"
+        )
     order = np.argsort(distance, kind="stable")
     order = order[(distance[order] <= threshold) & np.isfinite(distance[order])]
     excluded = np.zeros(len(distance), dtype=np.bool_)
@@ -97,12 +113,17 @@ def find_hits(
     return taken
 
 
+def _check_threshold(threshold: float) -> None:
+    if np.isnan(threshold):
+        raise InvalidInput("threshold must be a number, got NaN")
+
+
 def _exclude_ends(excluded: NDArray[np.bool_], hit: Hit) -> None:
     length, end = hit.stop - hit.start, hit.stop - 1
-    first = max(0, end - int(np.ceil(0.5 * length)))
-    excluded[first : end + int(np.ceil(0.1 * length)) + 1] = True
+    first = max(0, end - ceil(0.5 * length))
+    excluded[first : end + ceil(0.1 * length) + 1] = True
 
 
 def _same(start: int, hit: Hit) -> bool:
     length = hit.stop - hit.start
-    return hit.start - np.ceil(0.1 * length) <= start <= hit.start + np.ceil(0.5 * length)
+    return hit.start - ceil(0.1 * length) <= start <= hit.start + ceil(0.5 * length)

@@ -12,9 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.words import Words, count, unpack
+from motionary.words import Words, count, count_words, pack, unpack
 
 Floats = NDArray[np.float64]
+
+#: Entry weights keep so many bits below the largest one. Their sums are then exact in
+#: whatever order they are taken: a frame's cost depends neither on the frames beside it
+#: nor on how a product of matrices is cut up.
+_WEIGHT_BITS = 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +33,9 @@ class Pattern:
     weights : array, shape (K,)
         Time that a column stands for; the matcher takes its mean with 1.
     entry_weights : array, shape (K, n_relations), or None
-        Weights of the single entries, for patterns in which what is rare tells more.
+        Weights of the single entries, for patterns in which what is rare tells more; kept
+        to 40 bits. An entry of weight 0 is free.
+    n_fixed : array, shape (K,), the number of fixed entries
     """
 
     values: Words
@@ -38,25 +45,19 @@ class Pattern:
     n_fixed: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
-        if self.values.ndim != 2 or self.values.shape != self.fixed.shape:
-            raise InvalidInput(
-                "a pattern needs values and fixed of one shape (columns, words), got "
-                f"{self.values.shape} and {self.fixed.shape}"
-            )
-        n_columns = self.values.shape[0]
-        if n_columns == 0:
-            raise InvalidInput("a pattern needs at least one column, got none")
-        if self.weights.shape != (n_columns,) or not (self.weights > 0).all():
-            raise InvalidInput(f"a pattern of {n_columns} columns needs as many positive weights")
-        if self.entry_weights is not None and not (
-            self.entry_weights.shape[0] == n_columns and (self.entry_weights >= 0).all()
-        ):
-            raise InvalidInput("entry weights need shape (columns, relations) and no negatives")
-        object.__setattr__(self, "values", self.values & self.fixed)
-        object.__setattr__(self, "n_fixed", count(self.fixed))
+        fixed = _check_fixed(self.values, self.fixed)
+        weights = _check_weights(self.weights, n_columns=len(fixed))
+        if self.entry_weights is not None:
+            entries = _check_entries(self.entry_weights, fixed)
+            fixed = fixed & pack(entries > 0)
+            object.__setattr__(self, "entry_weights", entries)
+        object.__setattr__(self, "values", self.values & fixed)
+        object.__setattr__(self, "fixed", fixed)
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "n_fixed", count(fixed))
 
     def __len__(self) -> int:
-        return self.values.shape[0]
+        return len(self.values)
 
     @property
     def column_weights(self) -> Floats:
@@ -69,29 +70,86 @@ def cell_costs(pattern: Pattern, column: int, words: Words, known: Words) -> Flo
 
     Parameters
     ----------
-    words, known : arrays, shape (..., n_words), uint64
+    words, known : arrays, shape (..., n_words), uint64, that broadcast
 
     Returns
     -------
     array, shape (...), float64. Unknown entries leave the share; a column of which fewer
     than half of the fixed entries are known costs its whole weight.
     """
-    weight = pattern.column_weights[column]
-    fixed = pattern.fixed[column]
-    n_fixed = int(pattern.n_fixed[column])
-    if n_fixed == 0:
-        return np.zeros(words.shape[:-1])
-    seen = known & fixed
-    n_seen = np.bitwise_count(seen).sum(axis=-1, dtype=np.int64)
+    seen = known & pattern.fixed[column]
+    wrong = (words ^ pattern.values[column]) & seen
+    n_seen = count(seen)
     if pattern.entry_weights is None:
-        wrong = np.bitwise_count((words ^ pattern.values[column]) & seen)
-        share = wrong.sum(axis=-1, dtype=np.int64) / np.maximum(n_seen, 1)
+        share = count(wrong) / np.maximum(n_seen, 1)
     else:
         entries = pattern.entry_weights[column]
-        lead = words.shape[:-1]
-        flat = ((words ^ pattern.values[column]) & seen).reshape(-1, words.shape[-1])
-        # Row sums, not a matrix product: a frame's cost must not depend on its neighbours.
-        wrong_weight = (unpack(flat, len(entries)) * entries).sum(axis=1)
-        seen_weight = (unpack(seen.reshape(flat.shape), len(entries)) * entries).sum(axis=1)
-        share = (wrong_weight / np.where(seen_weight > 0, seen_weight, 1.0)).reshape(lead)
-    return np.where(2 * n_seen < n_fixed, 1.0, share) * weight
+        seen_weight = _weigh(seen, entries)
+        share = _weigh(wrong, entries) / np.where(seen_weight > 0, seen_weight, 1.0)
+    unseen = 2 * n_seen < pattern.n_fixed[column]
+    costs: Floats = np.where(unseen, 1.0, share) * pattern.column_weights[column]
+    return costs
+
+
+def check_document(pattern: Pattern, words: Words, known: Words | None) -> None:
+    """Raise InvalidInput unless words and mask have the pattern's form."""
+    if words.ndim != 2 or words.shape[1] != pattern.values.shape[1]:
+        raise InvalidInput(
+            f"the pattern has {pattern.values.shape[1]} integers a frame, the document has "
+            f"shape {words.shape}; both must come from one feature set"
+        )
+    if known is not None and known.shape != words.shape:
+        raise InvalidInput(f"known needs the shape of words {words.shape}, got {known.shape}")
+
+
+def check_skip_weight(skip_weight: float) -> None:
+    """Raise InvalidInput unless the weight is finite and at least 0."""
+    if not 0 <= skip_weight < np.inf:
+        raise InvalidInput(f"skip_weight must be finite and at least 0, got {skip_weight}")
+
+
+def _check_fixed(values: Words, fixed: Words) -> Words:
+    if values.ndim != 2 or values.shape != fixed.shape:
+        raise InvalidInput(
+            "a pattern needs values and fixed of one shape (columns, words), got "
+            f"{values.shape} and {fixed.shape}"
+        )
+    if values.dtype != np.uint64 or fixed.dtype != np.uint64:
+        raise InvalidInput(
+            f"a pattern needs packed relations (uint64), got {values.dtype} and {fixed.dtype}; "
+            "see motionary.words.pack"
+        )
+    if 0 in values.shape:
+        raise InvalidInput(f"a pattern needs at least one column and word, got {values.shape}")
+    return fixed
+
+
+def _check_weights(weights: Floats, *, n_columns: int) -> Floats:
+    weights = np.asarray(weights, dtype=np.float64)
+    if weights.shape != (n_columns,) or not ((weights > 0) & np.isfinite(weights)).all():
+        raise InvalidInput(
+            f"a pattern of {n_columns} columns needs as many finite, positive weights, got "
+            f"shape {weights.shape}"
+        )
+    return weights
+
+
+def _check_entries(entries: Floats, fixed: Words) -> Floats:
+    entries = np.asarray(entries, dtype=np.float64)
+    form = (len(fixed), fixed.shape[1])
+    if entries.ndim != 2 or (len(entries), count_words(entries.shape[1])) != form:
+        raise InvalidInput(
+            f"entry weights need shape (columns, relations) for {form[0]} columns of {form[1]} "
+            f"integers, got {entries.shape}"
+        )
+    if not ((entries >= 0) & np.isfinite(entries)).all():
+        raise InvalidInput("entry weights must be finite and at least 0")
+    step = np.ldexp(1.0, int(np.frexp(entries.max())[1]) - _WEIGHT_BITS)
+    rounded: Floats = np.round(entries / step) * step
+    return rounded
+
+
+def _weigh(words: Words, entries: Floats) -> Floats:
+    bits = unpack(words.reshape(-1, words.shape[-1]), len(entries))
+    total: Floats = np.asarray(bits @ entries)
+    return total.reshape(words.shape[:-1])
