@@ -64,7 +64,7 @@ def write_labels(
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*REQUIRED, *used, *extra])
     for recording, label in rows:
-        own = [_format(getattr(label, name)) for name in ("start_s", "end_s", *used)]
+        own = [_format(label, name) for name in ("start_s", "end_s", *used)]
         further = [label.extra.get(column, "") for column in extra]
         writer.writerow([recording, label.name, *own, *further])
     with write_atomically(path) as beside:
@@ -84,10 +84,11 @@ def _says(label: Label, column: str) -> bool:
     return value is not None and (column != "known" or value < 1)
 
 
-def _format(value: float | None) -> str:
+def _format(label: Label, column: str) -> str:
+    value = getattr(label, column)
     if value is None:
         return ""
-    return str(value) if isinstance(value, int) else repr(float(value))
+    return str(int(value)) if column.endswith("_frame") else repr(float(value))
 
 
 def _rows(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
@@ -96,7 +97,8 @@ def _rows(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
     skipped = 1 if lines[0].lower().startswith("sep=") else 0
     header = next((line for line in lines[skipped:] if line.strip()), "")
     separator = max(_SEPARATORS, key=header.count)
-    reader = csv.reader(lines[skipped:], delimiter=separator, strict=True)
+    rest = io.StringIO("\n".join(lines[skipped:]))
+    reader = csv.reader(rest, delimiter=separator, strict=True)
     columns: list[str] = []
     try:
         for cells in reader:

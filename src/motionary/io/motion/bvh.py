@@ -177,19 +177,14 @@ class _HierarchyReader:
     def without_missing(self) -> tuple[list[_Node], list[str]]:
         kept: list[_Node] = []
         place, missing = {-1: -1}, 0
-        names: set[str] = set()
-        renamed = []
         for i, node in enumerate(self.nodes):
             if node.is_end and not any(node.offset):
                 missing += 1
                 continue
-            if node.name in names:
-                renamed.append(node.name)
-                node.name = _free_name(node.name, names)
-            names.add(node.name)
             place[i] = len(kept)
             node.parent = place[node.parent]
             kept.append(node)
+        renamed = _rename_doubles(kept)
         notes = []
         if missing:
             notes.append(f"{missing} End Sites without length count as missing joints")
@@ -198,11 +193,19 @@ class _HierarchyReader:
         return kept, notes
 
 
-def _free_name(name: str, taken: set[str]) -> str:
-    number = 2
-    while f"{name} ({number})" in taken:
-        number += 1
-    return f"{name} ({number})"
+def _rename_doubles(nodes: list[_Node]) -> list[str]:
+    """Number the second and further joints of a name; returns the names concerned."""
+    taken = {node.name for node in nodes}
+    counts: dict[str, int] = {}
+    for node in nodes:
+        name = node.name
+        counts[name] = counts.get(name, 0) + 1
+        if counts[name] > 1:
+            while f"{name} ({counts[name]})" in taken:
+                counts[name] += 1
+            node.name = f"{name} ({counts[name]})"
+            taken.add(node.name)
+    return [name for name, count in counts.items() if count > 1]
 
 
 def _read_header(text: str, start: int, name: str) -> _Table:
