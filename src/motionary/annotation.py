@@ -20,9 +20,16 @@ from motionary.explanation import Evidence, explain
 from motionary.features import WORD_HZ, FeatureSequence, compute_features
 from motionary.labels import Label, LabelTrack
 from motionary.library import ClassLibrary, MotionClass
-from motionary.matching import SKIP_WEIGHT, Alignment, align, distance_function, local_minima
+from motionary.matching import (
+    SKIP_WEIGHT,
+    Alignment,
+    Pattern,
+    align,
+    distance_function,
+    local_minima,
+)
 from motionary.motion import Motion
-from motionary.templates import QuantisedTemplate, pattern_of
+from motionary.templates import QuantisedTemplate
 from motionary.words import count
 
 Floats = NDArray[np.float64]
@@ -39,6 +46,14 @@ class Segment(NamedTuple):
     stop: int
 
 
+class Match(NamedTuple):
+    """A template of a class, its pattern, and a path that fits."""
+
+    template: QuantisedTemplate
+    pattern: Pattern
+    alignment: Alignment
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassDistance:
     """How one class fits one recording.
@@ -53,8 +68,8 @@ class ClassDistance:
 
     modified: Floats
     owner: NDArray[np.intp]
-    matches: tuple[tuple[QuantisedTemplate, Alignment], ...]
-    least: tuple[QuantisedTemplate, Alignment] | None
+    matches: tuple[Match, ...]
+    least: Match | None
 
 
 def annotate(
@@ -108,50 +123,45 @@ def class_distance(
 ) -> ClassDistance:
     """Modified distance function of a class: the least over its templates."""
     limit = motion_class.threshold if threshold is None else threshold
-    matches: list[tuple[QuantisedTemplate, Alignment]] = []
-    least: tuple[float, QuantisedTemplate, int] | None = None
-    for template in motion_class.quantised():
-        pattern = pattern_of(template)
-        distance = distance_function(
-            pattern, sequence.words, sequence.known, skip_weight=skip_weight
-        )
-        end = int(np.argmin(distance)) if len(distance) else 0
+    matches: list[Match] = []
+    least: tuple[float, QuantisedTemplate, Pattern, int] | None = None
+    words, known = sequence.words, sequence.known
+    for template, pattern in motion_class.sought():
+        distance = distance_function(pattern, words, known, skip_weight=skip_weight)
+        end = int(np.argmin(distance))
         if np.isfinite(distance[end]) and (least is None or distance[end] < least[0]):
-            least = (float(distance[end]), template, end)
+            least = (float(distance[end]), template, pattern, end)
         ends = local_minima(distance, threshold=limit)
-        found = align(pattern, sequence.words, sequence.known, ends, skip_weight=skip_weight)
-        matches += [(template, alignment) for alignment in found]
-    modified, owner = modify([m.start for _, m in matches], [m.end for _, m in matches],
-                             [m.cost for _, m in matches], n_frames=len(sequence))  # fmt: skip
+        found = align(pattern, words, known, ends, skip_weight=skip_weight)
+        matches += [Match(template, pattern, alignment) for alignment in found]
+    modified, owner = modify([match.alignment for match in matches], n_frames=len(sequence))
     nearest = None
     if least is not None:
-        _, template, end = least
-        pattern = pattern_of(template)
-        words, known = sequence.words, sequence.known
-        nearest = (template, align(pattern, words, known, [end], skip_weight=skip_weight)[0])
+        _, template, pattern, end = least
+        found = align(pattern, words, known, [end], skip_weight=skip_weight)
+        nearest = Match(template, pattern, found[0])
     return ClassDistance(modified, owner, tuple(matches), nearest)
 
 
-def modify(
-    starts: Sequence[int], ends: Sequence[int], costs: Sequence[float], *, n_frames: int
-) -> tuple[Floats, NDArray[np.intp]]:
+def modify(matches: Sequence[Alignment], *, n_frames: int) -> tuple[Floats, NDArray[np.intp]]:
     """Modified distance function: every frame of a match gets the match's cost.
 
     Parameters
     ----------
-    starts, ends, costs : of the matches; ends inclusive
+    matches : with first and last frame and cost
     n_frames : length of the recording
 
     Returns
     -------
-    modified, owner : arrays, shape (frames,): the least cost and which match has it
+    modified, owner : arrays, shape (frames,): the least cost and which match has it;
+        infinite and -1 without one
     """
     modified = np.full(n_frames, np.inf)
     owner = np.full(n_frames, -1, dtype=np.intp)
-    for i, (start, end, cost) in enumerate(zip(starts, ends, costs, strict=True)):
-        inside = slice(start, end + 1)
-        cheaper = cost < modified[inside]
-        modified[inside][cheaper] = cost
+    for i, match in enumerate(matches):
+        inside = slice(match.start, match.end + 1)
+        cheaper = match.cost < modified[inside]
+        modified[inside][cheaper] = match.cost
         owner[inside][cheaper] = i
     return modified, owner
 
@@ -239,9 +249,9 @@ def _label(
     distance = distances[segment.class_index]
     inside = distance.modified[segment.start : segment.stop]
     best = segment.start + int(np.argmin(inside))
-    template, alignment = distance.matches[distance.owner[best]]
+    match = distance.matches[distance.owner[best]]
     name = library.names[segment.class_index]
-    evidence = Evidence(name, template, sequence, alignment)
+    evidence = Evidence(name, match.template, match.pattern, sequence, match.alignment)
     start_s, end_s = sequence.seconds(segment.start), sequence.seconds(segment.stop)
     return Label(
         name, start_s, end_s,
@@ -263,12 +273,12 @@ def _nearest(
     found = [(d.least, c) for d, c in zip(distances, library, strict=True) if d.least]
     if not found:
         return f"no class fits into the {sequence.duration_s:.1f} s of this recording"
-    (template, alignment), motion_class = min(found, key=lambda f: f[0][1].cost)
+    match, motion_class = min(found, key=lambda f: f[0].alignment.cost)
     limit = motion_class.threshold if threshold is None else threshold
-    why = explain(Evidence(motion_class.name, template, sequence, alignment))
-    failed = sorted(why.failed, key=lambda f: -f.n_cells)[:3]
-    reasons = ", ".join(str(f) for f in failed)
+    name, alignment = motion_class.name, match.alignment
+    why = explain(Evidence(name, match.template, match.pattern, sequence, alignment))
+    reasons = ", ".join(str(f) for f in why.worst())
     return (
-        f"nothing below {limit:g}; nearest: {motion_class.name} {alignment.cost:.3f} at "
+        f"nothing below {limit:g}; nearest: {name} {alignment.cost:.3f} at "
         f"{alignment.start / WORD_HZ:.1f} s, failed: {reasons}"
     )

@@ -13,22 +13,30 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import WORD_HZ, FeatureSequence
-from motionary.matching import Alignment
+from motionary.matching import Alignment, Pattern
 from motionary.templates import QuantisedTemplate
 from motionary.words import unpack
 
 Bools = NDArray[np.bool_]
 
-_SHORTEST_RUN = 3
 _MOST_PHRASES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What a label or hit stands on: a template, a recording's words and the path."""
+    """What a label or hit stands on.
+
+    Attributes
+    ----------
+    name : of the class
+    template, pattern : what was sought, cell by cell and as the matcher saw it
+    sequence : words of the recording
+    alignment : path through both
+    """
 
     name: str
     template: QuantisedTemplate
+    pattern: Pattern
     sequence: FeatureSequence
     alignment: Alignment
 
@@ -56,14 +64,14 @@ class Finding(NamedTuple):
     relation : id ("F20")
     phrase : in words, with "not" where the class asks for the relation not to hold
     start_s, end_s : seconds, half-open
-    n_cells : cells of the template that it covers
+    weight : how much it tells: the sum over its cells of their weights
     """
 
     relation: str
     phrase: str
     start_s: float
     end_s: float
-    n_cells: int
+    weight: float
 
     def __str__(self) -> str:
         return f"{self.phrase} ({self.start_s:.1f}–{self.end_s:.1f} s)"
@@ -99,11 +107,14 @@ class Explanation:
         if self.held:
             parts.append("held: " + ", ".join(str(f) for f in _telling(self.held)))
         if self.failed:
-            worst = sorted(self.failed, key=lambda f: -f.n_cells)[:_MOST_PHRASES]
-            parts.append("failed: " + ", ".join(str(f) for f in worst))
+            parts.append("failed: " + ", ".join(str(f) for f in self.worst()))
         if self.unknown:
             parts.append("not seen: " + ", ".join(self.unknown[:_MOST_PHRASES]))
         return "; ".join(parts)
+
+    def worst(self) -> list[Finding]:
+        """The failed relations that tell most, most telling first."""
+        return sorted(self.failed, key=lambda f: -f.weight)[:_MOST_PHRASES]
 
 
 def explain(match: Explainable | Evidence) -> Explanation:
@@ -153,16 +164,25 @@ def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
 
 def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Iterator[Finding]:
     """Runs along the path in which one relation is asked for with one value."""
-    wanted = evidence.template.values[evidence.alignment.path[:, 0]]
-    relations = evidence.sequence.feature_set.relations
-    for i, relation in enumerate(relations):
+    columns = evidence.alignment.path[:, 0]
+    wanted = evidence.template.values[columns]
+    weights = _cell_weights(evidence)[columns]
+    for i, relation in enumerate(evidence.sequence.feature_set.relations):
         for value in (True, False):
             phrase = relation.name if value else f"not {relation.name}"
             for first, last in _runs(where[:, i] & (wanted[:, i] == value)):
                 yield Finding(
                     relation.id, phrase, frames[first] / WORD_HZ, (frames[last] + 1) / WORD_HZ,
-                    last - first + 1,
+                    float(weights[first : last + 1, i].sum()),
                 )  # fmt: skip
+
+
+def _cell_weights(evidence: Evidence) -> NDArray[np.float64]:
+    """How much each cell of the template tells, shape (columns, relations)."""
+    if evidence.pattern.entry_weights is not None:
+        return evidence.pattern.entry_weights
+    # What a class does says more than what it leaves undone: most relations rarely hold.
+    return np.where(evidence.template.values, 1.0, 0.25)
 
 
 def _runs(where: Bools) -> list[tuple[int, int]]:
@@ -172,10 +192,8 @@ def _runs(where: Bools) -> list[tuple[int, int]]:
 
 
 def _telling(held: tuple[Finding, ...]) -> list[Finding]:
-    """The findings that say most: relations that hold, long runs first, one each."""
-    ranked = sorted(
-        (f for f in held if f.n_cells >= _SHORTEST_RUN),
-        key=lambda f: (f.phrase.startswith("not "), -f.n_cells),
-    )
-    first_of_each = list({f.relation: f for f in reversed(ranked)}.values())[::-1]
-    return sorted(first_of_each[:_MOST_PHRASES], key=lambda f: f.start_s)
+    """The findings that tell most, one a relation, in the order of time."""
+    ranked = sorted(held, key=lambda f: -f.weight)
+    first_of_each = {f.relation: f for f in reversed(ranked)}
+    best = sorted(first_of_each.values(), key=lambda f: -f.weight)[:_MOST_PHRASES]
+    return sorted(best, key=lambda f: f.start_s)

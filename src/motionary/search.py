@@ -148,7 +148,7 @@ def search(
         quantised = quantise(query, tolerance=settings.tolerance)
         sought = [_Sought(query.provenance or "template", quantised, pattern_of(quantised))]
         return _result(sought, (query,), collection, threshold, limit)
-    sought = [_Sought(query.name, t, pattern_of(t)) for t in query.quantised()]
+    sought = [_Sought(query.name, template, pattern) for template, pattern in query.sought()]
     templates = tuple(s.template for s in query.subclasses)
     limit_cost = query.threshold if threshold is None else threshold
     return _result(sought, templates, collection, limit_cost, limit)
@@ -296,7 +296,7 @@ def _hits_in(
         if any(2 * _overlap(span, other) > span[1] - span[0] for other in spans):
             continue
         spans.append(span)
-        taken.append(_hit(Evidence(item.name, item.template, sequence, alignment)))
+        taken.append(_hit(Evidence(item.name, item.template, item.pattern, sequence, alignment)))
     return taken
 
 
@@ -325,8 +325,7 @@ def _nearest(sought: Sequence[_Sought], collection: Collection, threshold: float
     if not best:
         return "no recording is long enough for what is sought"
     hit = best[0]
-    failed = sorted(explain(hit.evidence).failed, key=lambda f: -f.n_cells)[:3]
-    reasons = ", ".join(str(f) for f in failed)
+    reasons = ", ".join(str(f) for f in explain(hit.evidence).worst())
     return (
         f"nothing below {threshold:g}; nearest: {hit.recording} {hit.cost:.3f} at "
         f"{hit.evidence.alignment.start / WORD_HZ:.1f} s, failed: {reasons}"

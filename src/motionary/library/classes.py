@@ -8,9 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FeatureSet
-from motionary.templates import MotionTemplate, QuantisedTemplate, quantise
+from motionary.matching import Pattern
+from motionary.templates import MotionTemplate, QuantisedTemplate, pattern_of, quantise
 
 #: Müller and Röder (2006), section 5.4: a good trade-off between precision and recall.
 THRESHOLD = 0.06
@@ -36,12 +39,16 @@ class MotionClass:
     subclasses : its templates, at least one
     threshold : largest cost of a match
     tolerance : a cell of a template is fixed if at most this share of examples differs
+    background : share of frames in which each relation holds, in the recordings that were
+        known when the class was learned; what is rare there weighs more. Empty: all
+        entries weigh the same, as published.
     """
 
     name: str
     subclasses: tuple[Subclass, ...]
     threshold: float = THRESHOLD
     tolerance: float = TOLERANCE
+    background: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.subclasses:
@@ -52,6 +59,12 @@ class MotionClass:
         if not 0 <= self.threshold <= 1:
             raise InvalidInput(
                 f"class {self.name!r}: threshold must lie in [0, 1], got {self.threshold}"
+            )
+        n_features = self.subclasses[0].template.n_features
+        shares = self.background
+        if shares and (len(shares) != n_features or not all(0 < s < 1 for s in shares)):
+            raise InvalidInput(
+                f"class {self.name!r}: background needs {n_features} shares between 0 and 1"
             )
 
     def quantised(self) -> tuple[QuantisedTemplate, ...]:
@@ -71,6 +84,11 @@ class MotionClass:
                     "nothing in common: split the class or raise the tolerance"
                 )
         return result
+
+    def sought(self) -> tuple[tuple[QuantisedTemplate, Pattern], ...]:
+        """Quantised templates with the patterns that the matcher looks for."""
+        ones = np.array(self.background) if self.background else None
+        return tuple((template, pattern_of(template, ones=ones)) for template in self.quantised())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,7 +36,8 @@ _INDEX_KEYS = {
     "classes": dict,
 }  # fmt: skip
 _CLASS_KEYS = {
-    "name": str, "threshold": float, "tolerance": float, "values": str, "templates": list,
+    "name": str, "threshold": float, "tolerance": float, "background": list, "values": str,
+    "templates": list,
 }  # fmt: skip
 _TEMPLATE_KEYS = {"name": str, "examples": int, "columns": int, "provenance": str}
 
@@ -95,9 +96,7 @@ def load_library(folder: str | Path) -> ClassLibrary:
             raise UnreadableFile(f"{folder / INDEX}: classes.{name} must be a file name")
         classes.append(_load_class(folder, stem, name, feature_set))
     try:
-        return ClassLibrary(
-            tuple(classes), feature_set, index["provenance"], index["licence"]
-        )
+        return ClassLibrary(tuple(classes), feature_set, index["provenance"], index["licence"])
     except InvalidInput as error:
         raise UnreadableFile(f"{folder}: {error}") from error
 
@@ -123,7 +122,9 @@ def _save_class(motion_class: MotionClass, folder: Path, stem: str) -> set[Path]
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
     content = buffer.getvalue()
     values = folder / f"{stem}.{hashlib.sha256(content).hexdigest()[:8]}.npz"
-    settings = {k: getattr(motion_class, k) for k in ("name", "threshold", "tolerance")}
+    settings = {
+        k: getattr(motion_class, k) for k in ("name", "threshold", "tolerance", "background")
+    }
     path = folder / f"{stem}.toml"
     _write(values, content)
     _write(path, (_toml(settings | {"values": values.name}) + tables).encode())
@@ -145,8 +146,11 @@ def _load_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> 
         _check_keys(path, entry, _TEMPLATE_KEYS, prefix=f"templates[{i}].")
         subclasses.append(_load_subclass(path, i, entry, arrays, feature_set))
     try:
-        return MotionClass(name, tuple(subclasses), content["threshold"], content["tolerance"])
-    except InvalidInput as error:
+        return MotionClass(
+            name, tuple(subclasses), content["threshold"], content["tolerance"],
+            tuple(float(share) for share in content["background"]),
+        )  # fmt: skip
+    except (InvalidInput, TypeError, ValueError) as error:
         raise UnreadableFile(f"{path}: {error}") from error
 
 
@@ -201,9 +205,7 @@ def _check_target(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise UnwritableFile(f"{folder}: is a file; a library needs a folder")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / INDEX).exists():
-        raise UnwritableFile(
-            f"{folder}: holds files but no library; give a new or empty folder"
-        )
+        raise UnwritableFile(f"{folder}: holds files but no library; give a new or empty folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -253,9 +255,7 @@ def _check_keys(
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             content[key] = float(value)
         elif not isinstance(value, kind) or isinstance(value, bool):
-            raise UnreadableFile(
-                f"{path}: {prefix}{key} must be a {kind.__name__}, got {value!r}"
-            )
+            raise UnreadableFile(f"{path}: {prefix}{key} must be a {kind.__name__}, got {value!r}")
 
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:

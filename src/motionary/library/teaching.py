@@ -29,9 +29,11 @@ from motionary.library.classes import (
     MotionClass,
     Subclass,
 )
+from motionary.matching import concatenate, share_of_ones
 from motionary.motion import Motion
 from motionary.templates import learn_template
 from motionary.templates import mirror as mirror_template
+from motionary.words import full_mask
 
 #: Examples of one class, by the name of the subclass.
 Examples = Mapping[str, Sequence[Motion | FeatureSequence]]
@@ -39,11 +41,21 @@ Examples = Mapping[str, Sequence[Motion | FeatureSequence]]
 
 @dataclass(frozen=True, slots=True)
 class Teaching:
-    """Settings of learned classes; defaults of the publications of 2006 and 2009."""
+    """Settings of learned classes.
+
+    Attributes
+    ----------
+    threshold, tolerance : of the classes; defaults of the publications of 2006 and 2009
+    mirror : also learn the mirror image of every template, as a subclass
+    by_surprise : whether relations that are rare among the examples weigh more; False
+        weighs all alike, as published
+    provenance, licence : written into the library
+    """
 
     threshold: float = THRESHOLD
     tolerance: float = TOLERANCE
     mirror: bool = False
+    by_surprise: bool = True
     provenance: str = ""
     licence: str = ""
 
@@ -98,18 +110,18 @@ def learn_classes(
 ) -> ClassLibrary:
     """Library learned from words: class -> subclass -> examples."""
     classes = []
+    feature_set = _feature_set(examples)
+    background = _background(examples, feature_set, teaching)
     for name, subclasses in examples.items():
         learned = [_learn_subclass(key, items) for key, items in subclasses.items()]
         if teaching.mirror:
-            learned += [_mirrored(subclass, _feature_set(examples)) for subclass in learned]
+            learned += [_mirrored(subclass, feature_set) for subclass in learned]
         classes.append(
-            MotionClass(name, tuple(learned), teaching.threshold, teaching.tolerance)
+            MotionClass(name, tuple(learned), teaching.threshold, teaching.tolerance, background)
         )
         if on_done:
             on_done()
-    return ClassLibrary(
-        tuple(classes), _feature_set(examples), teaching.provenance, teaching.licence
-    )
+    return ClassLibrary(tuple(classes), feature_set, teaching.provenance, teaching.licence)
 
 
 def read_examples(
@@ -165,6 +177,23 @@ def _feature_set(examples: Mapping[str, Mapping[str, Sequence[FeatureSequence]]]
     if len(sets) > 1:
         raise InvalidInput(f"examples must share one feature set, got {', '.join(sorted(sets))}")
     return next(iter(sets.values()), FULL_BODY)
+
+
+def _background(
+    examples: Mapping[str, Mapping[str, Sequence[FeatureSequence]]],
+    feature_set: FeatureSet,
+    teaching: Teaching,
+) -> tuple[float, ...]:
+    """Share of the examples' frames in which each relation holds; empty if all weigh alike."""
+    sequences = [s for subclasses in examples.values() for i in subclasses.values() for s in i]
+    if not teaching.by_surprise or not sequences:
+        return ()
+    words, known = [s.words for s in sequences], [s.known for s in sequences]
+    corpus = concatenate(words, known, full=full_mask(1, len(feature_set))[0])
+    ones = share_of_ones(corpus, len(feature_set))
+    if teaching.mirror:
+        ones = (ones + ones[feature_set.mirror_order]) / 2
+    return tuple(round(float(share), 6) for share in np.clip(ones, 1e-6, 1 - 1e-6))
 
 
 def _learn_subclass(name: str, examples: Sequence[FeatureSequence]) -> Subclass:

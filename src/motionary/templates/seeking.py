@@ -11,9 +11,7 @@ from motionary.matching import Pattern, surprise
 from motionary.templates.template import QuantisedTemplate
 
 
-def pattern_of(
-    template: QuantisedTemplate, *, ones: NDArray[np.float64] | None = None
-) -> Pattern:
+def pattern_of(template: QuantisedTemplate, *, ones: NDArray[np.float64] | None = None) -> Pattern:
     """Pattern of a quantised template.
 
     Parameters
