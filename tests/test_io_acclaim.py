@@ -199,6 +199,7 @@ def test_broken_motions_are_refused_with_the_place(tmp_path, small, change, word
     ("change", "words"),
     [
         (replaced("length 0.45", "length 0"), r"line 5: .*positive"),
+        (replaced("length 0.45", "length 1e-320"), r"line 5: .*positive"),
         (replaced("length 0.45", "length much"), r"line 5: .*numbers"),
         (replaced("name bone1", "name bone0"), "name of its own"),
         (replaced("dof r", "dof l r"), "degrees of freedom"),

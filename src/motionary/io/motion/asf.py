@@ -160,8 +160,8 @@ class _Reader:
     def read_unit(self, key: str, words: list[str]) -> None:
         if key == "length":
             (length,) = self.numbers(words, 1)
-            if not length > 0:
-                self.fail(f"the unit of length must be positive, got {length}")
+            if not 1e-6 < length < 1e6:
+                self.fail(f"the unit of length must be positive, such as 0.45, got {words[1]}")
             self.skeleton.metres = METRES_PER_INCH / length
         elif key == "angle":
             self.skeleton.degrees = not words[-1].lower().startswith("rad")

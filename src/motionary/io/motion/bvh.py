@@ -121,8 +121,7 @@ class _HierarchyReader:
         if keyword in ("ROOT", "JOINT"):
             self.start(" ".join(words[1:]), is_root=keyword == "ROOT")
         elif keyword == "END":
-            self.nodes.append(_Node(f"End of {self.current().name}", self.open[-1], is_end=True))
-            self.open.append(len(self.nodes) - 1)
+            self.add(_Node(f"End of {self.current().name}", self.open[-1], is_end=True))
         elif keyword == "OFFSET":
             self.current().offset = self.numbers(words[1:])
         elif keyword == "CHANNELS":
@@ -140,11 +139,13 @@ class _HierarchyReader:
             self.fail("a ROOT stands outside of joints, JOINT and End Site inside of one")
         if not name:
             self.fail("a joint needs a name")
-        parent = self.open[-1] if self.open else -1
-        if parent >= 0 and self.nodes[parent].is_end:
+        self.add(_Node(name, self.open[-1] if self.open else -1))
+
+    def add(self, node: _Node) -> None:
+        if node.parent >= 0 and self.nodes[node.parent].is_end:
             self.fail("an End Site has no joints")
-        self.nodes.append(_Node(name, parent))
-        self.open.append(len(self.nodes) - 1)
+        self.open.append(len(self.nodes))
+        self.nodes.append(node)
 
     def current(self) -> _Node:
         if not self.open:
