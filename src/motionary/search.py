@@ -47,12 +47,14 @@ class Growing:
     hits : nearest hits that the template is learned from, beside the example; 0 searches
         the example's words as they are
     rounds : how often the nearest hits are found anew
+    most_cost : a nearest hit that costs more is too far to learn from
     tolerance : a cell is fixed if at most this share of example and hits differs
     by_surprise : whether what is rare in the collection weighs more
     """
 
     hits: int = 3
     rounds: int = 1
+    most_cost: float = 0.25
     tolerance: float = 0.1
     by_surprise: bool = True
 
@@ -181,7 +183,7 @@ def _by_example(
     template = _learn(example, [])
     for _ in range(growing.rounds if growing.hits else 0):
         sought = _seek(example, template, growing, ones)
-        nearest = _rank([sought], collection, np.inf, growing.hits + 1)
+        nearest = _rank([sought], collection, growing.most_cost, growing.hits + 1)
         others = [hit for hit in nearest if not _is_example(hit, example)][: growing.hits]
         template = _learn(example, others)
     sought = _seek(example, template, growing, ones)
