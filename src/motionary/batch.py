@@ -8,14 +8,15 @@ import os
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from motionary.errors import InvalidInput, MotionaryError, UnwritableFile
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -90,6 +91,10 @@ def _map_here(
 def _map_in_pool(
     function: Callable[[Item], Result], items: Iterable[Item], jobs: int
 ) -> Iterator[tuple[Item, Result | Failure[Item]]]:
+    # Imported late: most runs need no pool, and it costs a fifth of their start.
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     # Spawned everywhere, so that what works on one system works on the others.
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         waiting: deque[tuple[Item, Future[Result | Failure[Item]]]] = deque()
@@ -106,7 +111,7 @@ def _map_in_pool(
 
 
 def _await(
-    waiting: deque[tuple[Item, Future[Result | Failure[Item]]]],
+    waiting: "deque[tuple[Item, Future[Result | Failure[Item]]]]",
 ) -> tuple[Item, Result | Failure[Item]]:
     item, future = waiting.popleft()
     return item, future.result()
