@@ -5,7 +5,7 @@ stays flat where ankles = knees + root pitch - hips.
 """
 
 _SQUAT = """
-    0.0-0.7 s: hips 110, knees 120, ankles 40, root pitch 30, shoulders 80
+    0.0-0.7 s: hips 120, knees 130, ankles 40, root pitch 30, shoulders 80
     1.0-1.7 s: hips 0, knees 0, ankles 0, root pitch 0, shoulders 0
 """
 
@@ -35,32 +35,36 @@ _JUMP = """
     1.2-1.6 s: hips 0, knees 0, ankles 0, root pitch 0, shoulders 0
 """
 
+# A step: the thigh swings first, then the shank, the foot last, so that it clears the floor.
 _WALK = """
-    0.0-0.4 s: right hip 25, left shoulder 22, right shoulder -20
-    0.0-0.2 s: right knee 55
-    0.2-0.4 s: right knee 3, right ankle -20
-    0.0-0.5 s: left hip -20, left ankle 12
-    0.4-1.0 s: right hip -22, right ankle 12
-    0.5-0.95 s: left hip 25, left ankle -20, left shoulder -20, right shoulder 22
-    0.5-0.7 s: left knee 60
-    0.7-0.95 s: left knee 3
-    0.95-1.5 s: left hip -22, left ankle 12
-    1.0-1.4 s: right hip 25, right ankle -20, left shoulder 22, right shoulder -20
-    1.0-1.2 s: right knee 60
-    1.2-1.4 s: right knee 3
-    1.4-1.95 s: right hip 0, right ankle 0, right knee 0
-    1.5-1.95 s: left hip 0, left ankle 0, shoulders 0
-    1.5-1.7 s: left knee 50
-    1.7-1.95 s: left knee 0
+    0.0-0.25 s: right hip 32, left shoulder 22, right shoulder -20
+    0.0-0.18 s: right knee 65, right ankle 10
+    0.22-0.4 s: right knee 3
+    0.25-0.4 s: right ankle -25
+    0.1-0.5 s: left hip -18, left ankle 16
+    0.4-1.0 s: right hip -22, right ankle 18
+    0.5-0.75 s: left hip 32, left shoulder -20, right shoulder 22
+    0.5-0.68 s: left knee 65, left ankle 10
+    0.72-0.9 s: left knee 3
+    0.75-0.9 s: left ankle -25
+    0.9-1.5 s: left hip -22, left ankle 18
+    1.0-1.25 s: right hip 32, left shoulder 22, right shoulder -20
+    1.0-1.18 s: right knee 65, right ankle 10
+    1.22-1.4 s: right knee 3
+    1.25-1.4 s: right ankle -25
+    1.4-1.9 s: right hip 0, right ankle 0, right knee 0
+    1.5-1.7 s: left hip 15, left knee 60, left ankle 15
+    1.55-1.8 s: shoulders 0
+    1.7-1.95 s: left hip 0, left knee 0, left ankle 0
 """
 
 _BOW = """
-    0.0-0.8 s: root pitch 65, hips 65, spine 25, neck 15
+    0.0-0.8 s: root pitch 75, hips 75, spine 25, neck 15
     1.2-2.0 s: root pitch 0, hips 0, spine 0, neck 0
 """
 
 _PICK_UP = """
-    0.0-0.9 s: root pitch 50, hips 95, knees 85, ankles 40, spine 30, {side} shoulder 75
+    0.0-0.9 s: root pitch 50, hips 108, knees 102, ankles 44, spine 30, {side} shoulder 75
     1.2-2.0 s: root pitch 0, hips 0, knees 0, ankles 0, spine 0, {side} shoulder 30, {side} elbow 80
     2.2-2.6 s: {side} shoulder 0, {side} elbow 0
 """
@@ -82,7 +86,7 @@ _PUNCH = """
 """
 
 _SPIN_LEFT = """
-    0.0-0.4 s: shoulders aside 75, right hip -10, right knee 70
+    0.0-0.4 s: shoulders aside 75, right hip -10, right knee 90
     0.2-1.4 s: root turn 360
     1.2-1.6 s: shoulders aside 0, right hip 0, right knee 0
 """

@@ -42,7 +42,7 @@ _NECK = (("neck bend", 1.0), ("neck twist", 1.0))
 _ROOT = (("root turn", 1.0), ("root pitch", 1.0), ("root roll", -1.0))
 
 # A joint this far above the lowest one bears a third of what the lowest bears.
-_CONTACT = 0.02
+_CONTACT = 0.006
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,7 @@ def synthetic_motion(name: str, *, seed: int, rate_hz: float = 120.0) -> Motion:
         If there is no such class, or the seed is negative.
     """
     rng = _generator(seed, name)
-    before, after = rng.uniform(*_AROUND_S, 2)
+    before, after = rng.uniform(*_AROUND_S, 2).tolist()
     phrases = shift(_performance(name, rng), before)
     duration_s = end_of(phrases) + after
     return _perform(phrases, duration_s, rng, rate_hz, f"synthetic {name} {seed}")
@@ -74,14 +74,14 @@ def synthetic_stream(
     labels : list of (name, start_s, end_s), in seconds from the first frame
     """
     rng = _generator(seed, " ".join(names))
-    time_s = rng.uniform(*_PAUSE_S)
+    time_s = float(rng.uniform(*_PAUSE_S))
     phrases: list[Phrase] = []
     labels: list[Stretch] = []
     for name in names:
         motion = shift(_performance(name, rng), time_s)
         labels.append((name, time_s, end_of(motion)))
         phrases += motion
-        time_s = end_of(motion) + rng.uniform(*_PAUSE_S)
+        time_s = end_of(motion) + float(rng.uniform(*_PAUSE_S))
     return _perform(phrases, time_s, rng, rate_hz, f"synthetic stream {seed}"), labels
 
 
@@ -107,8 +107,8 @@ def _perform(
     rate_hz: float,
     source: str,
 ) -> Motion:
-    if not 1.0 <= rate_hz <= 1000.0:
-        raise InvalidInput(f"rate_hz must lie between 1 and 1000, got {rate_hz}")
+    if not 1.0 <= rate_hz <= 10_000.0:
+        raise InvalidInput(f"rate_hz must lie between 1 and 10000, got {rate_hz}")
     size, legs, arms, trunk = 1 + rng.uniform(-1, 1, 4) * (0.1, 0.04, 0.04, 0.04)
     times = np.arange(max(2, round(duration_s * rate_hz))) / rate_hz
     angles = _standing(times, rng)

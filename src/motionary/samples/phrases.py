@@ -132,7 +132,8 @@ def vary(
     Parameters
     ----------
     tempo : spread of the logarithm of the whole tempo; half of it for single stretches
-    amplitude : spread of the factor that each target is multiplied with
+    amplitude : spread of the factor that a phrase's targets are multiplied with; a third
+        of it for single parts, a tenth for their sides
     """
     times = np.unique([0.0, *(t for p in phrases for t in (p.start_s, p.end_s))])
     factors = np.exp(rng.normal(0, tempo) + rng.normal(0, tempo / 2, len(times) - 1))
@@ -142,10 +143,24 @@ def vary(
         Phrase(
             moved[phrase.start_s],
             moved[phrase.end_s],
-            tuple(Target(c, v * (1 + rng.normal(0, amplitude))) for c, v in phrase.targets),
+            _scale(phrase.targets, rng, amplitude),
         )
         for phrase in phrases
     )
+
+
+def _scale(
+    targets: Sequence[Target], rng: np.random.Generator, amplitude: float
+) -> tuple[Target, ...]:
+    whole = 1 + rng.normal(0, amplitude)
+    parts: dict[str, float] = {}
+    scaled = []
+    for channel, value in targets:
+        both_sides = channel if channel.split()[0] in DIRECTIONS else channel[1:]
+        part = parts.setdefault(both_sides, 1 + rng.normal(0, amplitude / 3))
+        side = 1 + rng.normal(0, amplitude / 10)
+        scaled.append(Target(channel, value * whole * part * side))
+    return tuple(scaled)
 
 
 def curves(phrases: Sequence[Phrase], times: Floats) -> dict[str, Floats]:
