@@ -21,7 +21,7 @@ from motionary.templates import learn_template, quantise
 FLYING = ("jump", "jumping_jack")
 # Relations that hold at some time in every performance of a class.
 SHOWN = {
-    "squat": "F20 F21 F29 F30 F37",
+    "squat": "F20 F21 F29 F30",
     "kick_left": "F18 F26 F30",
     "kick_right": "F17 F25 F29",
     "raise_arms": "F3 F4 F5 F6 F9 F27 F28",
