@@ -1,1 +1,24 @@
+"""Pictures: relations, templates, distances, labels and stick figures.
 
+Every function returns a `matplotlib.figure.Figure`, made without pyplot: no window, no
+display, no state shared with the pictures of others.
+"""
+
+from motionary.plots.annotation import plot_annotation
+from motionary.plots.distance import plot_distance
+from motionary.plots.features import plot_features
+from motionary.plots.figures import BONES, plot_pose
+from motionary.plots.saving import save
+from motionary.plots.sheet import plot_sheet
+from motionary.plots.template import plot_template
+
+__all__ = [
+    "BONES",
+    "plot_annotation",
+    "plot_distance",
+    "plot_features",
+    "plot_pose",
+    "plot_sheet",
+    "plot_template",
+    "save",
+]

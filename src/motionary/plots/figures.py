@@ -1,0 +1,248 @@
+"""How is a pose drawn as a stick figure?
+
+Seen from the person's right side, so that they face to the right: the view is turned about
+the vertical until the mean hip line points at the viewer.
+
+Conventions: positions of the 24 generic joints in metres, y up; NaN = not seen. What was
+not seen is not drawn; only over joints that a file never has, bones are drawn to the next
+joint that it has.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motionary.errors import InvalidInput
+from motionary.motion import GENERIC_JOINTS
+from motionary.plots.page import Layout, add_legend, new_page
+from motionary.plots.style import LEFT_SIDE, RIGHT_SIDE, RULE, TRUNK, house_style
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+
+#: Bones of the generic joints: joint and the joint that it hangs on.
+BONES: tuple[tuple[str, str], ...] = (
+    ("lhip", "root"), ("lknee", "lhip"), ("lankle", "lknee"), ("ltoes", "lankle"),
+    ("rhip", "root"), ("rknee", "rhip"), ("rankle", "rknee"), ("rtoes", "rankle"),
+    ("belly", "root"), ("chest", "belly"), ("neck", "chest"), ("head", "neck"),
+    ("headtop", "head"),
+    ("lclavicle", "neck"), ("lshoulder", "lclavicle"), ("lelbow", "lshoulder"),
+    ("lwrist", "lelbow"), ("lfingers", "lwrist"),
+    ("rclavicle", "neck"), ("rshoulder", "rclavicle"), ("relbow", "rshoulder"),
+    ("rwrist", "relbow"), ("rfingers", "rwrist"),
+)  # fmt: skip
+
+_INDEX = {name: i for i, name in enumerate(GENERIC_JOINTS)}
+_PARENT = {_INDEX[joint]: _INDEX[parent] for joint, parent in BONES}
+_SIDED = {name[1:] for name in GENERIC_JOINTS if f"r{name[1:]}" in _INDEX and name[0] == "l"}
+
+_HEAD_RADIUS = 0.55
+_HEAD_PER_THIGH = 0.13
+_LIMB_PT = 1.8
+
+
+class Pose(NamedTuple):
+    """A pose as lines on a plane.
+
+    Attributes
+    ----------
+    left, trunk, right : arrays, shape (bones, 2 ends, 2), metres; far side first
+    head : array, shape (2,), centre of the head, NaN if not seen
+    head_radius : metres
+    """
+
+    left: Floats
+    trunk: Floats
+    right: Floats
+    head: Floats
+    head_radius: float
+
+
+def check_positions(positions: ArrayLike, *, name: str) -> Floats:
+    """Generic positions, shape (frames, 24, 3), with everything infinite made NaN."""
+    array = np.array(positions, dtype=np.float64)
+    if array.ndim != 3 or array.shape[1:] != (len(GENERIC_JOINTS), 3) or len(array) == 0:
+        raise InvalidInput(
+            f"{name}: stick figures need positions of shape (frames, {len(GENERIC_JOINTS)}, 3), "
+            f"got {array.shape}; take them from Motion.generic_positions()"
+        )
+    array[~np.isfinite(array)] = np.nan
+    return array
+
+
+def project(positions: Floats, *, turn_deg: float = 0.0) -> Floats:
+    """Positions seen from the side, shape (frames, 24, 2): forward and up, metres.
+
+    Parameters
+    ----------
+    positions : array, shape (frames, 24, 3), one stretch; it is seen from one direction
+    turn_deg : how far the figures are turned towards the viewer: 0 from the side, 90 from
+        the front
+    """
+    across_x, across_z = _mean_hip_line(positions)
+    turn = np.radians(turn_deg)
+    # Forward is up x right; turned about up, towards the viewer.
+    forward_x = np.cos(turn) * across_z - np.sin(turn) * across_x
+    forward_z = -np.cos(turn) * across_x - np.sin(turn) * across_z
+    forward = positions[..., 0] * forward_x + positions[..., 2] * forward_z
+    return np.stack([forward, positions[..., 1]], axis=-1)
+
+
+def _mean_hip_line(positions: Floats) -> tuple[float, float]:
+    """Horizontal direction (x, z) from the left to the right hip, or shoulder."""
+    for left, right in (("lhip", "rhip"), ("lshoulder", "rshoulder")):
+        lines = (positions[:, _INDEX[right]] - positions[:, _INDEX[left]])[:, [0, 2]]
+        lines = lines[~np.isnan(lines).any(axis=1)]
+        lengths = np.linalg.norm(lines, axis=1)
+        if not (lengths > 0).any():
+            continue
+        mean = lines.mean(axis=0)
+        # Over a full turn the mean says nothing; then the beginning decides.
+        if np.linalg.norm(mean) < 0.3 * lengths.mean():
+            mean = lines[int(np.argmax(lengths > 0))]
+        x, z = (mean / np.linalg.norm(mean)).tolist()
+        return x, z
+    return -1.0, 0.0
+
+
+def poses(positions: Floats, views: Floats, frames: Sequence[int]) -> list[Pose]:
+    """Lines of some frames of one stretch.
+
+    Parameters
+    ----------
+    positions : array, shape (frames, 24, 3)
+    views : array, shape (frames, 24, 2), the same on the plane of the picture
+    frames : which to draw
+    """
+    sides: dict[str, list[tuple[int, int]]] = {"l": [], "": [], "r": []}
+    for joint, parent in _bones_over_missing(positions):
+        sides[_side(joint)].append((joint, parent))
+    head_joints, radius = _head(positions)
+    return [
+        Pose(
+            left=_lines(views[frame], sides["l"]),
+            trunk=_lines(views[frame], sides[""]),
+            right=_lines(views[frame], sides["r"]),
+            head=views[frame, head_joints].mean(axis=0),
+            head_radius=radius,
+        )
+        for frame in frames
+    ]
+
+
+def _side(joint: int) -> str:
+    name = GENERIC_JOINTS[joint]
+    return name[0] if name[1:] in _SIDED else ""
+
+
+def _bones_over_missing(positions: Floats) -> list[tuple[int, int]]:
+    """Bones (joint, parent) of the joints that are ever seen."""
+    seen: NDArray[np.bool_] = np.asarray(np.isfinite(positions).any(axis=(0, 2)))
+    bones = []
+    for joint in np.flatnonzero(seen).tolist():
+        parent = _PARENT.get(joint)
+        while parent is not None and not seen[parent]:
+            parent = _PARENT.get(parent)
+        if parent is not None:
+            bones.append((joint, parent))
+    return bones
+
+
+def _lines(view: Floats, bones: Sequence[tuple[int, int]]) -> Floats:
+    ends = view[np.array(bones, dtype=np.intp).reshape(-1, 2)]
+    return np.asarray(ends[~np.isnan(ends).any(axis=(1, 2))])
+
+
+def _head(positions: Floats) -> tuple[list[int], float]:
+    """Joints in whose middle the head is drawn, and its radius in metres."""
+    head, top = _INDEX["head"], _INDEX["headtop"]
+    length = _median_length(positions, head, top)
+    if length > 0:
+        return [head, top], _HEAD_RADIUS * length
+    # Many files end at the base of the head; its size then follows the thigh's.
+    return [head], _HEAD_PER_THIGH * _median_length(positions, _INDEX["lhip"], _INDEX["lknee"])
+
+
+def _median_length(positions: Floats, start: int, end: int) -> float:
+    lengths = np.linalg.norm(positions[:, end] - positions[:, start], axis=1)
+    lengths = lengths[~np.isnan(lengths)]
+    return float(np.median(lengths)) if len(lengths) else 0.0
+
+
+def draw_poses(
+    axes: "Axes", stick_figures: Sequence[Pose], places: Floats, *, scale: float
+) -> None:
+    """Stick figures at places.
+
+    Parameters
+    ----------
+    places : array, shape (figures, 2), where (0, 0) metres of each figure goes
+    scale : units of the axes per metre
+    """
+    from matplotlib.collections import LineCollection, PatchCollection
+    from matplotlib.patches import Circle
+
+    for part, colour in (("left", LEFT_SIDE), ("trunk", TRUNK), ("right", RIGHT_SIDE)):
+        lines = [scale * getattr(f, part) + p for f, p in zip(stick_figures, places, strict=True)]
+        axes.add_collection(
+            LineCollection(
+                list(np.concatenate(lines)), colors=colour, linewidths=_LIMB_PT, capstyle="round"
+            ),
+            autolim=False,
+        )
+        if part == "trunk":
+            heads = [
+                Circle(tuple(scale * f.head + p), scale * f.head_radius)
+                for f, p in zip(stick_figures, places, strict=True)
+                if not np.isnan(f.head).any()
+            ]
+            axes.add_collection(PatchCollection(heads, color=TRUNK, zorder=2), autolim=False)
+
+
+def legend_of_sides() -> "list[Artist]":
+    """What the colours of the limbs mean."""
+    from matplotlib.lines import Line2D
+
+    return [
+        Line2D([], [], color=LEFT_SIDE, linewidth=_LIMB_PT, label="left side"),
+        Line2D([], [], color=RIGHT_SIDE, linewidth=_LIMB_PT, label="right side"),
+    ]
+
+
+@house_style()
+def plot_pose(position: ArrayLike, *, title: str = "") -> "Figure":
+    """Picture of one pose, from the right side and from the front.
+
+    Parameters
+    ----------
+    position : array, shape (24, 3), generic joints, metres, y up, NaN = not seen
+
+    Raises
+    ------
+    InvalidInput
+        If the shape is another one.
+    """
+    positions = check_positions(np.asarray(position, dtype=np.float64)[np.newaxis], name="pose")
+    layout = Layout(left=0.0, width=2.4, heights=(2.6,), n_stacks=2, above=0.2, below=0.0)
+    figure, stacks = new_page(layout, title=title or "pose")
+    for (axes,), words, turn in zip(stacks, ("right side", "front"), (0.0, 90.0), strict=True):
+        view = project(positions, turn_deg=turn)
+        low, high = np.fmin.reduce(view[0]), np.fmax.reduce(view[0])
+        size = max(np.nan_to_num(high - low).max(), 1e-9)
+        view -= np.nan_to_num([(low[0] + high[0]) / 2, low[1]])
+        draw_poses(axes, poses(positions, view, [0]), np.zeros((1, 2)), scale=1.0)
+        axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0.5)
+        axes.set(xlim=(-0.53 * size, 0.53 * size), ylim=(-0.05 * size, 1.1 * size))
+        axes.set_aspect("equal")
+        axes.set(xticks=[], yticks=[])
+        axes.axis("off")
+        unseen = np.isnan(view).all()
+        axes.set_title(f"{words}: nothing was seen" if unseen else words, loc="left", pad=4.0)
+    add_legend(figure, legend_of_sides())
+    return figure

@@ -1,0 +1,176 @@
+"""Where do axes and words stand on a page?
+
+Pages are laid out in inches, and the room for words is measured: rows keep their height,
+nothing is cut off, and the same input gives the same page.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.plots.lettering import fit, text_width
+from motionary.plots.style import DPI, HATCH, RULE, TEXT_PT, TITLE_PT, UNKNOWN, UNKNOWN_HATCH
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MARGIN = 0.12
+_TITLE_HEIGHT = 0.24
+_LEGEND_HEIGHT = 0.26
+_STACK_GAP = 0.25
+_TICKS_S = (
+    0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600,
+    7200, 18000, 36000,
+)  # fmt: skip
+_TICK_SPACING = 0.55
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Measures of a page, in inches.
+
+    Attributes
+    ----------
+    left, right : room for words beside the axes
+    width : of the axes
+    heights : of the axes, from top to bottom
+    gap : between axes that stand one below the other
+    above, below : room for words above the topmost and below the lowest axes
+    n_stacks : stacks of axes side by side
+    """
+
+    left: float
+    width: float
+    heights: tuple[float, ...]
+    right: float = 0.0
+    gap: float = 0.1
+    above: float = 0.0
+    below: float = 0.36
+    n_stacks: int = 1
+
+    @property
+    def page_width(self) -> float:
+        """Width of the whole page."""
+        return self.left + self.n_stacks * self.pitch - _STACK_GAP + self.right + 2 * _MARGIN
+
+    @property
+    def pitch(self) -> float:
+        """Distance from one stack to the next."""
+        return self.width + _STACK_GAP
+
+
+def new_page(layout: Layout, *, title: str) -> "tuple[Figure, list[list[Axes]]]":
+    """Page with a title, a line for the legend, stacks of axes and seconds below.
+
+    Returns
+    -------
+    figure, and per stack its axes from top to bottom
+    """
+    from matplotlib.figure import Figure
+
+    head = _MARGIN + _TITLE_HEIGHT + _LEGEND_HEIGHT + layout.above
+    gaps = layout.gap * (len(layout.heights) - 1)
+    height = head + sum(layout.heights) + gaps + layout.below + _MARGIN
+    figure = Figure(figsize=(layout.page_width, height), dpi=DPI)
+    tops = height - head - np.cumsum([0.0] + [tall + layout.gap for tall in layout.heights[:-1]])
+    lefts = _MARGIN + layout.left + layout.pitch * np.arange(layout.n_stacks)
+    stacks = [
+        [
+            add_axes(figure, left, top - tall, layout.width, tall)
+            for top, tall in zip(tops.tolist(), layout.heights, strict=True)
+        ]
+        for left in lefts.tolist()
+    ]
+    text = fit(title, layout.page_width - 2 * _MARGIN, size=TITLE_PT, bold=True)
+    place(figure, text, _MARGIN, height - _MARGIN, size=TITLE_PT, bold=True, va="top")
+    return figure, stacks
+
+
+def add_axes(figure: "Figure", left: float, bottom: float, width: float, height: float) -> "Axes":
+    """Axes at a place in inches from the lower left corner."""
+    across, up = figure.get_size_inches()
+    return figure.add_axes((left / across, bottom / up, width / across, height / up))
+
+
+def place(
+    figure: "Figure",
+    text: str,
+    left: float,
+    bottom: float,
+    *,
+    size: float = TEXT_PT,
+    bold: bool = False,
+    va: str = "baseline",
+) -> None:
+    """Words at a place in inches from the lower left corner."""
+    across, up = figure.get_size_inches()
+    weight = "bold" if bold else "normal"
+    figure.text(left / across, bottom / up, text, size=size, weight=weight, va=va)
+
+
+def add_legend(figure: "Figure", handles: "Sequence[Artist]") -> None:
+    """Legend in its line below the title."""
+    across, up = figure.get_size_inches()
+    top = up - _MARGIN - _TITLE_HEIGHT
+    figure.legend(
+        handles=list(handles), ncols=max(len(handles), 1), loc="upper left", frameon=False,
+        bbox_to_anchor=(_MARGIN / across, (top + 0.02) / up), borderpad=0, borderaxespad=0,
+        handlelength=1.6, handletextpad=0.5, columnspacing=1.6,
+    )  # fmt: skip
+
+
+def swatch(label: str, colour: str) -> "Artist":
+    """Entry of a legend: a filled box."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=colour, edgecolor=RULE, linewidth=0.6, label=label)
+
+
+def unknown_swatch(label: str) -> "Artist":
+    """Entry of a legend for what was not seen: a hatched box."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=UNKNOWN, edgecolor=UNKNOWN_HATCH, hatch=HATCH, linewidth=0, label=label)
+
+
+def add_ramp(figure: "Figure", colours: NDArray[np.float64], words: tuple[str, str]) -> None:
+    """Scale of colours at the right end of the legend's line.
+
+    Parameters
+    ----------
+    colours : array, shape (1, n, 3), from low to high
+    words : what the ends mean
+    """
+    across, up = figure.get_size_inches()
+    bottom = up - _MARGIN - _TITLE_HEIGHT - 0.09
+    end = across - _MARGIN - text_width(words[1]) - 0.06
+    axes = add_axes(figure, end - 1.1, bottom, 1.1, 0.12)
+    axes.imshow(colours, aspect="auto", interpolation="nearest")
+    axes.set(xticks=[], yticks=[])
+    start = end - 1.1 - 0.06 - text_width(words[0])
+    place(figure, words[0], start, bottom + 0.01)
+    place(figure, words[1], end + 0.06, bottom + 0.01)
+
+
+def mark_seconds(axes: "Sequence[Axes]", stop_s: float) -> None:
+    """One time axis for stacked axes, its numbers below the last."""
+    width = axes[-1].get_position().width * axes[-1].get_figure(root=True).get_figwidth()  # type: ignore[union-attr]
+    fits = max(width / _TICK_SPACING, 1.0)
+    step = next((t for t in _TICKS_S if stop_s / t <= fits), stop_s)
+    ticks = [i * step for i in range(int(stop_s / step + 1e-9) + 1)]
+    for ax in axes:
+        ax.set_xlim(0.0, stop_s)
+        ax.set_xticks(ticks, labels=[])
+        ax.tick_params(axis="x", color=RULE, length=2.5, width=0.6)
+    axes[-1].set_xticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+    axes[-1].set_xlabel("seconds", labelpad=2.0)
+
+
+def in_seconds(duration_s: float) -> str:
+    """A duration in words: two decimals below ten seconds, one above."""
+    return f"{duration_s:.2f} s" if duration_s < 10 else f"{duration_s:.1f} s"
