@@ -151,6 +151,7 @@ CASES = {
     "sheet, 120 hits": lambda: plots.plot_sheet(
         ("query", person()), [("hit", person(1))] * 120
     ),
+    "sheet, no query": lambda: plots.plot_sheet(None, [("hit", person())]),
     "sheet, one frame": lambda: plots.plot_sheet(("query", person(1)), [("hit", person(2))]),
     "sheet, nothing seen": lambda: plots.plot_sheet(("query", nothing_seen()), []),
     "sheet, a flying joint": lambda: plots.plot_sheet(("query", flying_joint()), [], n_figures=30),
@@ -477,6 +478,7 @@ def test_rows_of_a_sheet_have_one_scale():
         (lambda: plots.plot_sheet(("query", np.ones((3, 20, 3))), []), "24"),
         (lambda: plots.plot_sheet(("query", np.ones((0, 24, 3))), []), "24"),
         (lambda: plots.plot_sheet(("query", person()), [], n_figures=0), "n_figures"),
+        (lambda: plots.plot_sheet(None, []), "a query or hits"),
         (lambda: plots.plot_pose(np.ones((23, 3))), "24"),
     ],
 )

@@ -60,7 +60,7 @@ class _Strip(NamedTuple):
 
 @house_style()
 def plot_sheet(
-    query: tuple[str, ArrayLike],
+    query: tuple[str, ArrayLike] | None,
     hits: Sequence[tuple[str, ArrayLike]],
     *,
     n_figures: int = 8,
@@ -75,17 +75,19 @@ def plot_sheet(
     Parameters
     ----------
     query, hits : title and positions of the 24 generic joints, shape (frames, 24, 3),
-        metres, y up, NaN = not seen
+        metres, y up, NaN = not seen; without a query the hits stand alone
     n_figures : stick figures a row; rows of fewer frames show all they have
 
     Raises
     ------
     InvalidInput
-        If positions have another shape, or `n_figures` is below 1.
+        If positions have another shape, `n_figures` is below 1, or there is nothing to draw.
     """
     if n_figures < 1:
         raise InvalidInput(f"n_figures must be 1 or more, got {n_figures}")
-    shown = [query, *hits[:_MOST_HITS]]
+    shown = [*([] if query is None else [query]), *hits[:_MOST_HITS]]
+    if not shown:
+        raise InvalidInput("a sheet needs a query or hits, got neither")
     strips = [_strip(title, positions, n_figures) for title, positions in shown]
     slot = _WIDTH / max(len(strip.frames) for strip in strips)
     scale = _scale(strips, slot)
@@ -94,12 +96,20 @@ def plot_sheet(
     layout = Layout(
         left=0.0, width=_WIDTH, heights=(sum(heights) + (_TITLE if note else 0.0),), below=0.0
     )
-    figure, ((axes,),) = new_page(layout, title=_title(len(hits)))
+    figure, ((axes,),) = new_page(layout, title=_title(len(hits), with_query=query is not None))
     top = layout.heights[0]
     axes.set(xlim=(0.0, _WIDTH), ylim=(0.0, top), xticks=[], yticks=[])
     axes.axis("off")
     for row, (strip, height) in enumerate(zip(strips, heights, strict=True)):
-        _draw_row(axes, strip, top, height, slot=slot, scale=scale, first=row == 0)
+        _draw_row(
+            axes,
+            strip,
+            top,
+            height,
+            slot=slot,
+            scale=scale,
+            is_query=query is not None and row == 0,
+        )
         top -= height
     axes.text(0.06, 0.08, note, color=TRUNK)
     add_legend(figure, legend_of_sides())
@@ -146,18 +156,18 @@ def _row_height(strip: _Strip, scale: float) -> float:
 
 def _draw_row(
     axes: "Axes", strip: _Strip, top: float, height: float, *, slot: float, scale: float,
-    first: bool,
+    is_query: bool,
 ) -> None:  # fmt: skip
     from matplotlib.patches import Rectangle
 
-    if first:
+    if is_query:
         axes.add_patch(
             Rectangle((0.0, top - height), _WIDTH, height, color=PALE, linewidth=0, zorder=0)
         )
     else:
         axes.axhline(top, color=FAINT, linewidth=0.5)
-    words = fit(strip.title, _WIDTH - 0.12, bold=first)
-    axes.text(0.06, top - 0.06, words, va="top", weight="bold" if first else "normal")
+    words = fit(strip.title, _WIDTH - 0.12, bold=is_query)
+    axes.text(0.06, top - 0.06, words, va="top", weight="bold" if is_query else "normal")
     floor = top - height + _GROUND
     axes.hlines(floor, 0.06, _WIDTH - 0.06, color=RULE, linewidth=0.6, zorder=0.5)
     if np.isnan(strip.views[strip.frames]).all():
@@ -169,10 +179,11 @@ def _draw_row(
     draw_poses(axes, figures, places, scale=scale)
 
 
-def _title(n_hits: int) -> str:
+def _title(n_hits: int, *, with_query: bool) -> str:
     if n_hits == 0:
         return "query without hits"
-    return "query and 1 hit" if n_hits == 1 else f"query and {n_hits} hits"
+    words = "1 hit" if n_hits == 1 else f"{n_hits} hits"
+    return f"query and {words}" if with_query else words
 
 
 def _note(n_hits: int) -> str:
