@@ -12,7 +12,7 @@ from motionary.matching._numpy import Columns, Single
 
 Integers = NDArray[np.uint64]
 
-_TILE = 4096
+_TILE = 1024
 
 
 @numba.njit(cache=True, nogil=True)
@@ -21,7 +21,7 @@ def march_words(
     words: Integers,
     known: Integers | None,
     blocked: NDArray[np.intp],
-    skip: np.float32,
+    again: np.float32,
     last_two: Single,
     out: Single,
 ) -> None:
@@ -42,7 +42,7 @@ def march_words(
                 _masked_costs(columns, k, words[start:stop], known[start:stop], cost)
             row = rows[k % 3, : n + 2]
             row[:2] = last_two[k]
-            _accumulate(k, cost, rows[(k + 2) % 3], rows[(k + 1) % 3], skip, row)
+            _accumulate(k, cost, rows[(k + 2) % 3], rows[(k + 1) % 3], again, row)
             for i in range(first, last):
                 row[blocked[i] - start + 2] = np.inf
             last_two[k] = row[n:]
@@ -52,7 +52,7 @@ def march_words(
 
 @numba.njit(cache=True, nogil=True)
 def _accumulate(
-    k: int, cost: Single, before: Single, skipped: Single, skip: np.float32, row: Single
+    k: int, cost: Single, before: Single, skipped: Single, again: np.float32, row: Single
 ) -> None:
     if k == 0:
         row[2:] = cost
@@ -61,8 +61,8 @@ def _accumulate(
             row[i + 2] = min(before[i + 1], before[i]) + cost[i]
     else:
         for i in range(len(cost)):
-            straight = min(before[i + 1], before[i]) + cost[i]
-            row[i + 2] = min(straight, cost[i] * skip + skipped[i + 1])
+            straight = min(before[i + 1], before[i])
+            row[i + 2] = min(straight, skipped[i + 1] + cost[i] * again) + cost[i]
 
 
 @numba.njit(cache=True, nogil=True)

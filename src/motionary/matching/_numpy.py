@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching.pattern import Floats, Pattern
-from motionary.words import Words, unpack
+from motionary.words import Words, count, unpack
 
 Single = NDArray[np.float32]
 
-# Large enough that the calls cost little, small enough for a processor's second cache.
-_TILE = 16384
+# Frames at a time: enough that the calls cost little, few enough for a processor's caches.
+_TILE = 32768
 
 
 class Columns(NamedTuple):
@@ -113,39 +113,58 @@ class _MaskedCosts:
 
 
 class _WeighedCosts:
-    """Any pattern: products of matrices, whose sums are exact (see `pattern`)."""
+    """Any pattern: tables of what each byte of a frame adds, whose sums are exact."""
 
     def __init__(self, pattern: Pattern, words: Words, known: Words | None) -> None:
-        entries = pattern.entry_weights
-        n_relations = 64 * words.shape[1] if entries is None else entries.shape[1]
+        n_relations = 64 * words.shape[1]
         fixed = unpack(pattern.fixed, n_relations)
         value = unpack(pattern.values, n_relations)
-        weight = fixed.astype(np.float64) if entries is None else fixed * entries
+        weight = fixed.astype(np.float64)
+        if pattern.entry_weights is not None:
+            weight[:, : pattern.entry_weights.shape[1]] *= pattern.entry_weights
+        self._pattern, self._words = pattern, words
+        self._known = ~np.zeros((1, words.shape[1]), np.uint64) if known is None else known
+        self._used = np.flatnonzero(fixed.any(axis=0).reshape(-1, 8).any(axis=1))
         # Wrong is a 1 that is not there, or one that should not be.
-        self._if_known = np.concatenate([weight * value, weight, fixed])
-        self._if_set = np.where(value, -weight, weight)
-        self._n_fixed, self._full = pattern.n_fixed, pattern.column_weights
-        self._n_relations, self._words, self._known = n_relations, words, known
+        self._if_known = self._tables(weight * value)
+        self._if_set = self._tables(np.where(value, -weight, weight))
+        self._weights = self._tables(weight)
 
     def enter(self, start: int, stop: int) -> None:
-        words = self._words[start:stop]
-        if self._known is None:
-            seen = np.ones((1, self._n_relations))
-        else:
-            words = words & self._known[start:stop]
-            seen = self._bits(self._known[start:stop])
-        wrong, weight, n_seen = np.split(self._if_known @ seen.T, 3)
-        self._share = self._if_set @ self._bits(words).T
-        self._share += wrong
-        self._share /= np.where(weight > 0, weight, 1.0)
-        self._unseen = 2 * n_seen < self._n_fixed[:, np.newaxis]
+        seen = self._known if len(self._known) == 1 else self._known[start:stop]
+        # Often one mask holds for all: what a skeleton lacks, it lacks in every frame.
+        self._seen = seen[:1] if (seen == seen[0]).all() else seen
+        self._seen_bytes = self._bytes(self._seen)
+        self._set_bytes = self._bytes(self._words[start:stop] & self._seen)
 
     def write(self, column: int, out: Single) -> None:
-        full = self._full[column]
-        out[:] = np.where(self._unseen[column], 1.0, self._share[column]) * full
+        share = _sum(self._if_set[column], self._set_bytes)
+        share += _sum(self._if_known[column], self._seen_bytes)
+        weight = _sum(self._weights[column], self._seen_bytes)
+        share /= np.where(weight > 0, weight, 1.0)
+        unseen = 2 * count(self._seen & self._pattern.fixed[column]) < self._pattern.n_fixed[column]
+        out[:] = np.where(unseen, 1.0, share) * self._pattern.column_weights[column]
 
-    def _bits(self, words: Words) -> Floats:
-        return unpack(words, self._n_relations).astype(np.float64)
+    def _tables(self, weights: Floats) -> Floats:
+        """Weight of each value of each used byte, shape (K, bytes, 256)."""
+        by_byte = weights.reshape(len(weights), -1, 8)[:, self._used]
+        tables = np.zeros((*by_byte.shape[:2], 256))
+        for bit in range(8):
+            half = 1 << bit
+            tables[..., half : 2 * half] = tables[..., :half] + by_byte[..., bit, np.newaxis]
+        return tables
+
+    def _bytes(self, words: Words) -> NDArray[np.intp]:
+        """Used bytes, shape (bytes, frames)."""
+        as_bytes = np.ascontiguousarray(words, dtype="<u8").view(np.uint8)
+        return as_bytes.T[self._used].astype(np.intp)
+
+
+def _sum(tables: Floats, places: NDArray[np.intp]) -> Floats:
+    total = np.zeros(places.shape[1])
+    for table, place in zip(tables, places, strict=True):
+        total += table.take(place)
+    return total
 
 
 class _Row(NamedTuple):
@@ -159,12 +178,13 @@ class _Row(NamedTuple):
 
 
 def march(
-    costs: RowCosts, blocked: NDArray[np.intp], skip: np.float32, last_two: Single, out: Single
+    costs: RowCosts, blocked: NDArray[np.intp], again: np.float32, last_two: Single, out: Single
 ) -> None:
     """Accumulated costs of the last column, written to `out`.
 
-    `last_two` (K, 2) holds every column's two frames before the first and is updated;
-    no path goes through the frames that are `blocked`.
+    The cell after a (2, 1) step counts once and `again` times more; `last_two` (K, 2)
+    holds every column's two frames before the first and is updated; no path goes through
+    the frames that are `blocked`.
     """
     buffer = np.empty((4, min(_TILE, len(out)) + 2), dtype=np.float32)
     for start in range(0, len(out), _TILE):
@@ -172,7 +192,7 @@ def march(
         costs.enter(start, stop)
         rows = [_views(row[: stop - start + 2]) for row in buffer[:3]]
         inside = blocked[np.searchsorted(blocked, start) : np.searchsorted(blocked, stop)] - start
-        _march_tile(costs, rows, buffer[3, : stop - start], inside, skip, last_two)
+        _march_tile(costs, rows, buffer[3, : stop - start], inside, again, last_two)
         out[start:stop] = rows[(len(last_two) - 1) % 3].here
 
 
@@ -185,7 +205,7 @@ def _march_tile(
     rows: list[_Row],
     cost: Single,
     blocked: NDArray[np.intp],
-    skip: np.float32,
+    again: np.float32,
     last_two: Single,
 ) -> None:
     for k in range(len(last_two)):
@@ -195,11 +215,13 @@ def _march_tile(
         costs.write(k, here if k == 0 else cost)
         if k > 0:
             np.minimum(before.one_back, before.two_back, out=here)
-            np.add(here, cost, out=here)
         if k > 1:
-            np.multiply(cost, skip, out=cost)
-            np.add(cost, skipped.one_back, out=cost)
-            np.minimum(here, cost, out=here)
+            # In place: nothing reads that row again.
+            twice = skipped.one_back
+            np.add(twice, cost if again == 1 else cost * again, out=twice)
+            np.minimum(here, twice, out=here)
+        if k > 0:
+            np.add(here, cost, out=here)
         if len(blocked):
             here[blocked] = np.inf
         last_two[k] = row.last_two

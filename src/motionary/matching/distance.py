@@ -31,7 +31,8 @@ Kernel = Callable[..., Any]
 #: The authors' programs count the cell after a (2, 1) step twice, for the column left out.
 SKIP_WEIGHT = 2.0
 
-#: Below so many cells NumPy ends before a compiled twin is loaded.
+#: From so many cells on the compiled twin is worth the half second that loading it takes:
+#: NumPy needs 30 ms for them, and a pattern seldom comes alone.
 COMPILED_PAYS_AT = 20_000_000
 
 _COMPILED = "motionary.matching._compiled"
@@ -114,18 +115,18 @@ def _distance(
     engine: Engine,
 ) -> Single:
     check_skip_weight(skip_weight)
-    skip = np.float32(skip_weight)
+    again = np.float32(skip_weight - 1)
     if known is not None and not (~known & np.bitwise_or.reduce(pattern.fixed, axis=0)).any():
         known = None
     result = np.empty(len(words), dtype=np.float32)
     kernel = _compiled_kernel(engine, len(pattern) * len(words))
     if kernel is None or pattern.entry_weights is not None or words.shape[1] > 1:
-        march(row_costs(pattern, words, known), blocked, skip, state.last_two, result)
+        march(row_costs(pattern, words, known), blocked, again, state.last_two, result)
     else:
         # Kernels are compiled per kind of array: one kind keeps users from waiting again.
         word = np.require(words[:, 0], requirements=["C", "W"])
         mask = None if known is None else np.require(known[:, 0], requirements=["C", "W"])
-        kernel(prepare(pattern), word, mask, blocked, skip, state.last_two, result)
+        kernel(prepare(pattern), word, mask, blocked, again, state.last_two, result)
     result /= np.float32(len(pattern))
     return result
 
