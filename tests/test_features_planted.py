@@ -201,16 +201,27 @@ def test_a_document_that_starts_strong_starts_true():
     assert state_of("F20", as_array([pose, planted_pose(knee_angle, 115, "r")])) == [True, True]
 
 
+@pytest.mark.parametrize(("id", "side", "other"), [("F33", "r", "l"), ("F34", "l", "r")])
+def test_a_hand_is_low_beside_other_joints_than_its_own(id, side, other):
+    pose = standing()
+    pose[side + "fingers"][1], pose[side + "wrist"][1] = 0.2, -1.0
+    assert state_of(id, as_array([standing(), pose])) == [False, True]
+    pose[other + "wrist"][1] = -1.0
+    assert state_of(id, as_array([standing(), pose])) == [False, False]
+
+
 @pytest.mark.parametrize(
     ("id", "change", "at", "passes"),
     [
         ("F3", hand_above_neck, 0.0, True),  # at least
         ("F19", feet_apart, 1.8, True),
+        ("F22", feet_crossed, 0.0, True),  # at most
+        ("F35", left_shoulder_forward, 0.35, False),  # more than
         ("F36", left_shoulder_forward, -0.35, False),  # less than
     ],
 )
-def test_the_threshold_itself_belongs_to_at_least_and_not_to_less(id, change, at, passes):
-    beyond = {"F3": 1.0, "F19": 3.0, "F36": -1.0}[id]
+def test_the_threshold_itself_belongs_to_at_least_and_at_most(id, change, at, passes):
+    beyond = {"F3": 1.0, "F19": 3.0, "F22": -1.0, "F35": 1.0, "F36": -1.0}[id]
     # Lengths of a power of two keep the planted values exact.
     poses = [standing(), planted_pose(change, beyond, "r"), planted_pose(change, at, "r")]
     assert state_of(id, as_array(poses)) == [False, True, passes]
