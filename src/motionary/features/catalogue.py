@@ -1,7 +1,9 @@
 """Which 40 relations describe a body in motion?
 
 Müller and Röder (2006), table 6, F1 to F39; F40 after Müller, Baak and Seidel (2009),
-section 3. Thresholds are those of the authors' programs, weak before strong.
+section 3. Thresholds are those of the authors' programs, weak before strong. As there, the
+right arm, or the left one, measures both sides, and F1 and F2 count from the left hip: the
+mirror image of a relation is exact on a symmetric body whose hips keep their direction.
 
 To add one: write a `Relation` with a quantity of `quantities`, or a function of your own
 with the same arguments, and put it into a `FeatureSet` of another name. The fields, in
