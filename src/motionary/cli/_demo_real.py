@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from motionary.cli import _demo_steps as steps
@@ -65,7 +66,7 @@ def run(data: Path, output: Path, jobs: int) -> Iterator[str]:
 
 def _search(data: Path, clips: Collection, output: Path) -> Iterator[str]:
     yield f"1. Search by one example, without any class: {EXAMPLE}"
-    example = read(data / "hdm05" / EXAMPLE)
+    example = replace(read(data / "hdm05" / EXAMPLE), source=EXAMPLE)
     began = time.perf_counter()
     result = search(example, clips, limit=12)
     took = time.perf_counter() - began

@@ -29,7 +29,8 @@ def show_hits(
             f"  cost {hit.cost:.3f}"
         )
     title, motion = query
-    strips = [(hit_title(hit), cut(motions[hit.recording], hit)) for hit in result.hits[:6]]
+    others = [hit for hit in result if hit.recording != motion.source]
+    strips = [(hit_title(hit), cut(motions[hit.recording], hit)) for hit in others[:5]]
     save(plot_sheet((title, motion.generic_positions()), strips), folder / "hits.png")
     template = result.templates[0]
     save(plot_template(template, tolerance=0.1), folder / "template.png")
