@@ -1,5 +1,5 @@
 """The words of a folder of recordings."""
 
-from motionary.index.collection import Collection, collect
+from motionary.index.collection import Collection, collect, read_collection
 
-__all__ = ["Collection", "collect"]
+__all__ = ["Collection", "collect", "read_collection"]

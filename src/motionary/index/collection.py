@@ -1,7 +1,7 @@
 """What is searched: the words of many recordings, and what could not be read."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -88,18 +88,41 @@ def collect(
     given = [recordings] if isinstance(recordings, str | Path) else list(recordings)
     paths = [g for g in given if isinstance(g, str | Path)]
     words = [_words(g, feature_set) for g in given if isinstance(g, Motion | FeatureSequence)]
-    failures: list[Failure[NamedFile]] = []
-    if paths:
-        files = name_recordings(paths).items()
-        read: Iterable[FeatureSequence | Failure[NamedFile]] = read_features(
-            files, reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done
-        )
-        for item in read:
-            if isinstance(item, Failure):
-                failures.append(item)
-            else:
-                words.append(item)
-    return Collection(tuple(words), feature_set, tuple(failures))
+    if not paths:
+        return Collection(tuple(words), feature_set)
+    read = read_collection(
+        name_recordings(paths).items(),
+        reading=reading,
+        feature_set=feature_set,
+        jobs=jobs,
+        on_done=on_done,
+    )
+    return replace(read, sequences=(*words, *read.sequences))
+
+
+def read_collection(
+    files: Iterable[NamedFile],
+    *,
+    reading: Reading | None = None,
+    feature_set: FeatureSet = FULL_BODY,
+    jobs: int = 1,
+    on_done: Callable[[NamedFile], None] | None = None,
+) -> Collection:
+    """Words of files whose names are settled; otherwise as `collect`.
+
+    Parameters
+    ----------
+    files : pairs of a recording's name and its path
+    reading, jobs, on_done : as in `collect`
+    """
+    items = list(
+        read_features(files, reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done)
+    )
+    return Collection(
+        tuple(item for item in items if not isinstance(item, Failure)),
+        feature_set,
+        tuple(item for item in items if isinstance(item, Failure)),
+    )
 
 
 def _words(item: Motion | FeatureSequence, feature_set: FeatureSet) -> FeatureSequence:

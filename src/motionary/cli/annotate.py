@@ -1,0 +1,155 @@
+"""`motionary annotate`: which motions occur in these recordings, and when?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from motionary.cli import screen
+from motionary.cli.inputs import check_target, complain_of_all, find_files
+from motionary.cli.options import AsJson, Jobs, ReadingOptions
+from motionary.cli.pictures import draw_annotation
+
+if TYPE_CHECKING:
+    from motionary.labels import Label, LabelTrack
+    from motionary.library import ClassLibrary
+
+_COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelOptions:
+    """What counts as a label, and where labels go."""
+
+    library: Annotated[
+        str | None, typer.Option(metavar="LIB", help="A folder that `motionary learn` wrote.")
+    ] = None
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, metavar="COST", help="Largest cost of a match; by default each class's own."
+        ),
+    ] = None
+    output: Annotated[
+        str | None, typer.Option("--output", "-o", metavar="CSV", help="Write a table of labels.")
+    ] = None
+    plot: Annotated[
+        str | None,
+        typer.Option(metavar="FOLDER", help="Draw each recording's labels and distances."),
+    ] = None
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Say of each label which relations held and failed.")
+    ] = False
+
+
+def annotate(
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to label.")
+    ],
+    options: LabelOptions,
+    as_json: AsJson = False,
+    *,
+    jobs: Jobs,
+    reading: ReadingOptions,
+) -> int:
+    """Label recordings with the classes of a library.
+
+    A recording without a label says which class came nearest, and what failed.
+
+    motionary annotate takes/*.amc --library my-classes -o labels.csv --explain
+    """
+    from motionary.annotation import annotate as annotate_recording
+    from motionary.batch import Failure
+    from motionary.features import read_features
+    from motionary.io import write_labels
+
+    library = _library(options)
+    found = find_files(files)
+    failures, tracks = [], []
+    with screen.progress("labelling", len(found.files)) as done:
+        sequences = read_features(
+            found.files.items(),
+            reading=reading.reading(),
+            feature_set=library.feature_set,
+            jobs=jobs,
+            on_done=done,
+        )
+        for words in sequences:
+            if isinstance(words, Failure):
+                failures.append(words)
+                continue
+            track = annotate_recording(words, library, threshold=options.threshold)
+            tracks.append(track)
+            if options.plot:
+                draw_annotation(
+                    options.plot, track, words=words, library=library, threshold=options.threshold
+                )
+            if as_json:
+                screen.say_json(_to_json(track, explained=options.explain))
+    if options.output:
+        write_labels(tracks, options.output)
+    if not as_json:
+        _say(tracks, explained=options.explain)
+    complain_of_all(found.missing.values(), failures)
+    return 1 if found.missing or failures else 0
+
+
+def _library(options: LabelOptions) -> "ClassLibrary":
+    """The library, before anything is read: what is wrong with the use shows at once."""
+    if options.library is None:
+        raise typer.BadParameter(
+            "needs a library of motion classes to look for; learn one from examples with "
+            "`motionary learn EXAMPLES -o LIB`, then pass --library LIB",
+            param_hint="--library",
+        )
+    from motionary.library import load_library
+
+    for path in (options.output, options.plot):
+        check_target(path)
+    return load_library(options.library)
+
+
+def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
+    from motionary.explanation import explain
+
+    keys = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
+    labels = []
+    for label in track:
+        shown: dict[str, Any] = {"label": label.name}
+        shown |= {key: getattr(label, key) for key in keys}
+        if explained:
+            shown["explanation"] = str(explain(label))
+        labels.append(shown)
+    return {
+        "recording": track.recording,
+        "rate_hz": track.rate_hz,
+        "labels": labels,
+        "unassessed": [{"start_s": start, "end_s": end} for start, end in track.unassessed],
+    }
+
+
+def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
+    from motionary.explanation import explain
+
+    rows: list[tuple[str, ...]] = []
+    below: dict[int, str] = {}
+    for track in tracks:
+        for label in track:
+            if explained:
+                below[len(rows)] = str(explain(label))
+            rows.append((track.recording, *_cells(label)))
+        for start_s, end_s in track.unassessed:
+            times = (f"{start_s:.2f}", f"{end_s:.2f}")
+            rows.append((track.recording, "(too little seen)", *times, "", ""))
+        if not len(track):
+            below[len(rows)] = track.nearest
+            rows.append((track.recording, "(none)", "", "", "", ""))
+    if rows:
+        screen.say_table(_COLUMNS, rows, below=below)
+
+
+def _cells(label: "Label") -> tuple[str, ...]:
+    cost = "" if label.cost is None else f"{label.cost:.3f}"
+    times = f"{label.start_s:.2f}", f"{label.end_s:.2f}"
+    return (label.name, *times, cost, f"{100 * label.known:.0f} %")

@@ -1,0 +1,172 @@
+"""`motionary evaluate`: how well do labels agree with the truth?"""
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motionary.cli import screen
+from motionary.cli.options import AsJson
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.labels import LabelTrack
+
+if TYPE_CHECKING:
+    from motionary.evaluation import Measures, Scores
+
+Tracks = Mapping[str, LabelTrack]
+
+_COLUMNS = ("", ">P1", ">R1", ">F1", ">P2", ">R2", ">F2", ">mAP")
+_RENAME_COLUMNS = ["label", "new"]
+_MIDDLE_IOU = 0.5
+_MOST_NAMES = 5
+
+
+def evaluate(
+    labels: Annotated[
+        str, typer.Argument(metavar="LABELS", help="A table of labels, as `annotate -o` writes.")
+    ],
+    truth: Annotated[str, typer.Option(metavar="TRUTH", help="A table of the true labels.")],
+    rename: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=NEW",
+            help="Call a class otherwise, in both tables; or a CSV table with the columns "
+            "label,new. Repeatable.",
+        ),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CLASS", help="Count labels of this class only. Repeatable."),
+    ] = None,
+    count_missing: Annotated[
+        bool,
+        typer.Option(
+            "--count-missing",
+            help="Take recordings that only TRUTH has as if nothing was found in them; a "
+            "recording without labels has no row in LABELS.",
+        ),
+    ] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Score labels against the truth.
+
+    P1, R1, F1: precision, recall and F of frames. P2, R2, F2: of segments, which count as
+    found if they overlap at all. mAP: mean average precision of segments that overlap by
+    half. Recordings are matched by name, with or without folder and suffix.
+
+    motionary evaluate labels.csv --truth truth.csv --rename squat=exercise
+    """
+    from motionary.evaluation import evaluate as score
+    from motionary.io import read_labels
+
+    names = _read_renames(rename or [])
+    predicted, true = _match(read_labels(labels), read_labels(truth), count_missing=count_missing)
+    predicted, true = _rename(predicted, names), _rename(true, names)
+    if only:
+        _check_only(only, predicted, true)
+    scores = score(predicted, true, classes=only or None)
+    if as_json:
+        screen.say_json(scores.as_dict())
+    else:
+        _say(scores)
+    return 0
+
+
+def _read_renames(given: Sequence[str]) -> dict[str, str]:
+    names: dict[str, str] = {}
+    for text in given:
+        name, separator, new = text.partition("=")
+        if separator and not Path(text).exists():
+            if not name or not new:
+                raise typer.BadParameter(f"expected NAME=NEW, got {text!r}", param_hint="--rename")
+            names[name] = new
+        else:
+            names |= _read_table(Path(text))
+    return names
+
+
+def _read_table(path: Path) -> dict[str, str]:
+    from motionary.io.text import read_text
+
+    rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
+    if not rows or rows[0] != _RENAME_COLUMNS or any(len(row) != 2 for row in rows):
+        raise UnreadableFile(
+            f"{path}: expected a table with the columns {','.join(_RENAME_COLUMNS)} and two "
+            "cells a row"
+        )
+    return dict((row[0], row[1]) for row in rows[1:])
+
+
+def _match(predicted: Tracks, truth: Tracks, *, count_missing: bool) -> tuple[Tracks, Tracks]:
+    """Both tables for the recordings that both know, under the names of the predicted one."""
+    from motionary.io import match_recording
+
+    found = {name: match_recording(name, truth) for name in predicted}
+    matched = {name: truth[row] for name, row in found.items() if row is not None}
+    kept = {name: predicted[name] for name in matched}
+    unlabelled = sorted(set(truth) - set(found.values()))
+    if count_missing:
+        kept |= {name: LabelTrack(name) for name in unlabelled}
+        matched |= {name: truth[name] for name in unlabelled}
+    if not kept:
+        raise InvalidInput(
+            "the labels and the truth have no recording in common; labels: "
+            f"{_enumerate(sorted(predicted))}; truth: {_enumerate(sorted(truth))}"
+        )
+    strangers = sorted(set(predicted) - set(kept))
+    if strangers:
+        screen.complain(f"not in the truth, left out: {_enumerate(strangers)}")
+    if unlabelled and not count_missing:
+        screen.complain(
+            f"without a row in the labels, left out: {_enumerate(unlabelled)}; if nothing was "
+            "found in them, --count-missing counts what was missed"
+        )
+    return kept, matched
+
+
+def _rename(tracks: Tracks, names: Mapping[str, str]) -> Tracks:
+    return {
+        recording: replace(
+            track, labels=tuple(replace(x, name=names.get(x.name, x.name)) for x in track)
+        )
+        for recording, track in tracks.items()
+    }
+
+
+def _check_only(only: Sequence[str], *tables: Tracks) -> None:
+    there = sorted({name for table in tables for track in table.values() for name in track.names})
+    unknown = [name for name in only if name not in there]
+    if unknown:
+        raise typer.BadParameter(
+            f"no label is called {', '.join(unknown)}; there are: {', '.join(there)}",
+            param_hint="--only",
+        )
+
+
+def _say(scores: "Scores") -> None:
+    rows = [["all as one", *_cells(scores.concatenated)], ["mean", *_cells(scores.mean)]]
+    for title, parts in (("recording", scores.recordings), ("class", scores.classes)):
+        rows.append([""] * len(_COLUMNS))
+        rows += [[f"{title} {name}", *_cells(one)] for name, one in parts.items()]
+    screen.say_table(_COLUMNS, rows)
+    ious = scores.concatenated.mean_average_precision
+    shown = ", ".join(f"{iou:g}: {_number(value)}" for iou, value in ious.items())
+    screen.say("", f"mAP by least overlap, all as one: {shown}")
+
+
+def _cells(measures: "Measures") -> list[str]:
+    values = (*measures.frames, *measures.segments)
+    return [_number(v) for v in (*values, measures.mean_average_precision[_MIDDLE_IOU])]
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.3f}"
+
+
+def _enumerate(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return (", ".join(names[:_MOST_NAMES]) or "none") + more

@@ -1,0 +1,84 @@
+"""`motionary features`: which of the 40 relations hold when, in numbers?"""
+
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motionary.cli.inputs import check_picture, check_target, read_as_told
+from motionary.cli.options import ReadingOptions
+
+if TYPE_CHECKING:
+    from motionary.features import FeatureSequence
+
+
+def features(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A recording.")],
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="NPZ", help="Where to write; .npz or .csv.")
+    ],
+    plot: Annotated[
+        str | None, typer.Option(metavar="PNG", help="Draw the relations over time.")
+    ] = None,
+    *,
+    reading: ReadingOptions,
+) -> int:
+    """Write which of the 40 relations hold in a recording, and when.
+
+    There are 30 frames a second. A .npz file has `features` and `known`, arrays of 0 and 1
+    of shape (frames, 40), `names` and `rate_hz`. In a .csv file unknown relations are empty
+    cells.
+
+    motionary features take.bvh -o take.npz
+    """
+    from dataclasses import replace
+
+    from motionary.features import compute_features
+
+    suffix = Path(output).suffix.lower()
+    if suffix not in (".npz", ".csv"):
+        raise typer.BadParameter(f"must end in .npz or .csv, got {output}", param_hint="--output")
+    check_target(output)
+    check_picture("--plot", plot)
+    path = Path(file)
+    motion = replace(read_as_told(path, reading.reading()), source=path.name)
+    words = compute_features(motion)
+    if suffix == ".npz":
+        _write_npz(words, output)
+    else:
+        _write_csv(words, output)
+    if plot:
+        from motionary.plots import plot_features, save
+
+        save(plot_features(words), plot)
+    return 0
+
+
+def _write_npz(words: "FeatureSequence", path: str) -> None:
+    import numpy as np
+
+    from motionary.batch import write_atomically
+
+    with write_atomically(path) as beside:
+        np.savez_compressed(
+            beside,
+            features=words.features,
+            known=words.known_features,
+            names=np.array(words.feature_set.names),
+            rate_hz=np.float64(words.rate_hz),
+        )
+
+
+def _write_csv(words: "FeatureSequence", path: str) -> None:
+    from motionary.batch import write_atomically
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["time_s", *words.feature_set.names])
+    for i, (held, known) in enumerate(zip(words.features, words.known_features, strict=True)):
+        cells = [str(h) if k else "" for h, k in zip(held, known, strict=True)]
+        writer.writerow([f"{i / words.rate_hz:.4f}", *cells])
+    with write_atomically(path) as beside:
+        beside.write_text(text.getvalue(), encoding="utf-8", newline="")

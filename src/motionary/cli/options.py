@@ -1,0 +1,170 @@
+"""Which options do commands share, and how does a command take several as one?
+
+A group is a frozen dataclass whose fields are options; a command that takes one has all of
+them. Defaults are the library's own: they are looked up when a command needs or shows them.
+"""
+
+import importlib
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from inspect import Parameter, Signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
+
+from motionary.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from motionary.features import Reading
+
+
+class LibraryDefault:
+    """Default of a parameter of the library, such as ("motionary.search:search", "limit").
+
+    The help shows it; a module is imported for it only where that help is asked for.
+    """
+
+    def __init__(self, home: str, parameter: str) -> None:
+        self.home = home
+        self.parameter = parameter
+
+    def __call__(self) -> Any:
+        """The default."""
+        module, _, name = self.home.partition(":")
+        function = getattr(importlib.import_module(module), name)
+        return inspect.signature(function).parameters[self.parameter].default
+
+    def __str__(self) -> str:
+        return str(self())
+
+
+def _check_asf(value: str | None) -> str | None:
+    if value is not None and not Path(value).is_file():
+        raise typer.BadParameter(f"{value}: no such file")
+    return value
+
+
+def _check_rate(value: float | None) -> float | None:
+    if value is not None and not 0 < value < math.inf:
+        raise typer.BadParameter(f"needs frames per second above 0, got {value:g}")
+    return value
+
+
+def _check_skeleton(value: str | None) -> str | None:
+    if value is not None and not value.lower().endswith(".asf"):
+        from motionary.skeletons import known_mappings
+
+        if value not in known_mappings():
+            known = ", ".join(known_mappings())
+            raise typer.BadParameter(f"no known skeleton {value!r}; choose one of {known}")
+    return value
+
+
+def _check_unit(value: str | None) -> str | None:
+    if value is not None:
+        from motionary.io.motion.units import metres_per_unit
+
+        try:
+            metres_per_unit(value)
+        except InvalidInput as error:
+            raise typer.BadParameter(str(error)) from error
+    return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingOptions:
+    """What files do not say themselves."""
+
+    asf: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            callback=_check_asf,
+            help="Skeleton of Acclaim motions (AMC); by default looked for by name.",
+        ),
+    ] = None
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            callback=_check_rate,
+            help="Frames per second, where files do not say it or say it wrong.",
+        ),
+    ] = None
+    skeleton: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            callback=_check_skeleton,
+            help="A known skeleton, where joint names do not tell it.",
+        ),
+    ] = None
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="UNIT",
+            callback=_check_unit,
+            help="m, cm, mm, inch or metres per unit, where the size of the body does not tell it.",
+        ),
+    ] = None
+
+    def reading(self) -> "Reading":
+        """The same for the library."""
+        from motionary.features import Reading
+
+        return Reading(asf=self.asf, rate_hz=self.rate, skeleton=self.skeleton, unit=self.unit)
+
+
+Jobs = Annotated[
+    int,
+    typer.Option(
+        min=1,
+        metavar="N",
+        default_factory=LibraryDefault("motionary.batch:map_ordered", "jobs"),
+        help="Processes that read files; the answer is the same.",
+    ),
+]
+
+AsJson = Annotated[
+    bool,
+    typer.Option("--json", help="JSON on stdout, one object a line, and nothing else."),
+]
+
+
+def expand_groups(
+    command: Callable[..., int | None],
+) -> tuple[Callable[..., int | None], Signature]:
+    """The command with a parameter for each field of its groups, and that signature."""
+    groups: dict[str, Any] = {}
+    parameters: list[Parameter] = []
+    hints = get_type_hints(command, include_extras=True)
+    for name, parameter in inspect.signature(command).parameters.items():
+        if is_dataclass(hints[name]):
+            groups[name] = hints[name]
+            parameters += _parameters_of(hints[name])
+        else:
+            kind = Parameter.KEYWORD_ONLY
+            parameters.append(parameter.replace(kind=kind, annotation=hints[name]))
+
+    def expanded(**values: Any) -> int | None:
+        for name, group in groups.items():
+            values[name] = group(**{f.name: values.pop(f.name) for f in fields(group)})
+        return command(**values)
+
+    return expanded, Signature(parameters)
+
+
+def _parameters_of(group: Any) -> list[Parameter]:
+    hints = get_type_hints(group, include_extras=True)
+    return [
+        Parameter(
+            field.name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if field.default is MISSING else field.default,
+            annotation=hints[field.name],
+        )
+        for field in fields(group)
+    ]

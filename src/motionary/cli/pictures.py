@@ -1,0 +1,95 @@
+"""Which pictures go with an answer?"""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motionary.cli.inputs import read_as_told
+
+if TYPE_CHECKING:
+    from motionary.cli.example import Example
+    from motionary.features import FeatureSequence, Reading
+    from motionary.labels import LabelTrack
+    from motionary.library import ClassLibrary, MotionClass
+    from motionary.motion import Floats, Motion
+    from motionary.search import Hit
+    from motionary.templates import MotionTemplate
+
+
+def draw_sheet(
+    path: str,
+    hits: Sequence["Hit"],
+    *,
+    example: "Example | None",
+    files: Mapping[str, Path],
+    reading: "Reading",
+) -> None:
+    """Stick figures of an example and its hits; without an example the best hit leads."""
+    from motionary.plots import plot_sheet, save
+
+    motions: dict[str, Motion] = {}
+    rows = []
+    if example is not None:
+        words = example.words
+        stop = words.first_frame + words.file_frames - 1
+        rows.append((f"example: {example.title}", _cut(example.motion, words.first_frame, stop)))
+    for rank, hit in enumerate(hits, start=1):
+        if hit.recording not in motions:
+            motions[hit.recording] = read_as_told(files[hit.recording], reading)
+        title = f"{rank}: {hit.recording} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
+        rows.append((title, _cut(motions[hit.recording], hit.start_frame, hit.end_frame)))
+    if rows:
+        save(plot_sheet(rows[0], rows[1:]), path)
+
+
+def draw_template(path: str, template: "MotionTemplate", tolerance: float) -> None:
+    """A template, and its fixed cells beside it."""
+    from motionary.plots import plot_template, save
+
+    save(plot_template(template, tolerance=tolerance), path)
+
+
+def draw_annotation(
+    folder: str,
+    track: "LabelTrack",
+    *,
+    words: "FeatureSequence",
+    library: "ClassLibrary",
+    threshold: float | None,
+) -> None:
+    """Labels of a recording below the distances of the classes, into a folder."""
+    from motionary.annotation import class_distance
+    from motionary.plots import plot_annotation, save
+
+    distances = {
+        one.name: class_distance(words, one, threshold=threshold).modified for one in library
+    }
+    figure = plot_annotation(track, distances=distances, classes=library.names)
+    save(figure, Path(folder, f"{_file_name(track.recording)}.png"))
+
+
+def draw_class(folder: str, motion_class: "MotionClass", *, library: "ClassLibrary") -> None:
+    """Templates of a class and their fixed cells, a picture a template, into a folder."""
+    from motionary.plots import plot_template, save
+
+    for subclass in motion_class.subclasses:
+        figure = plot_template(
+            subclass.template, tolerance=motion_class.tolerance, feature_set=library.feature_set
+        )
+        name = motion_class.name
+        if subclass.name != name:
+            name = f"{name}-{subclass.name.removeprefix(name)}"
+        save(figure, Path(folder, f"{_file_name(name)}.png"))
+
+
+def _cut(motion: "Motion", first: int, last: int) -> "Floats":
+    """Generic joints of frames as the file numbers them, both ends included."""
+    start = max(first - motion.first_frame, 0)
+    stop = min(max(last + 1 - motion.first_frame, start + 1), motion.n_frames)
+    return motion.cut(start, stop).generic_positions()
+
+
+def _file_name(name: str) -> str:
+    """A name as file systems like it; folders in it become part of it."""
+    return re.sub(r"[^\w.+-]+", "_", name).strip("._") or "picture"
