@@ -1,0 +1,120 @@
+"""Which keyframe queries does a collection hold?
+
+JSON files of named collections of named queries, in the form in which the queries of
+Baak, Müller and Seidel (2008) and of Müller, Baak and Seidel (2009) are passed on: per
+query "keyframes" (a sign 0, 1 or * for every feature of a group), "groups", "positions",
+"distances", "stiffness" and "template_length".
+
+Conventions: positions count from 1 in the file and from 0 in what is read.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from motionary.errors import UnreadableFile
+from motionary.io.text import read_text
+
+
+class QueryRecord(NamedTuple):
+    """One query as it is written.
+
+    Attributes
+    ----------
+    keyframes : per keyframe, a sign 0, 1 or * for every feature of its group
+    groups : per keyframe, the group of its features
+    distances, stiffness : per gap, frames and stiffness
+    positions : per keyframe, column of the template it comes from, from 0
+    template_length : columns of that template
+    """
+
+    keyframes: tuple[str, ...]
+    groups: tuple[str, ...]
+    distances: tuple[int, ...]
+    stiffness: tuple[float, ...]
+    positions: tuple[int, ...]
+    template_length: int
+
+
+def read_query_collections(path: str | Path) -> dict[str, dict[str, QueryRecord]]:
+    """Queries of a file, by collection and name.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, is no JSON, or a query is incomplete or malformed; names the
+        query.
+    """
+    path = Path(path)
+    try:
+        content = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFile(f"{path}: is no JSON file: {error}") from None
+    if not _is_table(content) or not all(_is_table(part) for part in content.values()):
+        raise UnreadableFile(
+            f"{path}: needs an object of collections, each an object of queries by name"
+        )
+    return {
+        collection: {
+            name: _read_record(path, f"{collection}/{name}", entry) for name, entry in part.items()
+        }
+        for collection, part in content.items()
+    }
+
+
+def _read_record(path: Path, name: str, entry: Any) -> QueryRecord:
+    def refuse(problem: str) -> UnreadableFile:
+        return UnreadableFile(f"{path}: query {name!r}: {problem}")
+
+    if not _is_table(entry):
+        raise refuse("needs to be an object")
+    missing = [key for key in QueryRecord._fields if key not in entry]
+    if missing:
+        raise refuse(f"lacks {', '.join(missing)}")
+    columns = {key: _read_list(entry[key], kind) for key, kind in _KINDS.items()}
+    wrong = [key for key, values in columns.items() if values is None]
+    if wrong or not _is_number(entry["template_length"], int):
+        raise refuse(f"{(*wrong, 'template_length')[0]} is not what it should be")
+    n_keyframes = len(entry["keyframes"])
+    for key in columns:
+        expected = n_keyframes - 1 if key in ("distances", "stiffness") else n_keyframes
+        if n_keyframes == 0 or len(entry[key]) != expected:
+            raise refuse(f"{n_keyframes} keyframes do not go with {len(entry[key])} {key}")
+    if min(entry["positions"]) < 1 or max(entry["positions"]) > entry["template_length"]:
+        raise refuse("positions lie outside the template")
+    return QueryRecord(
+        tuple(entry["keyframes"]),
+        tuple(entry["groups"]),
+        tuple(entry["distances"]),
+        tuple(float(value) for value in entry["stiffness"]),
+        tuple(position - 1 for position in entry["positions"]),
+        entry["template_length"],
+    )
+
+
+_KINDS: Mapping[str, type] = {
+    "keyframes": str,
+    "groups": str,
+    "distances": int,
+    "stiffness": float,
+    "positions": int,
+}
+
+
+def _read_list(values: Any, kind: type) -> list[Any] | None:
+    """The values, if they are a list of that kind."""
+    if not isinstance(values, list):
+        return None
+    if kind is str:
+        return values if all(isinstance(value, str) for value in values) else None
+    return values if all(_is_number(value, kind) for value in values) else None
+
+
+def _is_number(value: Any, kind: type) -> bool:
+    allowed = int if kind is int else (int, float)
+    return isinstance(value, allowed) and not isinstance(value, bool)
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict)

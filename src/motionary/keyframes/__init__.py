@@ -1,0 +1,54 @@
+"""Keyframe queries: a few poses with elastic gaps, found in hours of motion."""
+
+from motionary.keyframes.building import (
+    Vocabulary,
+    from_patterns,
+    from_relations,
+    from_template,
+    join_queries,
+    mirror_query,
+)
+from motionary.keyframes.choosing import Choice, choose_keyframes
+from motionary.keyframes.query import (
+    Gap,
+    KeyframeQuery,
+    Spring,
+    gap_of,
+    gap_of_seconds,
+    spring_of,
+)
+from motionary.keyframes.ranges import HitRange, HitRanges, extend, margins
+from motionary.keyframes.ranking import template_of_query
+from motionary.keyframes.search import search_query, search_words
+from motionary.keyframes.single import single_hits
+from motionary.keyframes.text import format_query, parse_query
+from motionary.keyframes.word_index import WordIndex, index_words
+
+__all__ = [
+    "Choice",
+    "Gap",
+    "HitRange",
+    "HitRanges",
+    "KeyframeQuery",
+    "Spring",
+    "Vocabulary",
+    "WordIndex",
+    "choose_keyframes",
+    "extend",
+    "format_query",
+    "from_patterns",
+    "from_relations",
+    "from_template",
+    "gap_of",
+    "gap_of_seconds",
+    "index_words",
+    "join_queries",
+    "margins",
+    "mirror_query",
+    "parse_query",
+    "search_query",
+    "search_words",
+    "single_hits",
+    "spring_of",
+    "template_of_query",
+]
