@@ -9,6 +9,8 @@ from matching_cases import Case, cases, random_rows, same_bits, words_and_mask
 from motionary.matching import (
     MatchState,
     Pattern,
+    _compiled,
+    _numpy,
     align,
     cell_costs,
     concatenate,
@@ -18,6 +20,7 @@ from motionary.matching import (
 from motionary.words import full_mask, pack
 
 ENGINES = ["numpy", "compiled"]
+TILES = (_compiled._TILE, _numpy._TILE)
 
 
 def measure(case: Case, *, engine="numpy", known=True, state=None, part=slice(None)):
@@ -121,9 +124,9 @@ def test_chunks_of_any_size_give_the_whole_across_tiles(engine, weighed, masked)
     pattern, words, known = large_case(1, weighed=weighed)
     mask = known if masked else np.full_like(known, 2**64 - 1)
     whole = distance_function(pattern, words, mask, engine=engine)
-    edges = np.sort(np.random.default_rng(5).integers(0, len(words), 12))
+    edges = np.sort(np.random.default_rng(5).integers(TILES[-1] + 1, len(words), 5))
     state, parts = MatchState.fresh(pattern), []
-    for part in np.split(np.arange(len(words)), [1, 2, 4097, 16385, *edges[edges > 16385]]):
+    for part in np.split(np.arange(len(words)), [1, 2, *(t + 1 for t in TILES), *edges]):
         parts.append(
             distance_function(pattern, words[part], mask[part], state=state, engine=engine)
         )
@@ -176,7 +179,7 @@ def test_no_path_crosses_a_border_between_documents(case, seed, engine):
 def test_borders_hold_across_tiles(masked, engine):
     pattern, words, known = large_case(4)
     known = known if masked else np.full_like(known, 2**40 - 1)
-    cuts = [4093, 4095, 16370, 16377, 16378, 20_000]
+    cuts = [edge for tile in TILES for edge in (tile - 8, tile - 6, tile - 5, tile - 4)]
     corpus = concatenate(np.split(words, cuts), np.split(known, cuts), full=full_mask(1, 40)[0])
     together = corpus_distance(pattern, corpus, engine=engine)
     for i, part in enumerate(corpus.split(together)):
@@ -243,9 +246,21 @@ def test_a_drop_out_is_never_a_hit(case, seed, engine):
     assert (measure(dropped._replace(skip_weight=1), engine=engine) >= 0.5).all()
 
 
+@pytest.mark.parametrize("weighed", [False, True])
+@pytest.mark.parametrize("masked", [False, True])
+def test_agreement_costs_exactly_nothing_and_nothing_costs_less(weighed, masked):
+    pattern, words, known = large_case(7, n_frames=2000, weighed=weighed)
+    distance = distance_function(pattern, words, known if masked else None)
+    assert distance[108] == 0
+    assert (distance >= 0).all()
+
+
 def test_what_one_frame_costs_does_not_depend_on_the_others():
-    pattern, words, known = large_case(6, n_frames=300, n_columns=1, weighed=True)
+    pattern, words, known = large_case(6, n_frames=600, n_columns=1, weighed=True)
+    parts = [slice(i, i + 1) for i in range(600)]
     whole = distance_function(pattern, words, known)
-    for i in range(0, 300, 7):
-        part = slice(i, i + 1)
-        assert same_bits(whole[part], distance_function(pattern, words[part], known[part]))
+    alone = [distance_function(pattern, words[i], known[i]) for i in parts]
+    assert same_bits(whole, np.concatenate(alone))
+    costs = cell_costs(pattern, 0, words, known)
+    alone = [cell_costs(pattern, 0, words[i], known[i]) for i in parts]
+    assert same_bits(costs, np.concatenate(alone))

@@ -113,7 +113,7 @@ class _MaskedCosts:
 
 
 class _WeighedCosts:
-    """Any pattern: tables of what each byte of a frame adds, whose sums are exact."""
+    """Any pattern: tables of what each byte of a frame adds, summed in the order of bytes."""
 
     def __init__(self, pattern: Pattern, words: Words, known: Words | None) -> None:
         n_relations = 64 * words.shape[1]

@@ -16,10 +16,6 @@ from motionary.words import Words, count, count_words, pack, unpack
 
 Floats = NDArray[np.float64]
 
-#: Entry weights keep so many bits below the largest one. Their sums are then exact in
-#: whatever order they are taken: a frame costs the same alone and among others.
-_WEIGHT_BITS = 40
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pattern:
@@ -32,8 +28,8 @@ class Pattern:
     weights : array, shape (K,)
         Time that a column stands for; the matcher takes its mean with 1.
     entry_weights : array, shape (K, n_relations), or None
-        Weights of the single entries, for patterns in which what is rare tells more; kept
-        to 40 bits. An entry of weight 0 is free.
+        Weights of the single entries, for patterns in which what is rare tells more. An
+        entry of weight 0 is free.
     n_fixed : array, shape (K,), the number of fixed entries
     """
 
@@ -143,13 +139,11 @@ def _check_entries(entries: Floats, fixed: Words) -> Floats:
         )
     if not ((entries >= 0) & np.isfinite(entries)).all():
         raise InvalidInput("entry weights must be finite and at least 0")
-    step = np.ldexp(1.0, int(np.frexp(entries.max())[1]) - _WEIGHT_BITS)
-    rounded: Floats = np.round(entries / step) * step
-    return rounded
+    return entries
 
 
 def _weigh(words: Words, entries: Floats) -> Floats:
     bits = unpack(words.reshape(-1, words.shape[-1]), len(entries))
-    # Not a product of matrices: for so few frames its threads would only wait.
+    # Not a product of matrices: there, a frame's sum may depend on the frames beside it.
     total: Floats = np.einsum("ij,j->i", bits, entries)
     return total.reshape(words.shape[:-1])
