@@ -2,6 +2,7 @@
 
 from motionary.matching.alignment import Alignment, align
 from motionary.matching.corpus import Corpus, concatenate
+from motionary.matching.deciding import Segment, annotate_distances, find_runs, modify
 from motionary.matching.distance import (
     SKIP_WEIGHT,
     MatchState,
@@ -19,13 +20,17 @@ __all__ = [
     "Hit",
     "MatchState",
     "Pattern",
+    "Segment",
     "align",
+    "annotate_distances",
     "cell_costs",
     "concatenate",
     "corpus_distance",
     "distance_function",
     "find_hits",
+    "find_runs",
     "local_minima",
+    "modify",
     "share_of_ones",
     "surprise",
 ]
