@@ -149,6 +149,7 @@ def test_contradictory_seconds(bad, complaint):
         ([[1, 0]], [[1, 0]], [(0, 1)], None, "1 keyframes need 0 gaps, got 1"),
         ([[1], [1]], [[1], [1]], [(5, 3)], None, "gap 1 contradicts itself.*got 5 to 3"),
         ([[1], [1]], [[1], [1]], [(-1, 3)], None, "gap 1 contradicts itself"),
+        ([[1], [1]], [[1], [1]], [(0, 10**30)], None, "longer than any recording"),
         ([[1], [1]], [[1], [1]], [(0, 3)], (4, 2), "ascending from 0"),
         ([[1], [1]], [[1], [1]], [(0, 3)], (1,), "2 keyframes need as many positions"),
     ],

@@ -28,6 +28,7 @@ from motionary.keyframes.algorithm import (
     keyframe_lists,
     union,
 )
+from motionary.keyframes.bitmaps import mark, spread, spread_back
 from motionary.words import pack
 from oracles import keyframes as oracle
 
@@ -296,6 +297,34 @@ def test_union_of_segments_is_maximal():
 def test_segments_intersect():
     assert Segment(2, 5) & Segment(5, math.inf) == Segment(5, 5)
     assert Segment(2, 5) & Segment(6, 7) is None
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0, 64), (64, 128), (60, 128), (0, 200), (63, 65)])
+def test_runs_that_end_with_a_block(start, stop):
+    row = "".join("1" if start <= n < stop else "0" for n in range(200))
+    assert both(query_for(1), stream(row), stream("1")) == [(0, start, stop), (1, 0, 1)]
+    two = query_for(2, (1, 3))
+    assert both(two, stream(row, "0" + row[:-1])) == [(0, start, min(stop + 1, 200))]
+
+
+@pytest.mark.parametrize(
+    ("least", "most"),
+    [(0, 0), (3, 40), (16, 16), (100, 700), (64, None), (0, None), (290, 310), (2000, 3000)],
+)
+@pytest.mark.parametrize("look", [spread, spread_back])
+def test_marks_spread_to_whatever_is_within_reach(look, least, most):
+    # Stretches are 16 frames long; the kernel may know longer ones on other machines.
+    marks_per_block = len(mark(np.zeros(4, dtype=np.uint64))) // 4
+    frames_per_mark = 64 // marks_per_block
+    marks = np.random.default_rng(0).random(80) < 0.05
+    sign = 1 if look is spread else -1
+    expected = np.zeros(80, dtype=bool)
+    for a in np.flatnonzero(marks):
+        for b in range(80):
+            nearest = (sign * (b - a) - 1) * frames_per_mark + 1
+            farthest = (sign * (b - a) + 1) * frames_per_mark - 1
+            expected[b] |= farthest >= least and (most is None or nearest <= most)
+    assert look(marks, least, most).tolist() == expected.tolist()
 
 
 # The index.

@@ -115,9 +115,20 @@ def test_other_streams_have_their_own_words():
         format_query(query)
 
 
+def test_names_that_would_be_misread_go_by_id():
+    names = ("not here", "left, then right", "then", "twice", "Twice", "X1")
+    stream = Stream(SET, ids_of(6), names)
+    query = from_relations([dict.fromkeys(ids_of(6), True)], [], vocabulary=stream)
+    text = format_query(query, vocabulary=stream)
+    assert text.splitlines()[1] == "X1, X2, X3, twice, X5, X6"
+    assert parse_query(text, vocabulary=stream) == query
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
+        ("at 99999999999999999999 s: F1", "line 1: no relation"),
+        ("F1\nthen within 99999999999999999999 s\nF2", "line 2: no gap of the form"),
         ("", "at least one keyframe"),
         ("# nothing", "at least one keyframe"),
         ("F1\nthen\nright hand abuve neck", "line 3: .*did you mean 'right hand above neck'"),

@@ -21,7 +21,7 @@ Marks = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
 #: Reading single blocks beats reading all when at most one in so many is wanted.
-_SPARSE = 8
+_SPARSE = 16
 
 #: Below so many blocks the bits are unpacked rather than peeled off one by one.
 _FEW = 64
@@ -104,11 +104,12 @@ def runs(bitmaps: Words) -> list[Intervals]:
     """Maximal runs of set bits of each row, shape (rows, blocks)."""
     n_rows, n_blocks = bitmaps.shape
     bitmap = bitmaps.reshape(-1)
+    touched = bitmap != 0
+    touched[1:] |= touched[:-1].copy()
+    blocks = np.flatnonzero(touched)
+    bits = bitmap[blocks]
     # A bit differs from the one before it at the first of a run and one past its last.
-    changes = bitmap << _ONE
-    changes[1:] |= bitmap[:-1] >> _TOP
-    changes ^= bitmap
-    positions = _set_bits(changes)
+    positions = _set_bits(bits ^ ((bits << _ONE) | (bitmap[blocks - 1] >> _TOP)), blocks)
     begin = np.arange(n_rows) * (n_blocks * BITS)
     parts = np.split(positions, np.searchsorted(positions, begin[1:]))
     return [
@@ -126,10 +127,10 @@ def _shift(marks: Marks, offset: int) -> Marks:
     return result
 
 
-def _set_bits(bitmap: Words) -> Integers:
-    """Positions of the set bits, ascending."""
-    blocks = np.flatnonzero(bitmap != 0)
-    bits, bases = bitmap[blocks], blocks * BITS
+def _set_bits(bits: Words, blocks: Integers) -> Integers:
+    """Positions of the set bits of some blocks, ascending."""
+    left = np.flatnonzero(bits != 0)
+    bits, bases = bits[left], blocks[left] * BITS
     ends = np.cumsum(np.bitwise_count(bits), dtype=np.int64)
     result = np.empty(ends[-1] if len(ends) else 0, dtype=np.int64)
     at = np.concatenate([[0], ends[:-1]])

@@ -25,6 +25,10 @@ _SLACK = 1e-9
 _SNAP = 0.05
 
 
+#: Longer than any recording: gaps beyond are a mistake for "no bound".
+_LONGEST = 1 << 40
+
+
 class Gap(NamedTuple):
     """How many frames may lie between two neighbouring keyframes.
 
@@ -175,6 +179,8 @@ def check_gaps(gaps: Sequence[Gap], *, n_keyframes: int) -> tuple[Gap, ...]:
                 f"gap {number} contradicts itself: it needs 0 <= least <= most, "
                 f"got {least} to {most} frames"
             )
+        if max(least, most or 0) > _LONGEST:
+            raise InvalidInput(f"gap {number} is longer than any recording; None means no bound")
         checked.append(Gap(int(least), None if most is None else int(most)))
     return tuple(checked)
 

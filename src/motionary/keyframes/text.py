@@ -31,8 +31,8 @@ from motionary.keyframes.building import Vocabulary, find_feature, from_relation
 from motionary.keyframes.query import Gap, KeyframeQuery, check_features, gap_of_seconds
 from motionary.words import unpack
 
-_SECONDS = r"(\d+\.?\d*|\.\d+)\s*s(?:ec|econds?)?"
-_NUMBER = r"(\d+\.?\d*|\.\d+)"
+_NUMBER = r"(\d{1,9}\.?\d{0,9}|\.\d{1,9})"
+_SECONDS = rf"{_NUMBER}\s*s(?:ec|econds?)?"
 _WITHIN_BOTH = re.compile(rf"then within {_NUMBER}(?:\s*s)? (?:to|and) {_SECONDS}")
 _WITHIN = re.compile(rf"then within {_SECONDS}")
 _AFTER = re.compile(rf"then after {_SECONDS}")
@@ -40,6 +40,8 @@ _AFTER_LEAST = re.compile(rf"then after at least {_SECONDS}")
 _POSITION = re.compile(rf"at {_SECONDS}\s*:\s*(.*)")
 _HEADER = re.compile(r"features\s*:\s*(.*)")
 _ANYTHING = "anything"
+#: Names that would be read as something else; such features are written by their id.
+_NOT_A_NAME = re.compile(r"(not|then|at|anything|features)\b.*|.*[,#:].*", re.IGNORECASE)
 
 
 def parse_query(
@@ -94,16 +96,14 @@ def format_query(
         If the query is over other features than the vocabulary.
     """
     check_features(query, vocabulary.name, vocabulary.ids)
-    fixed, values = (
-        unpack(query.fixed, len(vocabulary.ids)),
-        unpack(query.values, len(vocabulary.ids)),
-    )
+    n_features = len(vocabulary.ids)
+    fixed, values = unpack(query.fixed, n_features), unpack(query.values, n_features)
     lines = [f"features: {vocabulary.name}"]
     for k in range(len(query)):
         if k > 0:
             lines.append(_format_gap(query.gaps[k - 1], rate_hz))
         relations = [
-            vocabulary.names[i] if values[k, i] else f"not {vocabulary.names[i]}"
+            ("" if values[k, i] else "not ") + _name(int(i), vocabulary)
             for i in fixed[k].nonzero()[0]
         ]
         line = ", ".join(relations) or _ANYTHING
@@ -181,6 +181,14 @@ def _parse_keyframe(
         if relations.setdefault(feature, holds) != holds:
             raise InvalidInput(f"{name!r} and its opposite in one keyframe")
     return position, relations
+
+
+def _name(feature: int, vocabulary: Vocabulary) -> str:
+    """Phrase of a feature, or its id where the phrase would not be read as that."""
+    name = vocabulary.names[feature]
+    if _NOT_A_NAME.fullmatch(name) or find_feature(name, vocabulary) != feature:
+        return vocabulary.ids[feature]
+    return name
 
 
 def _format_gap(gap: Gap, rate_hz: float) -> str:
