@@ -43,7 +43,8 @@ def build_app() -> typer.Typer:
     app.callback()(_start)
     for name in COMMANDS:
         command = getattr(importlib.import_module(f"motionary.cli.{name}"), name)
-        app.command(name, no_args_is_help=True)(_guarded(command))
+        # The demonstration is the one command that needs nothing said.
+        app.command(name, no_args_is_help=name != "demo")(_guarded(command))
     return app
 
 
