@@ -105,8 +105,8 @@ def _library(options: LabelOptions) -> "ClassLibrary":
         )
     from motionary.library import load_library
 
-    for path in (options.output, options.plot):
-        check_target(path)
+    check_target(options.output)
+    check_target(options.plot, is_folder=True)
     return load_library(options.library)
 
 

@@ -95,8 +95,8 @@ def describe_file(file: "NamedFile", *, reading: "Reading") -> dict[str, Any]:
         "duration_s": motion.duration_s,
         "skeleton": mapping.name if mapping else None,
         "missing": missing,
-        "relations": relations,
-        "relations_of": len(FULL_BODY),
+        "relations_known": relations,
+        "relations": len(FULL_BODY),
         "known": known,
         "notes": notes,
     }
@@ -128,7 +128,7 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{row['rate_hz']:g}",
         f"{row['duration_s']:.2f}",
         row["skeleton"] or "unknown",
-        f"{row['relations']} of {row['relations_of']}",
+        f"{row['relations_known']} of {row['relations']}",
         f"{100 * row['known']:.0f} %",
     ]
 

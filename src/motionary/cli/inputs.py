@@ -74,22 +74,25 @@ def check_picture(option: str, path: str | None) -> None:
         check_target(path)
 
 
-def check_target(path: str | None) -> None:
+def check_target(path: str | None, *, is_folder: bool = False) -> None:
     """Fail before the work, not after it, where a file or folder cannot be made.
 
     Raises
     ------
     UnwritableFile
-        If something above `path` is a file, or may not be written to.
+        If something above `path` is a file or may not be written to, or `path` is a folder
+        where it should be a file, or the other way round.
     """
     if path is None:
         return
     place = Path(path).absolute()
     above = next(p for p in place.parents if p.exists())
+    problem = ""
     if not above.is_dir():
-        raise UnwritableFile(f"{path}: cannot be written: {above.name} is a file, not a folder")
-    if not os.access(above, os.W_OK):
-        raise UnwritableFile(
-            f"{path}: cannot be written: {above} is read-only; choose a folder that you may "
-            "write to"
-        )
+        problem = f"{above.name} is a file, not a folder"
+    elif place.exists() and place.is_dir() != is_folder:
+        problem = "it is a file, not a folder" if is_folder else "it is a folder, not a file"
+    elif not os.access(above, os.W_OK):
+        problem = f"{above} is read-only"
+    if problem:
+        raise UnwritableFile(f"{path}: cannot be written: {problem}; choose another place")

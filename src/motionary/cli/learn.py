@@ -81,7 +81,7 @@ def learn(
     from motionary.library import learn_classes, list_examples, read_examples
 
     for path in (output, plot):
-        check_target(path)
+        check_target(path, is_folder=True)
     folder = Path(examples)
     listed = list_examples(folder)
     with screen.progress("reading", len(listed)) as done:

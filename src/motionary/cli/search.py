@@ -11,7 +11,6 @@ from motionary.cli.example import Example, read_example
 from motionary.cli.inputs import Found, check_picture, complain_of_all, find_files
 from motionary.cli.options import AsJson, Jobs, LibraryDefault, ReadingOptions
 from motionary.cli.pictures import draw_sheet, draw_template
-from motionary.cli.wording import describe_template
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet, Reading
@@ -194,6 +193,8 @@ def _say_json(result: "SearchResult") -> None:
 
 def _say(result: "SearchResult", collection: "Collection", growing: "Growing | None") -> None:
     if growing:
+        from motionary.cli.wording import describe_template
+
         lines = describe_template(
             result.templates[0], tolerance=growing.tolerance, feature_set=collection.feature_set
         )
