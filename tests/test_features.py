@@ -324,6 +324,8 @@ def test_words_frames_and_seconds_belong_together(rate_hz):
     assert got.file_frame(0.0) == 7
     assert got.file_frame(1.0) == 7 + rate_hz
     assert got.file_frame(1e9) == 7 + n_frames - 1
+    assert got.last_file_frame(1.0) == 7 + rate_hz - 1
+    assert got.last_file_frame(1e9) == 7 + n_frames - 1
     for frame in range(0, n_frames, 37):
         assert got.file_frame(frame / rate_hz) == 7 + frame
 

@@ -180,7 +180,7 @@ def _label(
         cost=float(inside.min()),
         known=evidence.known,
         start_frame=sequence.file_frame(start_s),
-        end_frame=sequence.file_frame(sequence.seconds(segment.stop) - 1e-9),
+        end_frame=sequence.last_file_frame(end_s),
         evidence=evidence,
     )  # fmt: skip
 

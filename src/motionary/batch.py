@@ -5,6 +5,7 @@ file is a result among others, so that a batch finishes the rest.
 """
 
 import os
+import signal
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -96,7 +97,8 @@ def _map_in_pool(
     from multiprocessing import get_context
 
     # Spawned everywhere, so that what works on one system works on the others.
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    context = get_context("spawn")
+    with ProcessPoolExecutor(jobs, context, _leave_stopping_to_parent) as pool:
         waiting: deque[tuple[Item, Future[Result | Failure[Item]]]] = deque()
         try:
             for item in items:
@@ -108,6 +110,11 @@ def _map_in_pool(
         finally:
             for _, future in waiting:
                 future.cancel()
+
+
+def _leave_stopping_to_parent() -> None:
+    # Ctrl-C reaches every process of a terminal; one of them is enough to say so.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _await(

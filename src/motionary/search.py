@@ -314,7 +314,7 @@ def _hit(evidence: Evidence) -> Hit:
         start_s=start_s,
         end_s=end_s,
         start_frame=sequence.file_frame(start_s),
-        end_frame=sequence.file_frame(end_s - 1e-9),
+        end_frame=sequence.last_file_frame(end_s),
         cost=alignment.cost,
         known=evidence.known,
         evidence=evidence,

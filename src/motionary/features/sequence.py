@@ -86,6 +86,11 @@ class FeatureSequence:
         index = math.floor(time_s * self.file_rate_hz + _SLACK)
         return self.first_frame + min(max(index, 0), max(self.file_frames - 1, 0))
 
+    def last_file_frame(self, end_s: float) -> int:
+        """The file's number of the last frame before a time, within the recording."""
+        index = math.ceil(end_s * self.file_rate_hz - _SLACK) - 1
+        return self.first_frame + min(max(index, 0), max(self.file_frames - 1, 0))
+
     def part(self, start: int, stop: int) -> "FeatureSequence":
         """Words start to stop (half-open); times then count from `start`."""
         if not 0 <= start < stop <= len(self):

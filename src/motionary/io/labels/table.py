@@ -68,7 +68,10 @@ def write_labels(
         further = [label.extra.get(column, "") for column in extra]
         writer.writerow([recording, label.name, *own, *further])
     with write_atomically(path) as beside:
-        beside.write_text(text.getvalue(), encoding="utf-8", newline="")
+        # Names of files may hold bytes that are no text; they are shown as escapes.
+        beside.write_text(
+            text.getvalue(), encoding="utf-8", errors="backslashreplace", newline=""
+        )
 
 
 def _as_tracks(
