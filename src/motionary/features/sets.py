@@ -1,0 +1,97 @@
+"""Which sets of relations come with the package?
+
+Beside the 40 published relations: those of the legs alone, and a finer set that asks every
+quantity behind the 40 at three levels, for motions that differ by how far or how fast.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from motionary.features import quantities as q
+from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006
+from motionary.features.relations import DEGREE, Comparison, FeatureSet, Relation, Threshold
+
+#: Suffix of the id and of the name, and how many steps the thresholds are harder.
+_LEVELS = (("-", " (slightly)", -1), ("", "", 0), ("+", " (very)", 1))
+_VELOCITIES = (q.move_plane, q.move_along, q.move_against, q.speed, q.turning)
+#: A step: share of a velocity; else degrees, or lengths in the relation's unit.
+_VELOCITY_STEP = 0.5
+_LENGTH_STEP = 0.3
+_STEPS = {DEGREE: 20.0, "body height": 0.1}
+
+
+def known_sets() -> Mapping[str, FeatureSet]:
+    """Sets that files may name without saying what is in them."""
+    sets = (FULL_BODY, FULL_BODY_2006, LEGS, THREE_LEVELS)
+    return MappingProxyType({one.name: one for one in sets})
+
+
+def _one_threshold_each(relation: Relation) -> list[Relation]:
+    """Relations of one quantity and one threshold that together are the given one."""
+    if relation.quantity is q.speed and len(relation.joints) == 2:
+        side = relation.name.partition(" ")[0]
+        return [
+            replace(
+                relation,
+                id=f"{relation.id}{joint[1]}",
+                mirror=f"{relation.mirror}{joint[1]}",
+                name=f"{side} {joint[1:]} fast",
+                joints=(joint,),
+                sentence=f"The {side} {joint[1:]} moves fast.",
+            )
+            for joint in relation.joints
+        ]
+    if isinstance(relation.weak, tuple) and isinstance(relation.strong, tuple):
+        ends: tuple[tuple[Comparison, str, str], ...] = (
+            (">=", "spine far from upright", "The spine is turned far from upright."),
+            ("<=", "neck above the root", "The neck is not far below the root."),
+        )
+        return [
+            replace(
+                relation, id=f"{relation.id}{'ab'[i]}", mirror=f"{relation.id}{'ab'[i]}",
+                name=name, sentence=sentence, test=test,
+                weak=relation.weak[i], strong=relation.strong[i],
+            )
+            for i, (test, name, sentence) in enumerate(ends)
+        ]  # fmt: skip
+    return [relation]
+
+
+def _at_levels(relation: Relation) -> list[Relation]:
+    return [
+        replace(
+            relation,
+            id=relation.id + sign,
+            mirror=relation.mirror + sign,
+            name=relation.name + words,
+            weak=_moved(relation.weak, relation, steps),
+            strong=_moved(relation.strong, relation, steps),
+        )
+        for sign, words, steps in _LEVELS
+    ]
+
+
+def _moved(threshold: Threshold, relation: Relation, steps: int) -> Threshold:
+    """A threshold that is harder to pass by so many steps, or easier."""
+    if isinstance(threshold, tuple):
+        return threshold
+    if relation.quantity in _VELOCITIES:
+        return round(threshold * (1 + _VELOCITY_STEP * steps), 6)
+    harder = 1 if relation.test in (">", ">=") else -1
+    return round(threshold + harder * steps * _STEPS.get(relation.unit, _LENGTH_STEP), 6)
+
+
+LEGS = FULL_BODY.select(
+    [r.id for r in FULL_BODY.relations if r.group == "lower" or r.id in ("F39", "F40")],
+    name="legs-14",
+)
+THREE_LEVELS = FeatureSet(
+    "three-levels-129",
+    tuple(
+        level
+        for relation in FULL_BODY.relations
+        for single in _one_threshold_each(relation)
+        for level in _at_levels(single)
+    ),
+)
