@@ -10,20 +10,17 @@ Conventions: frames are words at 30 Hz, 0-based; ties go to the earlier class.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.explanation import Evidence, explain
-from motionary.features import WORD_HZ, FeatureSequence, compute_features
+from motionary.explanation import ASSESSED_FROM, Evidence, tell_nearest
+from motionary.features import FeatureSequence, compute_features
 from motionary.labels import Label, LabelTrack
 from motionary.library import ClassLibrary, MotionClass
 from motionary.matching import (
     SKIP_WEIGHT,
-    Alignment,
-    Pattern,
     Segment,
     align,
     annotate_distances,
@@ -33,21 +30,9 @@ from motionary.matching import (
     modify,
 )
 from motionary.motion import Motion
-from motionary.templates import QuantisedTemplate
 from motionary.words import count
 
 Floats = NDArray[np.float64]
-
-#: A frame of which fewer relations are known is not assessed.
-ASSESSED_FROM = 0.5
-
-
-class Match(NamedTuple):
-    """A template of a class, its pattern, and a path that fits."""
-
-    template: QuantisedTemplate
-    pattern: Pattern
-    alignment: Alignment
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,14 +43,14 @@ class ClassDistance:
     ----------
     modified : array, shape (frames,), cost of the cheapest match that covers a frame
     owner : array, shape (frames,), index into `matches` of that match, -1 without one
-    matches : template and path of every local minimum below the threshold
+    matches : every local minimum below the threshold of which enough was seen
     least : cheapest match of the recording, whatever the threshold; None if none fits
     """
 
     modified: Floats
     owner: NDArray[np.intp]
-    matches: tuple[Match, ...]
-    least: Match | None
+    matches: tuple[Evidence, ...]
+    least: Evidence | None
 
 
 def annotate(
@@ -99,7 +84,7 @@ def annotate(
         for motion_class in library
     ]
     segments = annotate_distances([d.modified for d in distances])
-    labels = tuple(_label(sequence, library, distances, segment) for segment in segments)
+    labels = tuple(_label(sequence, distances[s.class_index], s) for s in segments)
     return LabelTrack(
         recording=sequence.source,
         labels=labels,
@@ -119,23 +104,20 @@ def class_distance(
 ) -> ClassDistance:
     """Modified distance function of a class: the least over its templates."""
     limit = motion_class.threshold if threshold is None else threshold
-    matches: list[Match] = []
-    least: tuple[float, QuantisedTemplate, Pattern, int] | None = None
+    matches: list[Evidence] = []
+    cheapest: list[Evidence] = []
     words, known = sequence.words, sequence.known
     for template, pattern in motion_class.sought():
         distance = distance_function(pattern, words, known, skip_weight=skip_weight)
-        end = int(np.argmin(distance))
-        if np.isfinite(distance[end]) and (least is None or distance[end] < least[0]):
-            least = (float(distance[end]), template, pattern, end)
-        ends = local_minima(distance, threshold=limit)
-        found = align(pattern, words, known, ends, skip_weight=skip_weight)
-        matches += [Match(template, pattern, alignment) for alignment in found]
+        minima = local_minima(distance, threshold=limit)
+        least = [int(np.argmin(distance))] if np.isfinite(distance).any() else []
+        for ends, into in ((minima, matches), (least, cheapest)):
+            for found in align(pattern, words, known, ends, skip_weight=skip_weight):
+                evidence = Evidence(motion_class.name, template, pattern, sequence, found)
+                if evidence.is_assessed:
+                    into.append(evidence)
     modified, owner = modify([match.alignment for match in matches], n_frames=len(sequence))
-    nearest = None
-    if least is not None:
-        _, template, pattern, end = least
-        found = align(pattern, words, known, [end], skip_weight=skip_weight)
-        nearest = Match(template, pattern, found[0])
+    nearest = min(cheapest, key=lambda e: e.alignment.cost, default=None)
     return ClassDistance(modified, owner, tuple(matches), nearest)
 
 
@@ -162,21 +144,13 @@ def _words_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> Fea
     return recording
 
 
-def _label(
-    sequence: FeatureSequence,
-    library: ClassLibrary,
-    distances: Sequence[ClassDistance],
-    segment: Segment,
-) -> Label:
-    distance = distances[segment.class_index]
+def _label(sequence: FeatureSequence, distance: ClassDistance, segment: Segment) -> Label:
     inside = distance.modified[segment.start : segment.stop]
     best = segment.start + int(np.argmin(inside))
-    match = distance.matches[distance.owner[best]]
-    name = library.names[segment.class_index]
-    evidence = Evidence(name, match.template, match.pattern, sequence, match.alignment)
+    evidence = distance.matches[distance.owner[best]]
     start_s, end_s = sequence.seconds(segment.start), sequence.seconds(segment.stop)
     return Label(
-        name, start_s, end_s,
+        evidence.name, start_s, end_s,
         cost=float(inside.min()),
         known=evidence.known,
         start_frame=sequence.file_frame(start_s),
@@ -194,13 +168,7 @@ def _nearest(
     """What came closest, for a recording without labels."""
     found = [(d.least, c) for d, c in zip(distances, library, strict=True) if d.least]
     if not found:
-        return f"no class fits into the {sequence.duration_s:.1f} s of this recording"
-    match, motion_class = min(found, key=lambda f: f[0].alignment.cost)
+        return f"no class fits into what was seen in {sequence.duration_s:.1f} s"
+    evidence, motion_class = min(found, key=lambda f: f[0].alignment.cost)
     limit = motion_class.threshold if threshold is None else threshold
-    name, alignment = motion_class.name, match.alignment
-    why = explain(Evidence(name, match.template, match.pattern, sequence, alignment))
-    reasons = ", ".join(str(f) for f in why.worst())
-    return (
-        f"nothing below {limit:g}; nearest: {name} {alignment.cost:.3f} at "
-        f"{alignment.start / WORD_HZ:.1f} s, failed: {reasons}"
-    )
+    return tell_nearest(evidence, what=motion_class.name, threshold=limit)

@@ -12,12 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import WORD_HZ, FeatureSequence
+from motionary.features import FeatureSequence
 from motionary.matching import Alignment, Pattern
 from motionary.templates import QuantisedTemplate
 from motionary.words import unpack
 
 Bools = NDArray[np.bool_]
+
+#: Where less of what is asked for was seen, nothing is told from it.
+ASSESSED_FROM = 0.5
 
 _MOST_PHRASES = 4
 
@@ -46,6 +49,11 @@ class Evidence:
         asked, seen, _ = _cells(self)
         n_asked = int(asked.sum())
         return float((asked & seen).sum() / n_asked) if n_asked else 1.0
+
+    @property
+    def is_assessed(self) -> bool:
+        """Whether enough was seen to tell: what was not seen is no match at any threshold."""
+        return self.known >= ASSESSED_FROM
 
 
 class Explainable(Protocol):
@@ -142,14 +150,33 @@ def explain(match: Explainable | Evidence) -> Explanation:
     return Explanation(
         name=evidence.name,
         recording=evidence.sequence.source,
-        start_s=evidence.alignment.start / WORD_HZ,
-        end_s=(evidence.alignment.end + 1) / WORD_HZ,
+        start_s=evidence.sequence.seconds(evidence.alignment.start),
+        end_s=evidence.sequence.seconds(evidence.alignment.end + 1),
         cost=evidence.alignment.cost,
         held=tuple(_findings(evidence, asked & seen & agrees, frames)),
         failed=tuple(_findings(evidence, asked & seen & ~agrees, frames)),
         unknown=tuple(phrases[(asked & ~seen).any(axis=0)]),
         share_held=float((asked & seen & agrees).sum() / n_seen) if n_seen else 0.0,
     )
+
+
+def tell_nearest(evidence: Evidence, *, what: str, threshold: float) -> str:
+    """What came closest where nothing matched, and what it lacked, in a sentence.
+
+    Parameters
+    ----------
+    evidence : of the cheapest match
+    what : class or recording that came closest
+    threshold : cost that it did not reach
+    """
+    why = explain(evidence)
+    nearest = f"{what} {why.cost:.3f} at {why.start_s:.1f} s"
+    text = f"nothing below {threshold:g}; nearest: {nearest}"
+    if why.failed:
+        text += ", failed: " + ", ".join(str(f) for f in why.worst())
+    if why.unknown:
+        text += ", not seen: " + ", ".join(why.unknown[:_MOST_PHRASES])
+    return text
 
 
 def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
@@ -167,14 +194,18 @@ def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Ite
     columns = evidence.alignment.path[:, 0]
     wanted = evidence.template.values[columns]
     weights = _cell_weights(evidence)[columns]
+    seconds = evidence.sequence.seconds
     for i, relation in enumerate(evidence.sequence.feature_set.relations):
         for value in (True, False):
             phrase = relation.name if value else f"not {relation.name}"
             for first, last in _runs(where[:, i] & (wanted[:, i] == value)):
                 yield Finding(
-                    relation.id, phrase, frames[first] / WORD_HZ, (frames[last] + 1) / WORD_HZ,
+                    relation.id,
+                    phrase,
+                    seconds(int(frames[first])),
+                    seconds(int(frames[last]) + 1),
                     float(weights[first : last + 1, i].sum()),
-                )  # fmt: skip
+                )
 
 
 def _cell_weights(evidence: Evidence) -> NDArray[np.float64]:
