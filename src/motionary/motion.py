@@ -5,13 +5,15 @@ and how those names give the 24 generic joints that relations are defined on.
 NaN = not seen.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
+from motionary.geometry import unit_vectors
 
 GENERIC_JOINTS = (
     "root", "lhip", "lknee", "lankle", "ltoes", "rhip", "rknee", "rankle", "rtoes",
@@ -54,14 +56,32 @@ class Skeleton:
             raise InvalidInput("a joint's parent must come before it")
 
 
+class Normal(NamedTuple):
+    """A step away from the plane of three points a, b, c, as markers on the skin need it.
+
+    It is `share` times the unit vector of (b - a) x (b - c), times the mean distance of a
+    and b over all frames.
+    """
+
+    a: str
+    b: str
+    c: str
+    share: float
+
+    def renamed(self, names: Mapping[str, str]) -> "Normal":
+        """The same step between points of other names."""
+        a, b, c = (names.get(name, name) for name in (self.a, self.b, self.c))
+        return Normal(a, b, c, self.share)
+
+
 @dataclass(frozen=True, slots=True)
 class JointMapping:
     """How the names of a file give the generic joints.
 
-    A generic joint is a weighted sum of the file's points; a joint without weights is
-    not to be had from this file. `substituted` lists generic joints whose place is a
-    stated guess, `note` says which. `order` is the usual order of the points where a
-    format has them without names.
+    A generic joint is a weighted sum of the file's points, and where `normals` has it a
+    step away from three of them; a joint without weights is not to be had from this file.
+    `substituted` lists generic joints whose place is a stated guess, `note` says which.
+    `order` is the usual order of the points where a format has them without names.
     """
 
     name: str
@@ -69,6 +89,18 @@ class JointMapping:
     substituted: tuple[str, ...] = ()
     note: str = ""
     order: tuple[str, ...] = ()
+    normals: dict[str, Normal] = field(default_factory=dict)
+
+
+class Event(NamedTuple):
+    """A moment that the file names, such as a foot strike.
+
+    `side` is "left", "right" or empty; `time_s` counts from the first frame.
+    """
+
+    name: str
+    side: str
+    time_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +118,7 @@ class Motion:
     source : name of the file, without its folder
     first_frame : number that the file gives its first frame
     notes : what was assumed or noticed while reading, one sentence each
+    events : moments that the file names, by time
     """
 
     names: tuple[str, ...]
@@ -97,6 +130,7 @@ class Motion:
     source: str = ""
     first_frame: int = 0
     notes: tuple[str, ...] = field(default=())
+    events: tuple[Event, ...] = ()
 
     def __post_init__(self) -> None:
         shape = self.positions.shape
@@ -144,7 +178,22 @@ class Motion:
                 else:
                     terms = [w * self.positions[:, index[name]] for name, w in weights.items()]
                     result[:, g] = np.sum(terms, axis=0)
+                normal = self.mapping.normals.get(joint)
+                if normal is not None:
+                    result[:, g] += self._step_away(normal, index)
         return result
+
+    def _step_away(self, normal: Normal, index: dict[str, int]) -> Floats:
+        """A normal's step in each frame, shape (frames, 3); NaN where a point is not seen."""
+        if not {normal.a, normal.b, normal.c} <= index.keys():
+            return np.full((self.n_frames, 3), np.nan)
+        a, b, c = (self.positions[:, index[name]] for name in normal[:3])
+        away = np.cross(b - a, b - c)
+        lengths = np.linalg.norm(b - a, axis=1)
+        seen = lengths[~np.isnan(lengths)]
+        mean = seen.mean() if len(seen) else np.nan
+        step: Floats = unit_vectors(away) * (normal.share * mean)
+        return step
 
     def cut(self, first: int, stop: int) -> Self:
         """Frames `first` to `stop` (half-open, counted from 0) as a motion."""
@@ -157,6 +206,11 @@ class Motion:
             positions=self.positions[first:stop],
             rotations=None if self.rotations is None else self.rotations[first:stop],
             first_frame=self.first_frame + first,
+            events=tuple(
+                event._replace(time_s=event.time_s - first / self.rate_hz)
+                for event in self.events
+                if first <= event.time_s * self.rate_hz < stop
+            ),
         )
 
 

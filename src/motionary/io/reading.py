@@ -1,43 +1,74 @@
 """How is a recording of any known format read?"""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.io.motion.acclaim import read_amc
-from motionary.io.motion.bvh import read_bvh
+from motionary.io.suffixes import format_suffix
 from motionary.motion import Motion
 from motionary.skeletons import named_mapping
 
 
-def _read_amc(
-    path: Path,
-    asf: str | Path | None,
-    rate_hz: float | None,
-    unit: float | str | None,
-) -> Motion:
-    if unit is not None:
-        raise InvalidInput(f"{path.name}: an Acclaim skeleton states its unit; leave out unit=")
-    return read_amc(path, asf=asf, rate_hz=rate_hz)
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """What the caller says that files do not."""
+
+    asf: str | Path | None = None
+    rate_hz: float | None = None
+    skeleton: str | None = None
+    unit: float | str | None = None
+    up: str | None = None
+    body_model: str | Path | None = None
 
 
-def _read_bvh(
-    path: Path,
-    asf: str | Path | None,
-    rate_hz: float | None,
-    unit: float | str | None,
-) -> Motion:
-    if asf is not None:
-        raise InvalidInput(f"{path.name}: a BVH file has its own skeleton; leave out asf=")
-    return read_bvh(path, rate_hz=rate_hz, unit=unit)
+# Modules of formats are imported when a file of theirs is read.
+def _read_amc(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.acclaim import read_amc
+
+    return read_amc(path, asf=told.asf, rate_hz=told.rate_hz)
 
 
-_Reader = Callable[[Path, str | Path | None, float | None, float | str | None], Motion]
+def _read_bvh(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.bvh import read_bvh
 
-_READERS: dict[str, _Reader] = {".amc": _read_amc, ".bvh": _read_bvh}
+    return read_bvh(path, rate_hz=told.rate_hz, unit=told.unit)
 
+
+def _read_c3d(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.c3d import read_c3d
+
+    return read_c3d(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+
+
+class _Format(NamedTuple):
+    """How a format is read, and which of the options say something about it."""
+
+    read: Callable[[Path, _Told], Motion]
+    takes: frozenset[str]
+
+
+_POINTS = frozenset({"rate_hz", "unit", "up"})
+
+_FORMATS: dict[str, _Format] = {
+    ".amc": _Format(_read_amc, frozenset({"asf", "rate_hz"})),
+    ".bvh": _Format(_read_bvh, frozenset({"rate_hz", "unit"})),
+    ".c3d": _Format(_read_c3d, _POINTS),
+}
+_PACKED = {f"{suffix}.gz": _FORMATS[suffix] for suffix in (".amc", ".bvh")}
+_READERS = _FORMATS | _PACKED
+
+#: Suffixes that are looked for in folders.
 MOTION_SUFFIXES = tuple(_READERS)
+
+_REFUSALS = {
+    "asf": "has its own skeleton; leave out asf=",
+    "rate_hz": "has its own rate; leave out rate_hz=",
+    "unit": "states its unit in its skeleton; leave out unit=",
+    "up": "has y up by definition; leave out up=",
+    "body_model": "is no motion of a body model; leave out body_model=",
+}
 
 
 def read(
@@ -47,18 +78,25 @@ def read(
     rate_hz: float | None = None,
     skeleton: str | Path | None = None,
     unit: float | str | None = None,
+    up: str | None = None,
+    body_model: str | Path | None = None,
 ) -> Motion:
     """Read a recording; the suffix of its name says how.
 
     Parameters
     ----------
-    path : the file
+    path : the file; texts may be packed (`take.bvh.gz`)
     asf : skeleton file of an Acclaim motion; by default looked for by name
     rate_hz : frames per second, where the file does not say it or says it wrong
-    skeleton : name of a known skeleton, where the joint names do not tell it; of an
-        Acclaim motion also the path of its skeleton file
+    skeleton : name of a known skeleton, where the joint names do not tell it, or there are
+        none and the order of the joints matters; of an Acclaim motion also the path of its
+        skeleton file
     unit : "m", "cm", "mm", "inch" or metres per unit of the file, where the size of
         the body does not tell it
+    up : axis that points up in the file ("y", "z", "-y", ...), where the body does not
+        tell it
+    body_model : for motions of SMPL bodies (AMASS): the model's file, which gives the
+        person's own proportions
 
     Returns
     -------
@@ -69,19 +107,30 @@ def read(
     UnreadableFile
         If the file is missing, broken, or of an unknown format.
     InvalidInput
-        If an argument does not go with the format.
+        If an argument does not go with the format, or contradicts the file.
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
+    known = _READERS.get(format_suffix(path))
+    if known is None:
         raise UnreadableFile(
-            f"{path}: unknown format {path.suffix!r}; known are {', '.join(MOTION_SUFFIXES)}"
+            f"{path}: unknown format {path.suffix!r}; known are {', '.join(_FORMATS)}"
         )
     if rate_hz is not None and not 0 < rate_hz < 1e6:
         raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
     if skeleton is not None and str(skeleton).lower().endswith(".asf"):
         asf, skeleton = skeleton, None
-    motion = reader(path, asf, rate_hz, unit)
-    if skeleton is None:
+    name = None if skeleton is None else str(skeleton)
+    told = _Told(asf, rate_hz, name, unit, up, body_model)
+    for option, reason in _REFUSALS.items():
+        if option not in known.takes and getattr(told, option) is not None:
+            raise InvalidInput(f"{path.name}: this format {reason}")
+    motion = known.read(path, told)
+    if name is None or (motion.mapping is not None and motion.mapping.name == name):
         return motion
-    return replace(motion, mapping=named_mapping(str(skeleton), motion.names))
+    return replace(motion, mapping=named_mapping(name, motion.names))
+
+
+def options_of(path: str | Path) -> frozenset[str]:
+    """Which options of `read` say something about a file, by its name."""
+    known = _READERS.get(format_suffix(path))
+    return frozenset({"skeleton"}) | (known.takes if known else frozenset())

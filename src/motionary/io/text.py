@@ -1,27 +1,80 @@
-"""What does a text file say, whatever its encoding?"""
+"""What does a text file say, whatever its encoding, packed or not?"""
 
+import gzip
+import zlib
 from pathlib import Path
 
+from motionary.batch import write_atomically
 from motionary.errors import UnreadableFile
+from motionary.io.suffixes import PACKED
+
+# Ten times the text of a day of motion: more is a mistake or an attack.
+_MOST_BYTES = 1 << 34
+_PIECE = 1 << 22
 
 
 def read_text(path: Path) -> str:
     """Text of a file: UTF-8 or UTF-16 by its mark, else UTF-8, else Latin-1.
 
-    Lines end with a newline, whichever system wrote them.
+    Lines end with a newline, whichever system wrote them. A file whose name ends in .gz
+    is unpacked.
 
     Raises
     ------
     UnreadableFile
-        If the file is missing, a folder, or may not be read.
+        If the file is missing, a folder, may not be read, or is packed and damaged.
     """
     try:
         content = path.read_bytes()
     except OSError as error:
         reason = error.strerror or str(error)
         raise UnreadableFile(f"{path}: cannot be read: {reason}") from error
+    if path.suffix.lower() == PACKED:
+        content = _unpack(content, path.name)
     text = _decode(content)
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write UTF-8 whole or not at all; packed where the name ends in .gz.
+
+    Raises
+    ------
+    UnwritableFile
+        If the file cannot be written.
+    """
+    content = text.encode()
+    if Path(path).suffix.lower() == PACKED:
+        # No time and no name inside: same motion, same bytes.
+        content = gzip.compress(content, mtime=0)
+    with write_atomically(path) as beside:
+        beside.write_bytes(content)
+
+
+def _unpack(content: bytes, name: str) -> bytes:
+    pieces, size = [], 0
+    unpacker = zlib.decompressobj(wbits=31)
+    try:
+        while content:
+            piece = unpacker.decompress(content, _PIECE)
+            pieces.append(piece)
+            size += len(piece)
+            content = unpacker.unconsumed_tail
+            if unpacker.eof:
+                # Packed files may be put one after the other.
+                content, unpacker = unpacker.unused_data, zlib.decompressobj(wbits=31)
+                finished = True
+            else:
+                finished = False
+            if size > _MOST_BYTES:
+                raise UnreadableFile(f"{name}: unpacks to more than {_MOST_BYTES >> 30} GB")
+            if not piece and not content and not finished:
+                break
+    except zlib.error:
+        raise UnreadableFile(f"{name}: is packed (gzip) and damaged") from None
+    if not pieces or not finished:
+        raise UnreadableFile(f"{name}: is packed (gzip) and cut off; get the whole file")
+    return b"".join(pieces)
 
 
 def _decode(content: bytes) -> str:

@@ -4,15 +4,19 @@ The skeletons are tables in `tables/*.toml`, one a file, for people to read and 
 `[joints]` gives for a generic joint the name in the file, a weighted sum of names
 (`{ Spine = 0.4, Neck = 0.6 }`), or a list of alternatives of which the first one that
 is there counts. A table may call joints `substituted` and say why in `note`, and give
-the usual `order` of the points for formats that have them without names.
+the usual `order` of the points for formats that have them without names. `[normals]` adds
+a step away from the plane of three points: `lhip = { points = ["A", "B", "C"], share = 0.4 }`,
+see `Normal`. `enough` is the share of its joints that must be there, where partial bodies
+are usual.
 """
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 from motionary.errors import InvalidInput
-from motionary.motion import GENERIC_JOINTS, JointMapping
+from motionary.motion import GENERIC_JOINTS, JointMapping, Normal
 
 # A table fits if this share of its joints is there: hands and toes are often cut off.
 ENOUGH = 0.6
@@ -29,6 +33,8 @@ class _Table:
     substituted: tuple[str, ...]
     note: str
     order: tuple[str, ...]
+    normals: dict[str, Normal]
+    enough: float
 
 
 def known_mappings() -> tuple[str, ...]:
@@ -64,13 +70,17 @@ def find_mapping(names: Iterable[str]) -> JointMapping | None:
 
     Returns
     -------
-    JointMapping, or None if no table finds 60 % of its joints among the names
+    JointMapping, or None if no table finds enough of its joints among the names (60 %)
     """
     names = tuple(names)
-    mappings = [_resolve(table, names) for table in _tables().values()]
-    shares = [_share(mapping, frozenset(names)) for mapping in mappings]
-    best = max(range(len(mappings)), key=lambda i: shares[i])
-    return mappings[best] if shares[best] >= ENOUGH else None
+    there = frozenset(names)
+    fitting = []
+    for table in _tables().values():
+        mapping = _resolve(table, names)
+        share = _share(mapping, there)
+        if share >= table.enough:
+            fitting.append((share, mapping))
+    return max(fitting, key=lambda pair: pair[0])[1] if fitting else None
 
 
 def _share(mapping: JointMapping, names: Collection[str]) -> float:
@@ -87,7 +97,13 @@ def _resolve(table: _Table, names: tuple[str, ...]) -> JointMapping:
         there = (source for source in alternatives if all(n in full for n in source))
         chosen = next(there, alternatives[0])
         weights[joint] = {full.get(n, n): w for n, w in chosen.items()}
-    return JointMapping(table.name, weights, table.substituted, table.note, table.order)
+    normals = {
+        # A joint centre that the file gives itself needs no step.
+        joint: normal.renamed(full)
+        for joint, normal in table.normals.items()
+        if set(weights[joint]) == {full.get(n, n) for n in table.joints[joint][-1]}
+    }
+    return JointMapping(table.name, weights, table.substituted, table.note, table.order, normals)
 
 
 @cache
@@ -117,4 +133,11 @@ def _parse(name: str, text: str) -> _Table:
         tuple(content.get("substituted", ())),
         content.get("note", ""),
         tuple(content.get("order", ())),
+        {joint: _parse_normal(normal) for joint, normal in content.get("normals", {}).items()},
+        content.get("enough", ENOUGH),
     )
+
+
+def _parse_normal(content: dict[str, Any]) -> Normal:
+    a, b, c = content["points"]
+    return Normal(a, b, c, content["share"])

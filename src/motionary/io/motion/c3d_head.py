@@ -1,0 +1,293 @@
+"""What does a C3D file say about itself, before its frames?
+
+A file begins with a block of 512 bytes (the header), then groups of named parameters, then
+frames. Numbers are those of the machine that wrote it: Intel, DEC (VAX floats) or MIPS.
+Where header and parameters disagree, the parameters count, as programs correct only those.
+
+Sources: the C3D user guide (c3d.org), and files of Vicon, Motion Analysis and Qualisys.
+"""
+
+import math
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import UnreadableFile
+
+Floats = NDArray[np.float64]
+#: Texts, or numbers of any shape, first dimension first.
+Value = tuple[str, ...] | Floats | NDArray[np.int16]
+Groups = Mapping[str, Mapping[str, Value]]
+
+BLOCK = 512
+KEY = 0x50
+#: The largest number that the header's 16 bits hold; longer recordings stop counting there.
+MOST_COUNTED = 65535
+
+_INTEL, _DEC, _MIPS = 84, 85, 86
+_TEXT, _BYTE, _INTEGER, _FLOAT = -1, 1, 2, 4
+_EVENTS_KEY, _MOST_EVENTS = 12345, 18
+
+
+class Header(NamedTuple):
+    """The words of the first block."""
+
+    n_points: int
+    n_analog: int
+    first_frame: int
+    last_frame: int
+    scale: float
+    data_block: int
+    rate_hz: float
+    events: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """How numbers are written.
+
+    Attributes
+    ----------
+    order : "<" or ">"
+    dec : whether floats are those of a VAX
+    """
+
+    order: str
+    dec: bool = False
+
+    def integers(self, content: bytes) -> NDArray[np.int16]:
+        """16-bit numbers."""
+        return np.frombuffer(content, dtype=f"{self.order}i2")
+
+    def floats(self, content: bytes) -> Floats:
+        """32-bit numbers; what no number is becomes NaN."""
+        if not self.dec:
+            values = np.frombuffer(content, dtype=f"{self.order}f4").astype(np.float64)
+            return np.where(np.isfinite(values), values, np.nan)
+        # A VAX keeps the half with the exponent first and counts it from another zero.
+        halves = np.frombuffer(content, dtype="<u2").reshape(-1, 2)[:, ::-1]
+        with np.errstate(invalid="ignore"):
+            values = np.ascontiguousarray(halves).view("<f4")[:, 0].astype(np.float64) / 4
+        return np.where(np.isfinite(values), values, np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """Header and parameters of a file."""
+
+    machine: Machine
+    header: Header
+    groups: Groups
+
+    def texts(self, group: str, *names: str) -> tuple[str, ...]:
+        """Texts of a parameter and of those that continue it; empty if there are none."""
+        found: list[str] = []
+        for name in names:
+            value = self.groups.get(group, {}).get(name, ())
+            found += value if isinstance(value, tuple) else ()
+        return tuple(found)
+
+    def numbers(self, group: str, name: str) -> Floats:
+        """Numbers of a parameter, flat; empty if there are none."""
+        value = self.groups.get(group, {}).get(name)
+        if value is None or isinstance(value, tuple):
+            return np.empty(0)
+        return value.ravel().astype(np.float64)
+
+    def number(self, group: str, name: str, default: float) -> float:
+        """The first number of a parameter."""
+        values = self.numbers(group, name)
+        return float(values[0]) if len(values) and np.isfinite(values[0]) else default
+
+    def count(self, group: str, name: str, default: int) -> int:
+        """A whole number that is never negative: 16 bits that passed 32767, or two words."""
+        values = self.numbers(group, name)
+        if not len(values) or not np.isfinite(values).all():
+            return default
+        # Two words are one long number. One word may stand for one above 32767.
+        if len(values) == 2:
+            return int(values[0]) % 65536 + 65536 * (int(values[1]) % 65536)
+        return int(values[0]) % 65536 if values[0] < 0 else int(min(values[0], 2**31))
+
+
+def parse_head(content: bytes, name: str) -> Head:
+    """Header and parameters.
+
+    Parameters
+    ----------
+    content : the file's first blocks; more does no harm
+    name : of the file, for errors
+
+    Raises
+    ------
+    UnreadableFile
+        If this is no C3D file or its parameters are damaged.
+    """
+    if len(content) < 2 * BLOCK or content[1] != KEY or not content[0]:
+        raise UnreadableFile(f"{name}: expected a C3D file, its first bytes are others")
+    start = (content[0] - 1) * BLOCK
+    processor = content[start + 3] if start + 4 <= len(content) else 0
+    if processor not in (_INTEL, _DEC, _MIPS):
+        raise UnreadableFile(
+            f"{name}: the parameters name no known processor (84, 85 or 86), got {processor}; "
+            "is the file damaged?"
+        )
+    machine = Machine(">" if processor == _MIPS else "<", dec=processor == _DEC)
+    header = _parse_header(content[:BLOCK], machine)
+    end = (header.data_block - 1) * BLOCK if header.data_block > content[0] else len(content)
+    try:
+        groups = _collect(_parse_records(content[:end], start + 4, machine))
+    except (struct.error, IndexError, ValueError):
+        raise UnreadableFile(f"{name}: the parameters are damaged") from None
+    return Head(machine, header, groups)
+
+
+def _parse_header(block: bytes, machine: Machine) -> Header:
+    words = machine.integers(block).astype(np.uint16)
+    scale, rate = machine.floats(block[12:16] + block[20:24])
+    return Header(
+        n_points=int(words[1]),
+        n_analog=int(words[2]),
+        first_frame=int(words[3]),
+        last_frame=int(words[4]),
+        scale=float(scale),
+        data_block=int(words[8]),
+        rate_hz=float(rate),
+        events=_parse_events(block, machine, words),
+    )
+
+
+def _parse_events(
+    block: bytes, machine: Machine, words: NDArray[np.uint16]
+) -> tuple[tuple[str, float], ...]:
+    """Up to 18 events of the header: four letters and seconds."""
+    if words[149] != _EVENTS_KEY:
+        return ()
+    n_events = min(int(words[150]), _MOST_EVENTS)
+    times = machine.floats(block[304 : 304 + 4 * n_events])
+    names = [decode(block[396 + 4 * i : 400 + 4 * i]) for i in range(n_events)]
+    return tuple((name, float(t)) for name, t in zip(names, times, strict=True) if np.isfinite(t))
+
+
+class _Record(NamedTuple):
+    """A group (no value, a negative number) or a parameter of one."""
+
+    name: str
+    number: int
+    value: Value | None
+
+
+def _parse_records(content: bytes, at: int, machine: Machine) -> Iterator[_Record]:
+    while at + 2 <= len(content):
+        length, number = struct.unpack_from("bb", content, at)
+        if length == 0 or number == 0:
+            return
+        name = decode(content[at + 2 : at + 2 + abs(length)]).upper()
+        at += 2 + abs(length)
+        (offset,) = struct.unpack_from(f"{machine.order}h", content, at)
+        value = _parse_value(content, at + 2, machine) if number > 0 else None
+        yield _Record(name, number, value)
+        if offset <= 0:
+            return
+        at += offset
+
+
+def _parse_value(content: bytes, at: int, machine: Machine) -> Value:
+    kind, n_dimensions = struct.unpack_from("bB", content, at)
+    shape = tuple(content[at + 2 : at + 2 + n_dimensions])
+    size = abs(kind) * math.prod(shape)
+    start = at + 2 + n_dimensions
+    raw = content[start : start + size]
+    if kind not in (_TEXT, _BYTE, _INTEGER, _FLOAT) or len(raw) < size:
+        raise ValueError("a parameter of unknown type, or cut off")
+    if kind == _TEXT:
+        width = shape[0] if shape else 1
+        return tuple(decode(raw[i : i + width]) for i in range(0, size, width)) if width else ()
+    if kind == _FLOAT:
+        values = machine.floats(raw)
+    elif kind == _INTEGER:
+        values = machine.integers(raw).astype(np.float64)
+    else:
+        values = np.frombuffer(raw, dtype=np.uint8).astype(np.float64)
+    # The first dimension runs fastest.
+    return values.reshape(shape[::-1]).T
+
+
+def _collect(records: Iterator[_Record]) -> Groups:
+    """Parameters by group and name; groups may be defined after their parameters."""
+    names: dict[int, str] = {}
+    values: dict[int, dict[str, Value]] = {}
+    for record in records:
+        if record.value is None:
+            names[-record.number] = record.name
+        else:
+            values.setdefault(record.number, {})[record.name] = record.value
+    groups: dict[str, dict[str, Value]] = {}
+    for number, content in values.items():
+        groups.setdefault(names.get(number, str(number)), {}).update(content)
+    return groups
+
+
+def decode(raw: bytes) -> str:
+    """A text of a parameter without what fills it up."""
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError:
+        text = raw.decode("latin-1")
+    return text.split("\0", 1)[0].strip() if text.strip("\0 ") else ""
+
+
+def format_head(header: Header, groups: Groups) -> bytes:
+    """Header and parameters of a new file, Intel, up to the block where frames begin.
+
+    Parameters
+    ----------
+    header : its `data_block` is worked out here, and so is POINT:DATA_START
+    groups : parameters by group and name; texts, or numbers that become 32-bit floats, or
+        integers where the array is of 16-bit integers
+    """
+    n_blocks = len(_format_records(groups, data_block=0)) // BLOCK
+    data_block = 2 + n_blocks
+    block = bytearray(BLOCK)
+    last = min(header.last_frame, MOST_COUNTED)
+    struct.pack_into("<BBHHHH", block, 0, 2, KEY, header.n_points, 0, header.first_frame, last)
+    struct.pack_into("<HfHHf", block, 10, 0, header.scale, data_block, 0, header.rate_hz)
+    return bytes(block) + _format_records(groups, data_block=data_block)
+
+
+def _format_records(groups: Groups, *, data_block: int) -> bytes:
+    records = []
+    for number, (group, parameters) in enumerate(groups.items(), start=1):
+        records.append(_format_record(group, -number, b"\0"))
+        if group == "POINT":
+            parameters = {**parameters, "DATA_START": np.array(data_block, dtype=np.int16)}
+        records += [_format_record(n, number, _format_value(v)) for n, v in parameters.items()]
+    content = b"".join(records) + b"\0\0"
+    n_blocks = -(-(4 + len(content)) // BLOCK)
+    start = bytes((1, KEY, min(n_blocks, 255), _INTEL))
+    return (start + content).ljust(n_blocks * BLOCK, b"\0")
+
+
+def _format_record(name: str, number: int, body: bytes) -> bytes:
+    return struct.pack("bb", len(name), number) + name.encode() + _offset(body) + body
+
+
+def _offset(body: bytes) -> bytes:
+    return struct.pack("<h", 2 + len(body))
+
+
+def _format_value(value: Value) -> bytes:
+    if isinstance(value, tuple):
+        texts = [text.encode() for text in value]
+        width = max((len(text) for text in texts), default=0)
+        shape = (width, len(texts))
+        kind, raw = _TEXT, b"".join(text.ljust(width) for text in texts)
+    else:
+        integer = value.dtype == np.int16
+        kind, shape = _INTEGER if integer else _FLOAT, value.shape
+        raw = value.astype("<i2" if integer else "<f4").tobytes(order="F")
+    return struct.pack("bB", kind, len(shape)) + bytes(shape) + raw + b"\0"
