@@ -93,8 +93,8 @@ def touches_a_file(call: ast.Call) -> bool:
     return METHODS_OF_ANY_OBJECT.fullmatch(call.func.attr) is not None
 
 
-def tracked_files() -> list[Path]:
-    command = ["git", "-C", str(ROOT), "ls-files", "-z"]
+def git_files(*options: str) -> list[Path]:
+    command = ["git", "-C", str(ROOT), "ls-files", "-z", *options]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
@@ -163,18 +163,18 @@ def test_every_dependency_has_its_reason():
 def test_files_beside_the_code_go_into_the_package():
     wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert wheel == {"packages": ["src/motionary"]}
-    tracked = set(tracked_files())
+    ignored = set(git_files("--others", "--ignored", "--exclude-standard"))
     files = [p for p in PACKAGE.rglob("*") if p.is_file() and "__pycache__" not in p.parts]
     beside = [path for path in files if path.suffix != ".py"]
     # What git ignores, the build leaves out.
-    assert [name_of(path) for path in beside if path not in tracked] == []
+    assert [name_of(path) for path in beside if path in ignored] == []
     assert PACKAGE / "py.typed" in beside
 
 
 def test_no_tracked_file_names_a_place_on_somebodys_machine():
     place = re.compile(r"(?<![\w.~-])(/(home|Users|root|work|tmp|mnt)/\w|[A-Z]:\\Users\\)")
     found = []
-    for path in tracked_files():
+    for path in git_files():
         for number, line in enumerate(path.read_bytes().decode("latin-1").splitlines(), start=1):
             if path.suffix not in {".png", ".npz"} and place.search(line):
                 found.append(f"{name_of(path)}:{number}: {line.strip()[:80]}")
@@ -183,4 +183,4 @@ def test_no_tracked_file_names_a_place_on_somebodys_machine():
 
 def test_no_recordings_are_tracked():
     formats = {".amc", ".asf", ".bvh", ".c3d", ".fbx", ".trc"}
-    assert [name_of(p) for p in tracked_files() if p.suffix.lower() in formats] == []
+    assert [name_of(p) for p in git_files() if p.suffix.lower() in formats] == []
