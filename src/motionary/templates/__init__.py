@@ -1,5 +1,9 @@
-"""Motion templates: what the examples of one class of motion have in common."""
+"""Motion templates: what the examples of one class of motion have in common.
 
+Learned from examples, shaped by hand, or written down from nothing.
+"""
+
+from motionary.templates.crafting import Pause, concatenate, cut, fix, free, join, restrict
 from motionary.templates.learning import Learning, learn_template
 from motionary.templates.seeking import pattern_of
 from motionary.templates.template import (
@@ -9,14 +13,25 @@ from motionary.templates.template import (
     mirror,
     quantise,
 )
+from motionary.templates.text import revise_template, template_from_text, template_to_text
 
 __all__ = [
     "RATE_HZ",
     "Learning",
     "MotionTemplate",
+    "Pause",
     "QuantisedTemplate",
+    "concatenate",
+    "cut",
+    "fix",
+    "free",
+    "join",
     "learn_template",
     "mirror",
     "pattern_of",
     "quantise",
+    "restrict",
+    "revise_template",
+    "template_from_text",
+    "template_to_text",
 ]
