@@ -1,5 +1,24 @@
-"""The words of a folder of recordings."""
+"""The words of many recordings, in memory and kept on disk."""
 
-from motionary.index.collection import Collection, collect, read_collection
+from motionary.index.changes import Changes
+from motionary.index.collection import (
+    Collection,
+    Part,
+    collect,
+    join_collections,
+    read_collection,
+)
+from motionary.index.folder import CACHE_VARIABLE, Index
+from motionary.index.shard import Shard
 
-__all__ = ["Collection", "collect", "read_collection"]
+__all__ = [
+    "CACHE_VARIABLE",
+    "Changes",
+    "Collection",
+    "Index",
+    "Part",
+    "Shard",
+    "collect",
+    "join_collections",
+    "read_collection",
+]

@@ -1,11 +1,13 @@
 """What is searched: the words of many recordings, and what could not be read."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple, Self, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motionary.batch import Failure
 from motionary.errors import InvalidInput
@@ -18,10 +20,17 @@ from motionary.features import (
     compute_features,
     read_features,
 )
+from motionary.index.shard import Shard, make_shard
 from motionary.io import name_recordings
-from motionary.matching import Corpus, concatenate
+from motionary.matching import share_of_counts
 from motionary.motion import Motion
-from motionary.words import full_mask
+
+
+class Part(NamedTuple):
+    """A shard of a collection, and the number that each of its documents has there."""
+
+    shard: Shard
+    numbers: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +44,13 @@ class Collection:
     failures : files that could not be read, and why
     """
 
-    sequences: tuple[FeatureSequence, ...]
+    sequences: Sequence[FeatureSequence]
     feature_set: FeatureSet = FULL_BODY
     failures: tuple[Failure[NamedFile], ...] = field(default=())
 
     def __post_init__(self) -> None:
+        if isinstance(self.sequences, _Documents):
+            return
         stray = [s for s in self.sequences if s.feature_set.name != self.feature_set.name]
         if stray:
             raise InvalidInput(
@@ -47,19 +58,85 @@ class Collection:
                 f"is of {self.feature_set.name!r}"
             )
 
+    @classmethod
+    def of_shards(
+        cls,
+        shards: Sequence[Shard],
+        feature_set: FeatureSet,
+        failures: tuple[Failure[NamedFile], ...] = (),
+    ) -> Self:
+        """The documents of shards, sorted by name; nothing is copied."""
+        names = [name for shard in shards for name in shard.names]
+        order = np.array(sorted(range(len(names)), key=names.__getitem__), dtype=np.int64)
+        numbers = np.empty_like(order)
+        numbers[order] = np.arange(len(order))
+        borders = np.cumsum([len(shard) for shard in shards])[:-1]
+        split = np.split(numbers, borders) if shards else []
+        parts = tuple(Part(shard, part) for shard, part in zip(shards, split, strict=True))
+        return cls(_Documents(parts, order), feature_set, failures)
+
     def __len__(self) -> int:
         return len(self.sequences)
 
     @cached_property
-    def corpus(self) -> Corpus:
-        """All recordings as one padded stretch of words."""
+    def parts(self) -> tuple[Part, ...]:
+        """The recordings as the matcher and keyframe queries take them.
+
+        Raises
+        ------
+        InvalidInput
+            If there is no recording.
+        """
         if not self.sequences:
             raise InvalidInput("there is no readable recording to search")
-        return concatenate(
-            [s.words for s in self.sequences],
-            [s.known for s in self.sequences],
-            full=np.asarray(full_mask(1, len(self.feature_set))[0]),
-        )
+        if isinstance(self.sequences, _Documents):
+            return self.sequences.parts
+        shard = make_shard(self.sequences, self.feature_set)
+        return (Part(shard, np.arange(len(shard))),)
+
+    def locate(self, number: int) -> tuple[int, int]:
+        """Part in which a recording stands, and its document there."""
+        if isinstance(self.sequences, _Documents):
+            return self.sequences.locate(number)
+        return 0, number
+
+    @property
+    def n_frames(self) -> int:
+        """Words of all recordings."""
+        return sum(part.shard.n_frames for part in self.parts) if len(self) else 0
+
+    @cached_property
+    def share_of_ones(self) -> NDArray[np.float64]:
+        """Share of known frames in which each relation holds; see `matching.rarity`."""
+        counts = np.sum([part.shard.word_index.counts for part in self.parts], axis=0)
+        return share_of_counts(counts[1:-1:2], counts[0:-1:2] + counts[1:-1:2])
+
+
+class _Documents(Sequence[FeatureSequence]):
+    """Documents of shards in the order of their names, made when they are asked for."""
+
+    def __init__(self, parts: tuple[Part, ...], order: NDArray[np.int64]) -> None:
+        self.parts = parts
+        self._order = order
+        self._ends = np.cumsum([len(part.shard) for part in parts])
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    @overload
+    def __getitem__(self, index: int) -> FeatureSequence: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[FeatureSequence]: ...
+    def __getitem__(self, index: int | slice) -> FeatureSequence | Sequence[FeatureSequence]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        part, document = self.locate(index)
+        return self.parts[part].shard.sequence(document)
+
+    def locate(self, index: int) -> tuple[int, int]:
+        place = int(self._order[index])
+        part = int(np.searchsorted(self._ends, place, side="right"))
+        return part, place - int(self._ends[part]) + len(self.parts[part].shard)
 
 
 def collect(
@@ -123,6 +200,29 @@ def read_collection(
         feature_set,
         tuple(item for item in items if isinstance(item, Failure)),
     )
+
+
+def join_collections(
+    collections: Sequence[Collection], names: Sequence[Mapping[str, str]]
+) -> Collection:
+    """One collection of several over one feature set, sorted by name.
+
+    Parameters
+    ----------
+    collections : at least one
+    names : for each, the new name of each recording
+    """
+    shards = []
+    failures: list[Failure[NamedFile]] = []
+    for collection, new in zip(collections, names, strict=True):
+        for failure in collection.failures:
+            name, path = failure.item
+            failures.append(Failure((new[name], path), failure.error))
+        for part in collection.parts if len(collection) else ():
+            shard = part.shard
+            shards.append(replace(shard, names=tuple(new[name] for name in shard.names)))
+    failures.sort(key=lambda failure: failure.item[0])
+    return Collection.of_shards(shards, collections[0].feature_set, tuple(failures))
 
 
 def _words(item: Motion | FeatureSequence, feature_set: FeatureSet) -> FeatureSequence:

@@ -1,21 +1,28 @@
 """Readers and writers, one module per file format."""
 
+from motionary.io.companions import Companions, has_companion
 from motionary.io.finding import (
+    FileState,
     find_recordings,
     match_recording,
     name_recordings,
     recording_name,
+    scan_folder,
 )
 from motionary.io.labels.table import read_labels, write_labels
 from motionary.io.reading import MOTION_SUFFIXES, read
 
 __all__ = [
     "MOTION_SUFFIXES",
+    "Companions",
+    "FileState",
     "find_recordings",
+    "has_companion",
     "match_recording",
     "name_recordings",
     "read",
     "read_labels",
     "recording_name",
+    "scan_folder",
     "write_labels",
 ]

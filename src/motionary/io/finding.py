@@ -8,8 +8,9 @@ import glob
 import itertools
 import os
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
 from motionary.errors import UnreadableFile
 from motionary.io.reading import MOTION_SUFFIXES
@@ -46,6 +47,38 @@ def name_recordings(
         for file, name in _find(Path(path), suffixes):
             found.setdefault(file.absolute(), (file, name))
     return dict(sorted(_tell_apart(list(found.values())).items()))
+
+
+class FileState(NamedTuple):
+    """When a file was written and how long it is; a name that leads nowhere has size -1."""
+
+    mtime_ns: int
+    size: int
+    ctime_ns: int
+
+
+def scan_folder(
+    folder: str | Path, *, suffixes: Collection[str] = MOTION_SUFFIXES
+) -> dict[str, FileState]:
+    """Recordings below a folder by name, sorted, with the state of their files.
+
+    The same recordings under the same names as `name_recordings` finds, for folders of
+    thousands; an empty folder gives none.
+
+    Raises
+    ------
+    UnreadableFile
+        If the folder is missing, or may not be read.
+    """
+    try:
+        with os.scandir(folder):
+            pass
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UnreadableFile(f"{folder}: cannot be searched: {reason}") from error
+    cut = len(str(folder).rstrip(os.sep)) + 1
+    found = ((entry.path[cut:].replace(os.sep, "/"), entry) for entry in _entries(folder, suffixes))
+    return {name: _state(entry) for name, entry in sorted(found, key=lambda pair: pair[0])}
 
 
 def recording_name(path: str | Path, *, folder: str | Path | None = None) -> str:
@@ -113,11 +146,33 @@ def _match(pattern: Path) -> list[Path]:
 
 
 def _walk(folder: Path, suffixes: Collection[str]) -> list[Path]:
-    files = []
-    for place, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if not name.startswith(".")]
-        files += [Path(place, name) for name in names if _is_recording(Path(name), suffixes)]
-    return sorted(files)
+    return sorted(Path(entry.path) for entry in _entries(folder, suffixes))
+
+
+def _entries(folder: str | Path, suffixes: Collection[str]) -> Iterator[os.DirEntry[str]]:
+    """Recordings below a folder; links to folders are not followed, nor hidden ones."""
+    waiting = [str(folder)]
+    while waiting:
+        try:
+            with os.scandir(waiting.pop()) as entries:
+                listed = list(entries)
+        except OSError:
+            # A folder below that may not be read hides its own files, not the others.
+            continue
+        for entry in listed:
+            if not entry.is_dir():
+                if _is_recording(Path(entry.name), suffixes):
+                    yield entry
+            elif not entry.name.startswith(".") and not entry.is_symlink():
+                waiting.append(entry.path)
+
+
+def _state(entry: os.DirEntry[str]) -> FileState:
+    try:
+        stat = entry.stat()
+    except OSError:
+        return FileState(0, -1, 0)
+    return FileState(stat.st_mtime_ns, stat.st_size, stat.st_ctime_ns)
 
 
 def _is_recording(path: Path, suffixes: Collection[str]) -> bool:

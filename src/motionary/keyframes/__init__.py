@@ -13,13 +13,16 @@ from motionary.keyframes.query import (
     Gap,
     KeyframeQuery,
     Spring,
+    check_features,
     gap_of,
     gap_of_seconds,
     spring_of,
 )
 from motionary.keyframes.ranges import HitRange, HitRanges, extend, margins
-from motionary.keyframes.ranking import template_of_query
+from motionary.keyframes.ranking import columns_of_query, template_of_query
 from motionary.keyframes.search import search_query, search_words
+from motionary.keyframes.selecting import select_in_index, select_in_words
+from motionary.keyframes.shortest import shortest_hits
 from motionary.keyframes.single import single_hits
 from motionary.keyframes.text import format_query, parse_query
 from motionary.keyframes.word_index import WordIndex, index_words
@@ -33,7 +36,9 @@ __all__ = [
     "Spring",
     "Vocabulary",
     "WordIndex",
+    "check_features",
     "choose_keyframes",
+    "columns_of_query",
     "extend",
     "format_query",
     "from_patterns",
@@ -48,6 +53,9 @@ __all__ = [
     "parse_query",
     "search_query",
     "search_words",
+    "select_in_index",
+    "select_in_words",
+    "shortest_hits",
     "single_hits",
     "spring_of",
     "template_of_query",

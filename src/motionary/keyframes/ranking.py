@@ -27,7 +27,7 @@ def template_of_query(query: KeyframeQuery) -> QuantisedTemplate:
     InvalidInput
         If keyframes of one frame contradict each other.
     """
-    columns = _columns(query)
+    columns = columns_of_query(query)
     n_features = len(query.feature_ids)
     values, fixed = unpack(query.values, n_features), unpack(query.fixed, n_features)
     shape = (columns[-1] + 1, n_features)
@@ -47,8 +47,8 @@ def template_of_query(query: KeyframeQuery) -> QuantisedTemplate:
     )
 
 
-def _columns(query: KeyframeQuery) -> list[int]:
-    """Column of each keyframe, the first at 0."""
+def columns_of_query(query: KeyframeQuery) -> list[int]:
+    """Column of each keyframe in `template_of_query`, the first at 0."""
     if query.positions is not None:
         return [position - query.positions[0] for position in query.positions]
     columns = [0]

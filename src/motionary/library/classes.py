@@ -12,6 +12,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FeatureSet
+from motionary.keyframes import KeyframeQuery, check_features
 from motionary.matching import Pattern
 from motionary.templates import MotionTemplate, QuantisedTemplate, pattern_of, quantise
 
@@ -23,10 +24,22 @@ TOLERANCE = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subclass:
-    """One template of a class, under a name of its own."""
+    """One template of a class, under a name of its own.
+
+    Attributes
+    ----------
+    name : unique within the class
+    template : what its examples have in common
+    query : keyframes that every match must show; only around them the template is matched
+    """
 
     name: str
     template: MotionTemplate
+    query: KeyframeQuery | None = None
+
+    def __post_init__(self) -> None:
+        if self.query is not None:
+            check_features(self.query, self.template.feature_set, self.template.feature_names)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +64,8 @@ class MotionClass:
     background: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        if not self.name:
+            raise InvalidInput("a class needs a name, got an empty one")
         if not self.subclasses:
             raise InvalidInput(f"class {self.name!r} needs at least one template, got none")
         names = [s.name for s in self.subclasses]
@@ -60,12 +75,20 @@ class MotionClass:
             raise InvalidInput(
                 f"class {self.name!r}: threshold must lie in [0, 1], got {self.threshold}"
             )
+        if not 0 <= self.tolerance < 0.5:
+            raise InvalidInput(
+                f"class {self.name!r}: tolerance must be at least 0 and below 0.5, "
+                f"got {self.tolerance}"
+            )
         n_features = self.subclasses[0].template.n_features
-        shares = self.background
+        shares = tuple(float(share) for share in self.background)
         if shares and (len(shares) != n_features or not all(0 < s < 1 for s in shares)):
             raise InvalidInput(
                 f"class {self.name!r}: background needs {n_features} shares between 0 and 1"
             )
+        object.__setattr__(self, "threshold", float(self.threshold))
+        object.__setattr__(self, "tolerance", float(self.tolerance))
+        object.__setattr__(self, "background", shares)
 
     def quantised(self) -> tuple[QuantisedTemplate, ...]:
         """Templates of the subclasses with fixed and free cells.

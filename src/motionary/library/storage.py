@@ -2,8 +2,8 @@
 
 A folder: `library.toml` says what the library is, and each class has a TOML file with its
 settings, which names the NPZ file that holds the values of its templates. Values are named
-after their content and written first, so that a class is the old one or the new one
-whenever writing ends.
+after their content and written first, and a class keeps its file, so that each class is
+the old one or the new one whenever writing ends. Files of others are left alone.
 
 Class files are named after their classes; characters that file systems dislike become
 `_`, and `library.toml` lists file and class.
@@ -11,10 +11,13 @@ Class files are named after their classes; characters that file systems dislike 
 
 import hashlib
 import io
-import json
 import re
+import struct
 import tomllib
 import zipfile
+import zlib
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,8 @@ from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSet
 from motionary.library.classes import ClassLibrary, MotionClass, Subclass
+from motionary.library.naming import choose_stems, to_stem
+from motionary.library.tables import check_keys, read_toml, to_toml
 from motionary.templates import MotionTemplate
 
 #: Raised when a reader of the version before could misunderstand the files.
@@ -40,6 +45,15 @@ _CLASS_KEYS = {
     "templates": list,
 }  # fmt: skip
 _TEMPLATE_KEYS = {"name": str, "examples": int, "columns": int, "provenance": str}
+_VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
+
+#: What reading a broken archive of arrays ends in.
+_BROKEN_ARCHIVE = (
+    ValueError, TypeError, KeyError, EOFError, OSError, MemoryError, OverflowError, RuntimeError,
+    zipfile.BadZipFile, zlib.error, struct.error,
+)  # fmt: skip
+
+Arrays = Mapping[str, np.ndarray[Any, Any]]
 
 
 def save_library(library: ClassLibrary, folder: str | Path) -> None:
@@ -52,25 +66,20 @@ def save_library(library: ClassLibrary, folder: str | Path) -> None:
     """
     folder = Path(folder)
     _check_target(folder)
-    before = set(folder.glob("*.toml")) | set(folder.glob("*.npz"))
-    files: dict[str, str] = {}
+    before = _read_stems(folder, library.feature_set)
+    stems = choose_stems(
+        library.names,
+        kept={name: before[name] for name in library.names if name in before},
+        taken={Path(INDEX).stem, *before.values(), *_stems_of_others(folder)},
+    )
+    if not (folder / INDEX).exists():
+        # So that a first save that ends early leaves a library, and can be done again.
+        _write_index(library, {}, folder)
     written = {folder / INDEX}
     for motion_class in library:
-        stem = _file_stem(motion_class.name, taken=set(files.values()))
-        files[motion_class.name] = stem
-        written |= _save_class(motion_class, folder, stem)
-    index = {
-        "version": VERSION,
-        "feature_set": library.feature_set.name,
-        "features": list(library.feature_set.ids),
-        "provenance": library.provenance,
-        "licence": library.licence,
-    }
-    text = "# A motionary library: classes of motion and where they come from.\n"
-    text += _toml(index) + "\n[classes]\n" + _toml(files)
-    _write(folder / INDEX, text.encode())
-    for stale in before - written:
-        stale.unlink()
+        written |= _save_class(motion_class, folder, stems[motion_class.name])
+    _write_index(library, stems, folder)
+    _remove_stale(folder, {*before.values(), *stems.values()}, kept=written)
 
 
 def load_library(folder: str | Path) -> ClassLibrary:
@@ -83,17 +92,22 @@ def load_library(folder: str | Path) -> ClassLibrary:
         something that does not fit; the message names file and key.
     """
     folder = Path(folder)
-    index = _read_toml(folder / INDEX, _INDEX_KEYS)
-    if index["version"] > VERSION:
+    path = folder / INDEX
+    if not path.is_file():
+        raise UnreadableFile(f"{folder}: no library there ({INDEX} is missing)")
+    index = read_toml(path, _INDEX_KEYS)
+    if not 1 <= index["version"] <= VERSION:
         raise UnreadableFile(
-            f"{folder / INDEX}: written by a newer motionary (version {index['version']}, "
+            f"{path}: written by a newer motionary (version {index['version']}, "
             f"this one reads up to {VERSION}); update motionary"
         )
-    feature_set = _find_feature_set(folder / INDEX, index)
+    feature_set = _find_feature_set(path, index)
     classes = []
     for name, stem in index["classes"].items():
         if not isinstance(stem, str) or Path(stem).name != stem:
-            raise UnreadableFile(f"{folder / INDEX}: classes.{name} must be a file name")
+            raise UnreadableFile(f"{path}: classes.{name} must be a file name, got {stem!r}")
+        if not (folder / f"{stem}.toml").is_file():
+            raise UnreadableFile(f"{path}: classes.{name} means {stem}.toml, which is missing")
         classes.append(_load_class(folder, stem, name, feature_set))
     try:
         return ClassLibrary(tuple(classes), feature_set, index["provenance"], index["licence"])
@@ -101,7 +115,44 @@ def load_library(folder: str | Path) -> ClassLibrary:
         raise UnreadableFile(f"{folder}: {error}") from error
 
 
-# -- classes ----------------------------------------------------------------------------
+# -- writing ----------------------------------------------------------------------------
+
+
+def _check_target(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise UnwritableFile(f"{folder}: is a file; a library needs a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / INDEX).exists():
+        raise UnwritableFile(f"{folder}: holds files but no library; give a new or empty folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UnwritableFile(f"{folder}: cannot be made ({error.strerror})") from error
+
+
+def _read_stems(folder: Path, feature_set: FeatureSet) -> dict[str, str]:
+    """Files of the classes that a folder has; under no class's name if they are not kept."""
+    try:
+        index = read_toml(folder / INDEX, _INDEX_KEYS)
+    except UnreadableFile:
+        return {}
+    stems = {n: s for n, s in index["classes"].items() if isinstance(s, str) and s == to_stem(s)}
+    if index["feature_set"] == feature_set.name:
+        return stems
+    # Until the index is replaced these are classes of the other feature set.
+    return {f"{feature_set.name}/{number}": stem for number, stem in enumerate(stems.values())}
+
+
+def _stems_of_others(folder: Path) -> set[str]:
+    """Tables beside the classes' that a class must not replace."""
+    return {path.stem for path in folder.glob("*.toml") if not _is_class(path)}
+
+
+def _is_class(path: Path) -> bool:
+    try:
+        content = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, ValueError):
+        return False
+    return content.keys() >= _CLASS_KEYS.keys()
 
 
 def _save_class(motion_class: MotionClass, folder: Path, stem: str) -> set[Path]:
@@ -116,7 +167,7 @@ def _save_class(motion_class: MotionClass, folder: Path, stem: str) -> set[Path]
             "columns": template.n_columns,
             "provenance": template.provenance,
         }
-        tables += "\n[[templates]]\n" + _toml(entry)
+        tables += "\n[[templates]]\n" + to_toml(entry)
         arrays[f"values_{i}"], arrays[f"weights_{i}"] = template.values, template.weights
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
@@ -127,58 +178,47 @@ def _save_class(motion_class: MotionClass, folder: Path, stem: str) -> set[Path]
     }
     path = folder / f"{stem}.toml"
     _write(values, content)
-    _write(path, (_toml(settings | {"values": values.name}) + tables).encode())
+    _write_text(path, to_toml(settings | {"values": values.name}) + tables)
     return {values, path}
 
 
-def _load_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> MotionClass:
-    path = folder / f"{stem}.toml"
-    content = _read_toml(path, _CLASS_KEYS)
-    if content["name"] != name:
-        raise UnreadableFile(
-            f"{path}: name is {content['name']!r}, but {INDEX} calls this class {name!r}"
-        )
-    if Path(content["values"]).name != content["values"]:
-        raise UnreadableFile(f"{path}: values must name a file beside it")
-    arrays = _read_arrays(folder / content["values"])
-    subclasses = []
-    for i, entry in enumerate(content["templates"]):
-        _check_keys(path, entry, _TEMPLATE_KEYS, prefix=f"templates[{i}].")
-        subclasses.append(_load_subclass(path, i, entry, arrays, feature_set))
-    try:
-        return MotionClass(
-            name, tuple(subclasses), content["threshold"], content["tolerance"],
-            tuple(float(share) for share in content["background"]),
-        )  # fmt: skip
-    except (InvalidInput, TypeError, ValueError) as error:
-        raise UnreadableFile(f"{path}: {error}") from error
+def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) -> None:
+    index = {
+        "version": VERSION,
+        "feature_set": library.feature_set.name,
+        "features": list(library.feature_set.ids),
+        "provenance": library.provenance,
+        "licence": library.licence,
+    }
+    text = "# A motionary library: classes of motion and where they come from.\n"
+    _write_text(folder / INDEX, text + to_toml(index) + "\n[classes]\n" + to_toml(stems))
 
 
-def _load_subclass(
-    path: Path,
-    number: int,
-    entry: dict[str, Any],
-    arrays: dict[str, np.ndarray[Any, Any]],
-    feature_set: FeatureSet,
-) -> Subclass:
-    keys = (f"values_{number}", f"weights_{number}")
-    if any(key not in arrays for key in keys):
-        raise UnreadableFile(f"{path}: templates[{number}] has no values in the .npz beside it")
-    values, weights = (arrays[key] for key in keys)
-    shape = (entry["columns"], len(feature_set))
-    if values.shape != shape:
-        raise UnreadableFile(
-            f"{path}: templates[{number}] needs values of shape {shape} (columns, features), "
-            f"the .npz beside it has {values.shape}"
-        )
+def _remove_stale(folder: Path, stems: Collection[str], *, kept: Collection[Path]) -> None:
+    """Remove what classes of these files had before."""
+    for path in set(folder.glob("*.toml")) | set(folder.glob("*.npz")):
+        values = _VALUES.fullmatch(path.name)
+        stem = path.stem if path.suffix == ".toml" else values and values[1]
+        if stem in stems and path not in kept:
+            # The library is complete without them: no reason to call it a failure.
+            with suppress(OSError):
+                path.unlink()
+
+
+def _write_text(path: Path, text: str) -> None:
     try:
-        template = MotionTemplate(
-            values, weights, feature_set.ids, feature_set.name, entry["provenance"],
-            entry["examples"],
-        )  # fmt: skip
-    except InvalidInput as error:
-        raise UnreadableFile(f"{path}: templates[{number}]: {error}") from error
-    return Subclass(entry["name"], template)
+        content = text.encode()
+    except UnicodeEncodeError as error:
+        raise UnwritableFile(f"{path}: a name in it is no valid text ({error})") from error
+    _write(path, content)
+
+
+def _write(path: Path, content: bytes) -> None:
+    with write_atomically(path) as beside:
+        beside.write_bytes(content)
+
+
+# -- reading ----------------------------------------------------------------------------
 
 
 def _find_feature_set(path: Path, index: dict[str, Any]) -> FeatureSet:
@@ -193,74 +233,70 @@ def _find_feature_set(path: Path, index: dict[str, Any]) -> FeatureSet:
     return known
 
 
-# -- files ------------------------------------------------------------------------------
-
-
-def _write(path: Path, content: bytes) -> None:
-    with write_atomically(path) as beside:
-        beside.write_bytes(content)
-
-
-def _check_target(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise UnwritableFile(f"{folder}: is a file; a library needs a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / INDEX).exists():
-        raise UnwritableFile(f"{folder}: holds files but no library; give a new or empty folder")
+def _load_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> MotionClass:
+    path = folder / f"{stem}.toml"
+    content = read_toml(path, _CLASS_KEYS)
+    if content["name"] != name:
+        raise UnreadableFile(
+            f"{path}: name is {content['name']!r}, but {INDEX} calls this class {name!r}"
+        )
+    if not content["templates"]:
+        raise UnreadableFile(f"{path}: templates must list at least one, got none")
+    background = content["background"]
+    if not all(isinstance(share, int | float) for share in background):
+        raise UnreadableFile(f"{path}: background must be a list of numbers, got {background!r}")
+    arrays = _read_values(path, content["values"])
+    subclasses = []
+    for i, entry in enumerate(content["templates"]):
+        check_keys(path, entry, _TEMPLATE_KEYS, place=f"templates[{i}].")
+        subclasses.append(_load_subclass(path, i, entry, arrays, feature_set))
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UnwritableFile(f"{folder}: cannot be made ({error.strerror})") from error
+        return MotionClass(
+            name, tuple(subclasses), content["threshold"], content["tolerance"], tuple(background)
+        )
+    except InvalidInput as error:
+        raise UnreadableFile(f"{path}: {error}") from error
 
 
-def _file_stem(name: str, *, taken: set[str]) -> str:
-    stem = re.sub(r"[^\w.-]", "_", name).strip(".") or "class"
-    # Not only equal names collide: file systems fold case.
-    lowered = {t.lower() for t in taken} | {"library"}
-    candidate, number = stem, 2
-    while candidate.lower() in lowered:
-        candidate, number = f"{stem}-{number}", number + 1
-    return candidate
-
-
-def _toml(content: dict[str, Any]) -> str:
-    """Lines of a TOML table of strings, numbers and lists: JSON values are TOML ones."""
-    bare = re.compile(r"[A-Za-z0-9_-]+")
-    lines = []
-    for key, value in content.items():
-        shown = key if bare.fullmatch(key) else json.dumps(key, ensure_ascii=False)
-        lines.append(f"{shown} = {json.dumps(value, ensure_ascii=False)}\n")
-    return "".join(lines)
-
-
-def _read_toml(path: Path, keys: dict[str, type]) -> dict[str, Any]:
+def _load_subclass(
+    path: Path, number: int, entry: dict[str, Any], arrays: Arrays, feature_set: FeatureSet
+) -> Subclass:
+    place = f"templates[{number}]"
+    keys = (f"values_{number}", f"weights_{number}")
+    if any(key not in arrays for key in keys):
+        raise UnreadableFile(f"{path}: {place} has no values in the .npz beside it")
+    values, weights = (arrays[key] for key in keys)
+    shape = (entry["columns"], len(feature_set))
+    if values.shape != shape:
+        raise UnreadableFile(
+            f"{path}: {place} needs values of shape {shape} (columns, features), "
+            f"the .npz beside it has {values.shape}"
+        )
+    if values.dtype.kind not in "fiu" or weights.dtype.kind not in "fiu":
+        raise UnreadableFile(f"{path}: {place} needs numbers in the .npz beside it")
     try:
-        content = tomllib.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise UnreadableFile(f"{path.parent}: no library there ({path.name} is missing)") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise UnreadableFile(f"{path}: cannot be read ({error})") from error
-    except tomllib.TOMLDecodeError as error:
-        raise UnreadableFile(f"{path}: is not valid TOML: {error}") from error
-    _check_keys(path, content, keys)
-    return content
+        template = MotionTemplate(
+            values, weights, feature_set.ids, feature_set.name, entry["provenance"],
+            entry["examples"],
+        )  # fmt: skip
+    except InvalidInput as error:
+        raise UnreadableFile(f"{path}: {place}: {error}") from error
+    return Subclass(entry["name"], template)
 
 
-def _check_keys(
-    path: Path, content: dict[str, Any], keys: dict[str, type], *, prefix: str = ""
-) -> None:
-    for key, kind in keys.items():
-        if key not in content:
-            raise UnreadableFile(f"{path}: {prefix}{key} is missing")
-        value = content[key]
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            content[key] = float(value)
-        elif not isinstance(value, kind) or isinstance(value, bool):
-            raise UnreadableFile(f"{path}: {prefix}{key} must be a {kind.__name__}, got {value!r}")
-
-
-def _read_arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
+def _read_values(path: Path, name: str) -> Arrays:
+    """Arrays of the file that a class's table names."""
+    file = path.parent / name
+    if not name or Path(name).name != name:
+        raise UnreadableFile(f"{path}: values must name a file beside it, got {name!r}")
+    if not file.is_file():
+        raise UnreadableFile(f"{path}: values means {name}, which is missing")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return {key: file[key] for key in file.files}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise UnreadableFile(f"{path}: cannot be read ({error})") from error
+        # Not the path: after an error NumPy would leave the file open.
+        loaded = np.load(io.BytesIO(file.read_bytes()), allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            raise ValueError("one array, no archive of arrays")
+        with loaded:
+            return {key: loaded[key] for key in loaded.files}
+    except _BROKEN_ARCHIVE as error:
+        raise UnreadableFile(f"{path}: values {name} cannot be read ({error})") from error

@@ -22,6 +22,7 @@ from motionary.features import (
     read_features,
 )
 from motionary.io import MOTION_SUFFIXES
+from motionary.keyframes import mirror_query
 from motionary.library.classes import (
     THRESHOLD,
     TOLERANCE,
@@ -213,4 +214,5 @@ def _learn_subclass(name: str, examples: Sequence[FeatureSequence]) -> Subclass:
 
 def _mirrored(subclass: Subclass, feature_set: FeatureSet) -> Subclass:
     template = mirror_template(subclass.template, feature_set.mirror_order)
-    return Subclass(f"{subclass.name}Mirrored", template)
+    query = None if subclass.query is None else mirror_query(subclass.query, feature_set)
+    return Subclass(f"{subclass.name}Mirrored", template, query)

@@ -1,7 +1,7 @@
 """Masked DTW on words: how well, where, and along which path a pattern occurs."""
 
 from motionary.matching.alignment import Alignment, align
-from motionary.matching.corpus import Corpus, concatenate
+from motionary.matching.corpus import PADDING, Corpus, concatenate
 from motionary.matching.deciding import Segment, annotate_distances, find_runs, modify
 from motionary.matching.distance import (
     SKIP_WEIGHT,
@@ -11,9 +11,10 @@ from motionary.matching.distance import (
 )
 from motionary.matching.hits import Hit, find_hits, local_minima
 from motionary.matching.pattern import Pattern, cell_costs
-from motionary.matching.rarity import share_of_ones, surprise
+from motionary.matching.rarity import share_of_counts, share_of_ones, surprise
 
 __all__ = [
+    "PADDING",
     "SKIP_WEIGHT",
     "Alignment",
     "Corpus",
@@ -31,6 +32,7 @@ __all__ = [
     "find_runs",
     "local_minima",
     "modify",
+    "share_of_counts",
     "share_of_ones",
     "surprise",
 ]

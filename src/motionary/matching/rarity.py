@@ -5,7 +5,7 @@ logarithm of the share of frames that show its value.
 """
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from motionary.matching.corpus import Corpus
 from motionary.words import unpack
@@ -21,7 +21,17 @@ def share_of_ones(corpus: Corpus, n_relations: int) -> Floats:
     """
     ones = unpack(corpus.words & corpus.known, n_relations).sum(axis=0, dtype=np.int64)
     seen = unpack(corpus.known, n_relations).sum(axis=0, dtype=np.int64) - len(corpus.blocked)
-    return np.asarray((ones + 1) / (seen + 2), dtype=np.float64)
+    return share_of_counts(ones, seen)
+
+
+def share_of_counts(ones: ArrayLike, seen: ArrayLike) -> Floats:
+    """The same from counts that are known already.
+
+    Parameters
+    ----------
+    ones, seen : shape (n_relations,): frames in which a relation holds, and is known
+    """
+    return np.asarray((np.asarray(ones) + 1) / (np.asarray(seen) + 2), dtype=np.float64)
 
 
 def surprise(values: NDArray[np.bool_], ones: Floats) -> Floats:

@@ -5,7 +5,7 @@ Its first frame has the number that stands there, usually 1.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -79,11 +79,31 @@ def read_amc(
     return _to_motion(path.name, skeleton, layout, body, values[:, 1:], int(numbers[0]), rate_hz)
 
 
-def find_asf(path: Path) -> Path:
+def list_asf(folder: Path) -> dict[str, Path]:
+    """Skeletons in a folder by the stem of their names, lower case; none if it is closed."""
+    try:
+        files = sorted(file for file in folder.iterdir() if file.suffix.lower() == ".asf")
+    except OSError:
+        return {}
+    return {file.stem.lower(): file for file in files}
+
+
+def places_of_asf(path: Path) -> tuple[Path, ...]:
+    """Folders in which the skeleton of a motion is looked for, in this sequence."""
+    folder = path.absolute().parent
+    return (folder, *folder.parents[:_FOLDERS_ABOVE])
+
+
+def find_asf(path: Path, *, listing: Callable[[Path], Mapping[str, Path]] = list_asf) -> Path:
     """The skeleton of a motion: same name, a beginning of it, or alone in the folder.
 
     `HDM_bd_squat_001.amc` goes with `HDM_bd_squat.asf`, `HDM_bd.asf`, `HDM.asf`, looked
     for beside the motion and up to two folders above.
+
+    Parameters
+    ----------
+    path : the motion
+    listing : says which skeletons a folder holds; for many motions, one that remembers
 
     Raises
     ------
@@ -92,25 +112,18 @@ def find_asf(path: Path) -> Path:
     """
     parts = path.stem.split("_")
     stems = ["_".join(parts[:n]) for n in range(len(parts), 0, -1)]
-    folder = path.absolute().parent
-    for place in (folder, *folder.parents[:_FOLDERS_ABOVE]):
-        found = {file.stem.lower(): file for file in _skeletons_in(place)}
+    places = places_of_asf(path)
+    for place in places:
+        found = listing(place)
         for stem in stems:
             if stem.lower() in found:
                 return found[stem.lower()]
-        if place == folder and len(found) == 1:
+        if place == places[0] and len(found) == 1:
             return next(iter(found.values()))
     raise UnreadableFile(
         f"{path}: no skeleton found; looked for {', '.join(stem + '.asf' for stem in stems)} "
         "in its folder and two above; name the skeleton with --asf FILE (asf=...)"
     )
-
-
-def _skeletons_in(folder: Path) -> list[Path]:
-    try:
-        return sorted(file for file in folder.iterdir() if file.suffix.lower() == ".asf")
-    except OSError:
-        return []
 
 
 def _find_body(text: str, name: str) -> _Body:

@@ -1,0 +1,41 @@
+"""Where is a template worth matching, if its keyframes are known?
+
+Around the hits of a query (Müller, Baak and Seidel 2009, section 5): each hit is extended by
+twice what the template has before its first and after its last keyframe, the slowest tempo
+at which the matcher still follows.
+"""
+
+from numpy.typing import ArrayLike
+
+from motionary.keyframes.query import KeyframeQuery
+from motionary.keyframes.ranges import HitRanges, extend, margins
+from motionary.keyframes.search import search_query, search_words
+from motionary.keyframes.word_index import WordIndex
+from motionary.words import Words
+
+
+def select_in_index(query: KeyframeQuery, n_columns: int, index: WordIndex) -> HitRanges:
+    """Windows of the documents of an index in which a template of so many columns may lie.
+
+    Raises
+    ------
+    InvalidInput
+        If query and index are over different features.
+    """
+    return _windows(search_query(query, index), query, n_columns, index.lengths)
+
+
+def select_in_words(
+    query: KeyframeQuery, n_columns: int, words: Words, known: Words | None = None
+) -> HitRanges:
+    """The same in one document; see `search_words`."""
+    return _windows(search_words(query, words, known), query, n_columns, [len(words)])
+
+
+def _windows(
+    ranges: HitRanges, query: KeyframeQuery, n_columns: int, lengths: ArrayLike
+) -> HitRanges:
+    if query.positions is None or query.positions[-1] >= n_columns:
+        # Written by hand, or for another template: the whole template may lie on either side.
+        return extend(ranges, n_columns, n_columns, lengths)
+    return extend(ranges, *margins(query, n_columns), lengths)

@@ -1,0 +1,221 @@
+"""Which stretches of a collection match a template best?
+
+Ranked hits below a threshold (Müller and Röder 2006, section 5.4). Where keyframes come
+first (Müller, Baak and Seidel 2009, section 5), a template is matched only around the hits
+of its query: no path leaves such a window, and the cost is infinite outside of it.
+
+Conventions: a window belongs to a document; documents are numbered as in the collection.
+"""
+
+import heapq
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.explanation import Evidence
+from motionary.index import Collection, Part
+from motionary.keyframes import HitRanges, KeyframeQuery, select_in_index
+from motionary.matching import (
+    Alignment,
+    Corpus,
+    Pattern,
+    align,
+    concatenate,
+    corpus_distance,
+    find_hits,
+)
+from motionary.search.results import Hit, hit_of
+from motionary.templates import QuantisedTemplate
+from motionary.words import Words, full_mask
+
+Single = NDArray[np.float32]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sought:
+    """A template as it is sought, under the name that its hits get.
+
+    Attributes
+    ----------
+    name, template, pattern : what is sought
+    query : where given, the template is matched only around its hits
+    """
+
+    name: str
+    template: QuantisedTemplate
+    pattern: Pattern
+    query: KeyframeQuery | None = None
+
+
+class Window(NamedTuple):
+    """A stretch of a document in which a template was matched.
+
+    Attributes
+    ----------
+    start : first frame of the document
+    words, known, distance : of the stretch
+    """
+
+    start: int
+    words: Words
+    known: Words
+    distance: Single
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matched:
+    """Costs of a template in the windows of one part of a collection.
+
+    Attributes
+    ----------
+    part : the part
+    corpus : the windows
+    documents, starts : arrays, shape (windows,): document of the part, and its first frame
+    distance : array, shape (frames of the corpus,)
+    """
+
+    part: Part
+    corpus: Corpus
+    documents: Integers
+    starts: Integers
+    distance: Single
+
+    def least(self) -> Single:
+        """Smallest cost of every window, shape (windows,)."""
+        # Documents without frames begin past the end.
+        padded = np.append(self.distance, np.float32(np.inf))
+        return np.minimum.reduceat(padded, self.corpus.starts)
+
+    def windows(self, document: int) -> Iterator[Window]:
+        """Windows of one document of the part."""
+        first, stop = np.searchsorted(self.documents, [document, document + 1])
+        for i in range(first, stop):
+            inside = slice(self.corpus.starts[i], self.corpus.starts[i] + self.corpus.lengths[i])
+            words, known = self.corpus.document(i)
+            yield Window(int(self.starts[i]), words, known, self.distance[inside])
+
+
+#: By the number of the part.
+Matches = dict[int, Matched]
+
+
+def rank(
+    sought: Sequence[Sought], collection: Collection, *, threshold: float, limit: int | None
+) -> list[Hit]:
+    """Hits over all documents, best first.
+
+    Documents are taken in the order of their smallest cost, until the next one cannot
+    add to the hits that count.
+    """
+    matched = [match(item, collection) for item in sought]
+    smallest = _smallest(matched, len(collection))
+    found: list[tuple[float, int, int, Hit]] = []
+    for number in np.argsort(smallest, kind="stable").tolist():
+        least = smallest[number]
+        full = limit is not None and len(found) >= limit
+        if not np.isfinite(least) or least > threshold:
+            break
+        if full and least > heapq.nsmallest(limit or 0, (f[0] for f in found))[-1]:
+            break
+        for hit in _hits_in(number, sought, matched, collection, threshold, limit):
+            found.append((hit.cost, number, hit.evidence.alignment.start, hit))
+    found.sort(key=lambda f: f[:3])
+    return [f[3] for f in found[:limit]]
+
+
+def match(item: Sought, collection: Collection) -> Matches:
+    """Costs of a template in a collection; around its keyframes if it has a query."""
+    matched = {}
+    for number, part in enumerate(collection.parts):
+        if item.query is None:
+            matched[number] = _match_all(item, part)
+            continue
+        ranges = select_in_index(item.query, item.template.n_columns, part.shard.word_index)
+        if len(ranges):
+            matched[number] = match_windows(item, part, ranges)
+    return matched
+
+
+def match_windows(item: Sought, part: Part, ranges: HitRanges) -> Matched:
+    """Costs of a template in some windows, at least one, of a part of a collection."""
+    words, known = [], []
+    for document, start, stop in ranges:
+        whole, mask = part.shard.words_of(document)
+        words.append(whole[start:stop])
+        known.append(mask[start:stop])
+    corpus = concatenate(words, known, full=full_mask(1, len(part.shard.feature_set))[0])
+    distance = corpus_distance(item.pattern, corpus)
+    return Matched(part, corpus, ranges.documents, ranges.starts, distance)
+
+
+def share_matched(sought: Sequence[Sought], collection: Collection) -> float:
+    """Share of the frames in which templates are matched, the mean over the templates."""
+    chosen = 0
+    for item in sought:
+        for part in collection.parts:
+            index = part.shard.word_index
+            if item.query is None:
+                chosen += index.n_frames
+            else:
+                chosen += select_in_index(item.query, item.template.n_columns, index).n_frames
+    return chosen / max(len(sought) * collection.n_frames, 1)
+
+
+def _match_all(item: Sought, part: Part) -> Matched:
+    corpus, documents = part.shard.corpus, np.arange(len(part.shard))
+    distance = corpus_distance(item.pattern, corpus)
+    return Matched(part, corpus, documents, np.zeros_like(documents), distance)
+
+
+def _smallest(matched: Sequence[Matches], n_documents: int) -> NDArray[np.float64]:
+    """Smallest cost of every document over all templates, shape (documents,)."""
+    smallest = np.full(n_documents, np.inf)
+    for parts in matched:
+        for found in parts.values():
+            np.minimum.at(smallest, found.part.numbers[found.documents], found.least())
+    return smallest
+
+
+def _hits_in(
+    number: int,
+    sought: Sequence[Sought],
+    matched: Sequence[Matches],
+    collection: Collection,
+    threshold: float,
+    limit: int | None,
+) -> list[Hit]:
+    """Hits in one document; where templates of one class overlap the cheaper one stays."""
+    part, document = collection.locate(number)
+    candidates = []
+    for order, (item, parts) in enumerate(zip(sought, matched, strict=True)):
+        for window in parts[part].windows(document) if part in parts else ():
+            where = window.distance, item.pattern, window.words, window.known
+            for hit in find_hits(*where, threshold=threshold, limit=limit):
+                candidates.append((hit.cost, window.start + hit.start, order, hit.stop, window))
+    sequence = collection.sequences[number]
+    taken: list[Hit] = []
+    spans: list[tuple[int, int]] = []
+    for _, _, order, stop, window in sorted(candidates, key=lambda c: c[:2]):
+        item = sought[order]
+        inside = align(item.pattern, window.words, window.known, [stop - 1])[0]
+        alignment = _shift(inside, window.start)
+        span = (alignment.start, alignment.end + 1)
+        if any(2 * _overlap(span, other) > span[1] - span[0] for other in spans):
+            continue
+        spans.append(span)
+        taken.append(hit_of(Evidence(item.name, item.template, item.pattern, sequence, alignment)))
+    return taken
+
+
+def _shift(alignment: Alignment, start: int) -> Alignment:
+    """The alignment with frames counted from the document's first one."""
+    start_frame, end, cost, path = alignment
+    return Alignment(start_frame + start, end + start, cost, path + np.array([0, start]))
+
+
+def _overlap(a: tuple[int, int], b: tuple[int, int]) -> int:
+    return max(0, min(a[1], b[1]) - max(a[0], b[0]))
