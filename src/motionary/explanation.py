@@ -72,7 +72,8 @@ class Finding(NamedTuple):
     relation : id ("F20")
     phrase : in words, with "not" where the class asks for the relation not to hold
     start_s, end_s : seconds, half-open
-    weight : how much it tells: the sum over its cells of their weights
+    weight : how much it tells: the mean weight of its cells, times the root of their number,
+        so that a short rare thing comes before a long common one
     """
 
     relation: str
@@ -204,7 +205,7 @@ def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Ite
                     phrase,
                     seconds(int(frames[first])),
                     seconds(int(frames[last]) + 1),
-                    float(weights[first : last + 1, i].sum()),
+                    float(weights[first : last + 1, i].sum() / np.sqrt(last + 1 - first)),
                 )
 
 
