@@ -26,6 +26,7 @@ import numpy as np
 from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSet
+from motionary.keyframes import KeyframeQuery, format_query, parse_query
 from motionary.library.classes import ClassLibrary, MotionClass, Subclass
 from motionary.library.naming import choose_stems, to_stem
 from motionary.library.tables import check_keys, read_toml, to_toml
@@ -77,7 +78,7 @@ def save_library(library: ClassLibrary, folder: str | Path) -> None:
         _write_index(library, {}, folder)
     written = {folder / INDEX}
     for motion_class in library:
-        written |= _save_class(motion_class, folder, stems[motion_class.name])
+        written |= _save_class(motion_class, folder, stems[motion_class.name], library.feature_set)
     _write_index(library, stems, folder)
     _remove_stale(folder, {*before.values(), *stems.values()}, kept=written)
 
@@ -155,18 +156,24 @@ def _is_class(path: Path) -> bool:
     return content.keys() >= _CLASS_KEYS.keys()
 
 
-def _save_class(motion_class: MotionClass, folder: Path, stem: str) -> set[Path]:
+def _save_class(
+    motion_class: MotionClass, folder: Path, stem: str, feature_set: FeatureSet
+) -> set[Path]:
     """Write one class and return its files."""
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     tables = ""
     for i, subclass in enumerate(motion_class.subclasses):
         template = subclass.template
-        entry = {
+        entry: dict[str, Any] = {
             "name": subclass.name,
             "examples": template.n_examples,
             "columns": template.n_columns,
             "provenance": template.provenance,
         }
+        if subclass.query is not None:
+            # Line by line, as a person writes a query.
+            text = format_query(subclass.query, vocabulary=feature_set)
+            entry["query"] = text.splitlines()
         tables += "\n[[templates]]\n" + to_toml(entry)
         arrays[f"values_{i}"], arrays[f"weights_{i}"] = template.values, template.weights
     buffer = io.BytesIO()
@@ -279,9 +286,22 @@ def _load_subclass(
             values, weights, feature_set.ids, feature_set.name, entry["provenance"],
             entry["examples"],
         )  # fmt: skip
+        query = _load_query(entry, feature_set)
     except InvalidInput as error:
         raise UnreadableFile(f"{path}: {place}: {error}") from error
-    return Subclass(entry["name"], template)
+    return Subclass(entry["name"], template, query)
+
+
+def _load_query(entry: dict[str, Any], feature_set: FeatureSet) -> KeyframeQuery | None:
+    if "query" not in entry:
+        return None
+    lines = entry["query"]
+    if not isinstance(lines, list) or not all(isinstance(line, str) for line in lines):
+        raise InvalidInput(f"query must be a list of lines, got {lines!r}")
+    try:
+        return parse_query("\n".join(lines), vocabulary=feature_set)
+    except InvalidInput as error:
+        raise InvalidInput(f"query: {error}") from error
 
 
 def _read_values(path: Path, name: str) -> Arrays:
