@@ -9,6 +9,7 @@ from motionary.keyframes.building import (
     mirror_query,
 )
 from motionary.keyframes.choosing import Choice, choose_keyframes
+from motionary.keyframes.fitting import FittedHits, fit_hits
 from motionary.keyframes.query import (
     Gap,
     KeyframeQuery,
@@ -22,13 +23,13 @@ from motionary.keyframes.ranges import HitRange, HitRanges, extend, margins
 from motionary.keyframes.ranking import columns_of_query, template_of_query
 from motionary.keyframes.search import search_query, search_words
 from motionary.keyframes.selecting import select_in_index, select_in_words
-from motionary.keyframes.shortest import shortest_hits
 from motionary.keyframes.single import single_hits
 from motionary.keyframes.text import format_query, parse_query
 from motionary.keyframes.word_index import WordIndex, index_words
 
 __all__ = [
     "Choice",
+    "FittedHits",
     "Gap",
     "HitRange",
     "HitRanges",
@@ -40,6 +41,7 @@ __all__ = [
     "choose_keyframes",
     "columns_of_query",
     "extend",
+    "fit_hits",
     "format_query",
     "from_patterns",
     "from_relations",
@@ -55,7 +57,6 @@ __all__ = [
     "search_words",
     "select_in_index",
     "select_in_words",
-    "shortest_hits",
     "single_hits",
     "spring_of",
     "template_of_query",

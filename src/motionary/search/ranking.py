@@ -136,20 +136,20 @@ def match(item: Sought, collection: Collection) -> Matches:
             continue
         ranges = select_in_index(item.query, item.template.n_columns, part.shard.word_index)
         if len(ranges):
-            matched[number] = match_windows(item, part, ranges)
+            corpus = cut_windows(part, ranges)
+            distance = corpus_distance(item.pattern, corpus)
+            matched[number] = Matched(part, corpus, ranges.documents, ranges.starts, distance)
     return matched
 
 
-def match_windows(item: Sought, part: Part, ranges: HitRanges) -> Matched:
-    """Costs of a template in some windows, at least one, of a part of a collection."""
+def cut_windows(part: Part, ranges: HitRanges) -> Corpus:
+    """Words of some stretches, at least one, of a part of a collection."""
     words, known = [], []
     for document, start, stop in ranges:
         whole, mask = part.shard.words_of(document)
         words.append(whole[start:stop])
         known.append(mask[start:stop])
-    corpus = concatenate(words, known, full=full_mask(1, len(part.shard.feature_set))[0])
-    distance = corpus_distance(item.pattern, corpus)
-    return Matched(part, corpus, ranges.documents, ranges.starts, distance)
+    return concatenate(words, known, full=full_mask(1, len(part.shard.feature_set))[0])
 
 
 def share_matched(sought: Sequence[Sought], collection: Collection) -> float:
