@@ -9,14 +9,14 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from motionary.errors import UnreadableFile
-from motionary.io.motion.acclaim import find_asf, list_asf, places_of_asf
 
 NONE = 0
+_READ_WITH_SKELETON = (".amc", ".amc.gz")
 
 
 def has_companion(name: str) -> bool:
     """Whether a recording of this file name is read with another file."""
-    return name.lower().endswith(".amc")
+    return name.lower().endswith(_READ_WITH_SKELETON)
 
 
 class Companions:
@@ -35,6 +35,8 @@ class Companions:
         """A number that changes when the companion of a recording does; `NONE` without one."""
         if not has_companion(path.name):
             return NONE
+        from motionary.io.motion.acclaim import find_asf
+
         try:
             companion = self._asf or find_asf(path, listing=self._list)
         except UnreadableFile:
@@ -45,11 +47,15 @@ class Companions:
         """A number that changes when anything does that the companions there depend on."""
         if self._asf is not None:
             return _digest([_describe(self._asf)])
+        from motionary.io.motion.acclaim import places_of_asf
+
         places = places_of_asf(folder / "any")
         lines = ([*map(_describe, sorted(self._list(p).values())), ""] for p in places)
         return _digest(line for part in lines for line in part)
 
     def _list(self, folder: Path) -> dict[str, Path]:
+        from motionary.io.motion.acclaim import list_asf
+
         if folder not in self._listed:
             self._listed[folder] = list_asf(folder)
         return self._listed[folder]

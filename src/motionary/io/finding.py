@@ -127,7 +127,7 @@ def _find(path: Path, suffixes: Collection[str]) -> list[tuple[Path, str]]:
         return [(path, path.name)]
     if not glob.has_magic(str(path)):
         raise UnreadableFile(f"{path}: no such file or folder")
-    files = [file for file in _match(path) if file.is_file() and _is_recording(file, suffixes)]
+    files = [file for file in _match(path) if file.is_file() and _is_recording(file.name, suffixes)]
     if not files:
         raise UnreadableFile(f"{path}: no recording has a name like this")
     return [(file, file.name) for file in files]
@@ -161,7 +161,7 @@ def _entries(folder: str | Path, suffixes: Collection[str]) -> Iterator[os.DirEn
             continue
         for entry in listed:
             if not entry.is_dir():
-                if _is_recording(Path(entry.name), suffixes):
+                if _is_recording(entry.name, suffixes):
                     yield entry
             elif not entry.name.startswith(".") and not entry.is_symlink():
                 waiting.append(entry.path)
@@ -175,8 +175,8 @@ def _state(entry: os.DirEntry[str]) -> FileState:
     return FileState(stat.st_mtime_ns, stat.st_size, stat.st_ctime_ns)
 
 
-def _is_recording(path: Path, suffixes: Collection[str]) -> bool:
-    return not path.name.startswith(".") and path.suffix.lower() in suffixes
+def _is_recording(name: str, suffixes: Collection[str]) -> bool:
+    return not name.startswith(".") and name.lower().endswith(tuple(suffixes))
 
 
 def _tell_apart(found: list[tuple[Path, str]]) -> dict[str, Path]:
