@@ -1,27 +1,16 @@
-"""How are classes learned from examples?
+"""How are classes learned from the words of their examples?
 
-One folder per class; the files in it are its examples. Folders within a class folder are
-its subclasses, each with a template of its own.
+Each subclass becomes a template of its own, after Müller and Röder (2006); classes share
+the background of frames that tells which relations are rare.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from motionary.batch import Failure
-from motionary.errors import InvalidInput, UnreadableFile
-from motionary.features import (
-    FULL_BODY,
-    FeatureSequence,
-    FeatureSet,
-    NamedFile,
-    Reading,
-    compute_features,
-    read_features,
-)
-from motionary.io import MOTION_SUFFIXES
+from motionary.errors import InvalidInput
+from motionary.features import FeatureSequence, FeatureSet
 from motionary.keyframes import mirror_query
 from motionary.library.classes import (
     THRESHOLD,
@@ -30,14 +19,11 @@ from motionary.library.classes import (
     MotionClass,
     Subclass,
 )
+from motionary.library.examples import Examples, find_feature_set
 from motionary.matching import concatenate, share_of_ones
-from motionary.motion import Motion
 from motionary.templates import learn_template
 from motionary.templates import mirror as mirror_template
 from motionary.words import full_mask
-
-#: Examples of one class, by the name of the subclass.
-Examples = Mapping[str, Sequence[Motion | FeatureSequence]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,57 +47,15 @@ class Teaching:
     licence: str = ""
 
 
-@dataclass(slots=True)
-class ReadExamples:
-    """Examples of a folder: class -> subclass -> words; and what could not be read."""
-
-    classes: dict[str, dict[str, list[FeatureSequence]]] = field(default_factory=dict)
-    failures: list[Failure[NamedFile]] = field(default_factory=list)
-
-
-def learn(
-    examples: str | Path | Mapping[str, Sequence[Motion | FeatureSequence]],
-    *,
-    mirror: bool = False,
-    teaching: Teaching | None = None,
-    reading: Reading | None = None,
-    jobs: int = 1,
-) -> ClassLibrary:
-    """Library of classes learned from examples.
-
-    Parameters
-    ----------
-    examples : a folder with one folder per class, or examples by class name
-    mirror : also learn every class's mirror image, as a subclass of the same name
-    teaching : further settings
-    reading : what the files do not say themselves
-    jobs : processes that read
-
-    Raises
-    ------
-    InvalidInput, UnreadableFile
-        If there are no examples, or one of them cannot be read.
-    """
-    settings = teaching or Teaching(mirror=mirror)
-    if isinstance(examples, str | Path):
-        read = read_examples(Path(examples), reading=reading, jobs=jobs)
-        if read.failures:
-            raise read.failures[0].error
-        nested = {name: dict(subclasses) for name, subclasses in read.classes.items()}
-    else:
-        nested = {name: {name: _sequences(items)} for name, items in examples.items()}
-    return learn_classes(nested, teaching=settings)
-
-
 def learn_classes(
-    examples: Mapping[str, Mapping[str, Sequence[FeatureSequence]]],
+    examples: Examples,
     *,
     teaching: Teaching,
     on_done: Callable[[], None] | None = None,
 ) -> ClassLibrary:
     """Library learned from words: class -> subclass -> examples."""
     classes = []
-    feature_set = _feature_set(examples)
+    feature_set = find_feature_set(examples)
     background = _background(examples, feature_set, teaching)
     for name, subclasses in examples.items():
         learned = [_learn_subclass(key, items) for key, items in subclasses.items()]
@@ -125,63 +69,8 @@ def learn_classes(
     return ClassLibrary(tuple(classes), feature_set, teaching.provenance, teaching.licence)
 
 
-def read_examples(
-    folder: Path,
-    *,
-    reading: Reading | None = None,
-    jobs: int = 1,
-    on_done: Callable[[NamedFile], None] | None = None,
-) -> ReadExamples:
-    """Words of a folder of examples, and the files that could not be read."""
-    files = list_examples(folder)
-    result = ReadExamples()
-    named = [(path.name, path) for _, _, path in files]
-    words = read_features(named, reading=reading, jobs=jobs, on_done=on_done)
-    for (name, subclass, _), item in zip(files, words, strict=True):
-        if isinstance(item, Failure):
-            result.failures.append(item)
-        else:
-            result.classes.setdefault(name, {}).setdefault(subclass, []).append(item)
-    return result
-
-
-def list_examples(folder: Path) -> list[tuple[str, str, Path]]:
-    """Class, subclass and path of every example below a folder, sorted."""
-    if not folder.is_dir():
-        raise UnreadableFile(f"{folder}: no such folder; give a folder with one folder per class")
-    files = []
-    for path in sorted(folder.rglob("*")):
-        parts = path.relative_to(folder).parts
-        hidden = any(part.startswith(".") for part in parts)
-        is_recording = path.suffix.lower() in MOTION_SUFFIXES and path.is_file()
-        if is_recording and len(parts) > 1 and not hidden:
-            files.append((parts[0], "/".join(parts[1:-1]) or parts[0], path))
-    if not files:
-        raise UnreadableFile(
-            f"{folder}: no examples found; expected one folder per class with files of the "
-            f"kinds {', '.join(MOTION_SUFFIXES)}, such as {folder.name}/squat/one.bvh"
-        )
-    return files
-
-
-def _sequences(items: Sequence[Motion | FeatureSequence]) -> list[FeatureSequence]:
-    return [i if isinstance(i, FeatureSequence) else compute_features(i) for i in items]
-
-
-def _feature_set(examples: Mapping[str, Mapping[str, Sequence[FeatureSequence]]]) -> FeatureSet:
-    sets = {
-        item.feature_set.name: item.feature_set
-        for subclasses in examples.values()
-        for items in subclasses.values()
-        for item in items
-    }
-    if len(sets) > 1:
-        raise InvalidInput(f"examples must share one feature set, got {', '.join(sorted(sets))}")
-    return next(iter(sets.values()), FULL_BODY)
-
-
 def _background(
-    examples: Mapping[str, Mapping[str, Sequence[FeatureSequence]]],
+    examples: Examples,
     feature_set: FeatureSet,
     teaching: Teaching,
 ) -> tuple[float, ...]:
