@@ -61,7 +61,7 @@ def make_library(*names, seed=0, feature_set=FULL_BODY, **about):
     classes = tuple(
         MotionClass(
             name,
-            (Subclass(name, template([seed, i][0] + i, feature_set=feature_set)),),
+            (Subclass(name, template(seed + i, feature_set=feature_set)),),
             threshold=0.05 + i / 1000,
             tolerance=0.1,
         )

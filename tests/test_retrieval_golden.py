@@ -18,7 +18,7 @@ from motionary.evaluation.ranking import (
     score_classification,
     summarize_rankings,
 )
-from motionary.features import FULL_BODY_2006, FeatureSequence, read_features
+from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, read_features
 from motionary.index import Collection
 from motionary.matching import Pattern, concatenate, corpus_distance
 from motionary.search import Growing, search
@@ -44,6 +44,11 @@ def class_of(name):
 
 def actor_of(name):
     return name.split("_")[1]
+
+
+def corpus_of(words, *, n_features):
+    known = [full_mask(len(w), n_features) for w in words]
+    return concatenate(words, known, full=full_mask(1, n_features)[0])
 
 
 # -- templates of the authors' halves --------------------------------------------------
@@ -74,8 +79,7 @@ def patterns(clips, halves):
 def costs_of_halves(clips, halves, patterns):
     """Smallest cost of each class in each clip of the evaluation halves, and the truth."""
     names = [clip for half in halves.values() for clip in half["test"]]
-    words = [pack(clips[name].features[:, :N]) for name in names]
-    corpus = concatenate(words, [full_mask(len(w), N) for w in words], full=full_mask(1, N)[0])
+    corpus = corpus_of([pack(clips[name].features[:, :N]) for name in names], n_features=N)
 
     def compute(skip_weight):
         rows = [
@@ -115,25 +119,25 @@ def test_templates_of_the_authors_halves(
 
 @pytest.fixture(scope="module")
 def example_queries(golden, clips):
-    """Pairs of an example and the clips of the other actors."""
+    """An example, the clips of the other actors, and their words in one piece."""
     names = json.loads((golden / "example_queries.json").read_text(encoding="utf-8"))
     assert len(names) == 33
-    others = {
-        actor: Collection(tuple(s for n, s in clips.items() if actor_of(n) != actor))
-        for actor in {actor_of(name) for name in names}
-    }
-    return [(clips[name], others[actor_of(name)]) for name in names]
+    others = {}
+    for actor in {actor_of(name) for name in names}:
+        sequences = [s for name, s in clips.items() if actor_of(name) != actor]
+        corpus = corpus_of([s.words for s in sequences], n_features=len(FULL_BODY))
+        others[actor] = Collection(tuple(sequences)), corpus
+    return [(clips[name], *others[actor_of(name)]) for name in names]
 
 
-def smallest_costs(example, collection, growing):
+def smallest_costs(example, collection, corpus, growing):
     """Cost of the best hit of each clip.
 
     The best hit tells what the search looked for; ranking every clip's further hits too
     takes minutes and changes no clip's first one (the next test).
     """
     pattern = search(example, collection, limit=1, growing=growing)[0].evidence.pattern
-    distance = corpus_distance(pattern, collection.corpus)
-    return np.array([d.min() for d in collection.corpus.split(distance)])
+    return np.array([d.min() for d in corpus.split(corpus_distance(pattern, corpus))])
 
 
 def relevance(example, collection):
@@ -142,13 +146,13 @@ def relevance(example, collection):
 
 
 def test_without_limit_every_clip_is_ranked_by_its_smallest_cost(example_queries):
-    example, collection = example_queries[10]
+    example, collection, corpus = example_queries[10]
     result = search(example, collection, limit=None)
     best: dict[str, float] = {}
     for hit in result:
         best.setdefault(hit.recording, hit.cost)
     found = [best.get(s.source, np.inf) for s in collection.sequences]
-    np.testing.assert_allclose(found, smallest_costs(example, collection, None), rtol=1e-5)
+    np.testing.assert_allclose(found, smallest_costs(example, collection, corpus, None), rtol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -162,8 +166,8 @@ def test_without_limit_every_clip_is_ranked_by_its_smallest_cost(example_queries
 )
 def test_one_example_as_query(example_queries, growing, average_precision, r_precision):
     found = summarize_rankings(
-        (smallest_costs(example, clips, growing), relevance(example, clips))
-        for example, clips in example_queries
+        (smallest_costs(example, clips, corpus, growing), relevance(example, clips))
+        for example, clips, corpus in example_queries
     )
     assert found.queries == 33
     assert found.average_precision >= average_precision

@@ -25,6 +25,8 @@ from motionary.io import name_recordings
 from motionary.matching import share_of_counts
 from motionary.motion import Motion
 
+_MOST_REASONS = 3
+
 
 class Part(NamedTuple):
     """A shard of a collection, and the number that each of its documents has there."""
@@ -88,7 +90,8 @@ class Collection:
             If there is no recording.
         """
         if not self.sequences:
-            raise InvalidInput("there is no readable recording to search")
+            reasons = "".join(f"; {f.item[0]}: {f.error}" for f in self.failures[:_MOST_REASONS])
+            raise InvalidInput(f"there is no readable recording to search{reasons}")
         if isinstance(self.sequences, _Documents):
             return self.sequences.parts
         shard = make_shard(self.sequences, self.feature_set)

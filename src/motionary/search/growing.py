@@ -97,7 +97,11 @@ def _learn(example: FeatureSequence, hits: Sequence[Hit]) -> MotionTemplate:
 
 def _is_example(hit: Hit, example: FeatureSequence) -> bool:
     """Whether a hit is the example itself, found in the collection: it teaches nothing."""
-    found = hit.evidence.sequence
-    start = hit.evidence.alignment.start
-    stretch = found.words[start : start + len(example)]
-    return stretch.shape == example.words.shape and bool((stretch == example.words).all())
+    words, n = hit.evidence.sequence.words, len(example)
+    start, stop = hit.evidence.alignment.start, hit.evidence.alignment.end + 1
+    # Where a body stands still, a hit may begin or end beside the example.
+    for first in range(max(0, start - n), min(stop, len(words) - n + 1)):
+        shared = min(first + n, stop) - max(first, start)
+        if 2 * shared > n and bool((words[first : first + n] == example.words).all()):
+            return True
+    return False

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.explanation import Evidence
+from motionary.features import FeatureSequence
 from motionary.index import Collection, Part
 from motionary.keyframes import HitRanges, KeyframeQuery, select_in_index
 from motionary.matching import (
@@ -190,25 +191,30 @@ def _hits_in(
 ) -> list[Hit]:
     """Hits in one document; where templates of one class overlap the cheaper one stays."""
     part, document = collection.locate(number)
-    candidates = []
-    for order, (item, parts) in enumerate(zip(sought, matched, strict=True)):
-        for window in parts[part].windows(document) if part in parts else ():
-            where = window.distance, item.pattern, window.words, window.known
-            for hit in find_hits(*where, threshold=threshold, limit=limit):
-                candidates.append((hit.cost, window.start + hit.start, order, hit.stop, window))
     sequence = collection.sequences[number]
-    taken: list[Hit] = []
-    spans: list[tuple[int, int]] = []
-    for _, _, order, stop, window in sorted(candidates, key=lambda c: c[:2]):
-        item = sought[order]
-        inside = align(item.pattern, window.words, window.known, [stop - 1])[0]
-        alignment = _shift(inside, window.start)
-        span = (alignment.start, alignment.end + 1)
-        if any(2 * _overlap(span, other) > span[1] - span[0] for other in spans):
-            continue
-        spans.append(span)
-        taken.append(hit_of(Evidence(item.name, item.template, item.pattern, sequence, alignment)))
-    return taken
+    candidates: list[Evidence] = []
+    for item, parts in zip(sought, matched, strict=True):
+        for window in parts[part].windows(document) if part in parts else ():
+            candidates += _matches(item, window, sequence, threshold, limit)
+    taken: list[Evidence] = []
+    for match in sorted(candidates, key=lambda e: (e.alignment.cost, e.alignment.start)):
+        if not any(_repeats(match.alignment, other.alignment) for other in taken):
+            taken.append(match)
+    return [hit_of(match) for match in taken]
+
+
+def _matches(
+    item: Sought, window: Window, sequence: FeatureSequence, threshold: float, limit: int | None
+) -> list[Evidence]:
+    """Hits of one template in one window of which enough was seen."""
+    _, words, known, distance = window
+    hits = find_hits(distance, item.pattern, words, known, threshold=threshold, limit=limit)
+    paths = align(item.pattern, words, known, [hit.stop - 1 for hit in hits])
+    found = (
+        Evidence(item.name, item.template, item.pattern, sequence, _shift(path, window.start))
+        for path in paths
+    )
+    return [evidence for evidence in found if evidence.is_assessed]
 
 
 def _shift(alignment: Alignment, start: int) -> Alignment:
@@ -217,5 +223,7 @@ def _shift(alignment: Alignment, start: int) -> Alignment:
     return Alignment(start_frame + start, end + start, cost, path + np.array([0, start]))
 
 
-def _overlap(a: tuple[int, int], b: tuple[int, int]) -> int:
-    return max(0, min(a[1], b[1]) - max(a[0], b[0]))
+def _repeats(match: Alignment, other: Alignment) -> bool:
+    """Whether more than half of a match lies within another."""
+    shared = min(match.end, other.end) - max(match.start, other.start) + 1
+    return 2 * shared > match.end - match.start + 1

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from motionary.explanation import explain
+from motionary.errors import InvalidInput
+from motionary.explanation import tell_nearest
 from motionary.features import WORD_HZ, FeatureSequence, Reading, compute_features
 from motionary.index import Collection, Index, collect
 from motionary.keyframes import KeyframeQuery
@@ -56,8 +57,11 @@ def search(
     Raises
     ------
     InvalidInput
-        If there is nothing to search, or a template is free everywhere.
+        If there is nothing to search, a template is free everywhere or over other features,
+        or the limit is below 1.
     """
+    if limit is not None and limit < 1:
+        raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
     collection = _collection(recordings, reading, jobs)
     if isinstance(query, KeyframeQuery):
         most = np.inf if threshold is None else threshold
@@ -109,6 +113,8 @@ def _result(
     threshold: float | None,
     limit: int | None,
 ) -> SearchResult:
+    for item in sought:
+        _check_sought(item, collection)
     most = np.inf if threshold is None else threshold
     hits = tuple(rank(sought, collection, threshold=most, limit=limit))
     queries = tuple(dict.fromkeys(s.query for s in sought if s.query is not None))
@@ -122,17 +128,30 @@ def _result(
     )
 
 
+def _check_sought(item: Sought, collection: Collection) -> None:
+    template, feature_set = item.template, collection.feature_set
+    if template.feature_names != feature_set.ids:
+        raise InvalidInput(
+            f"{item.name}: a template over {template.feature_set!r}, but the collection is over "
+            f"{feature_set.name!r}; compute its words with the template's set"
+        )
+    if template.n_fixed == 0:
+        raise InvalidInput(
+            f"{item.name}: the template has no fixed cell, so it would match everything"
+        )
+
+
 def _nearest(sought: Sequence[Sought], collection: Collection, threshold: float) -> str:
     """What came closest, for a search without hits."""
     best = rank(sought, collection, threshold=np.inf, limit=1)
-    if not best:
-        queries = [s.query for s in sought if s.query is not None]
-        if queries:
-            return f"nothing to match: {explain_absence(queries[0], collection)}"
-        return "no recording is long enough for what is sought"
-    hit = best[0]
-    reasons = ", ".join(str(f) for f in explain(hit.evidence).worst())
+    if best:
+        return tell_nearest(best[0].evidence, what=best[0].recording, threshold=threshold)
+    queries = [s.query for s in sought if s.query is not None]
+    if queries:
+        return f"nothing to match: {explain_absence(queries[0], collection)}"
+    # Two columns go through one frame, but for the first.
+    least_s = min(s.template.n_columns // 2 + 1 for s in sought) / WORD_HZ
     return (
-        f"nothing below {threshold:g}; nearest: {hit.recording} {hit.cost:.3f} at "
-        f"{hit.evidence.alignment.start / WORD_HZ:.1f} s, failed: {reasons}"
+        f"no recording is long enough for what is sought (at least {least_s:.1f} s), "
+        "or too little of it was seen"
     )
