@@ -1,8 +1,10 @@
 """How does a folder of examples become a library?"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, Reading, compute_features
 from motionary.library.classes import ClassLibrary
 from motionary.library.examples import read_examples
@@ -31,9 +33,12 @@ def learn(
     Raises
     ------
     InvalidInput, UnreadableFile
-        If there are no examples, or one of them cannot be read.
+        If there are no examples, examples of a class have nothing in common, or one of
+        them cannot be read.
     """
-    settings = teaching or Teaching(mirror=mirror)
+    settings = teaching or Teaching()
+    if mirror:
+        settings = replace(settings, mirror=True)
     if isinstance(examples, str | Path):
         read = read_examples(Path(examples), reading=reading, jobs=jobs)
         if read.failures:
@@ -41,6 +46,8 @@ def learn(
         nested = {name: dict(subclasses) for name, subclasses in read.classes.items()}
     else:
         nested = {name: {name: _sequences(items)} for name, items in examples.items()}
+    if not nested:
+        raise InvalidInput("there are no examples to learn from; give at least one class")
     return learn_classes(nested, teaching=settings)
 
 

@@ -53,7 +53,14 @@ def learn_classes(
     teaching: Teaching,
     on_done: Callable[[], None] | None = None,
 ) -> ClassLibrary:
-    """Library learned from words: class -> subclass -> examples."""
+    """Library learned from words: class -> subclass -> examples.
+
+    Raises
+    ------
+    InvalidInput
+        If a class has no example, its examples have nothing in common, or examples are over
+        different features.
+    """
     classes = []
     feature_set = find_feature_set(examples)
     background = _background(examples, feature_set, teaching)
@@ -61,9 +68,12 @@ def learn_classes(
         learned = [_learn_subclass(key, items) for key, items in subclasses.items()]
         if teaching.mirror:
             learned += [_mirrored(subclass, feature_set) for subclass in learned]
-        classes.append(
-            MotionClass(name, tuple(learned), teaching.threshold, teaching.tolerance, background)
+        motion_class = MotionClass(
+            name, tuple(learned), teaching.threshold, teaching.tolerance, background
         )
+        # A template that would match everything is refused before it spoils a library.
+        motion_class.quantised()
+        classes.append(motion_class)
         if on_done:
             on_done()
     return ClassLibrary(tuple(classes), feature_set, teaching.provenance, teaching.licence)
@@ -96,7 +106,7 @@ def _learn_subclass(name: str, examples: Sequence[FeatureSequence]) -> Subclass:
         known=None if every else [e.known_features.astype(np.bool_) for e in examples],
         feature_names=feature_set.ids,
         feature_set=feature_set.name,
-        provenance=f"learned from {len(examples)} recordings",
+        provenance=f"learned from {len(examples)} recording{'s' if len(examples) > 1 else ''}",
     )
     return Subclass(name, template)
 
