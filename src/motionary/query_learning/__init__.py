@@ -1,0 +1,40 @@
+"""Keyframe queries that are learned from examples and counter-examples.
+
+After Baak (2012), chapter 4.
+"""
+
+from motionary.query_learning.accumulation import Accumulation, accumulate
+from motionary.query_learning.copies import Copying
+from motionary.query_learning.evolution import PUBLISHED, Breeding, Evolved
+from motionary.query_learning.individuals import Individual
+from motionary.query_learning.learning import (
+    LearnedQueries,
+    Problem,
+    breed_runs,
+    combine_runs,
+    continue_learning,
+    judge_clips,
+    learn_query,
+    state_problem,
+)
+from motionary.query_learning.voting import agreed_documents, agreed_ranges
+
+__all__ = [
+    "PUBLISHED",
+    "Accumulation",
+    "Breeding",
+    "Copying",
+    "Evolved",
+    "Individual",
+    "LearnedQueries",
+    "Problem",
+    "accumulate",
+    "agreed_documents",
+    "agreed_ranges",
+    "breed_runs",
+    "combine_runs",
+    "continue_learning",
+    "judge_clips",
+    "learn_query",
+    "state_problem",
+]
