@@ -19,7 +19,7 @@ from motionary.keyframes.query import (
     gap_of_seconds,
     spring_of,
 )
-from motionary.keyframes.ranges import HitRange, HitRanges, extend, margins
+from motionary.keyframes.ranges import HitRange, HitRanges, extend, margins, unite
 from motionary.keyframes.ranking import columns_of_query, template_of_query
 from motionary.keyframes.search import search_query, search_words
 from motionary.keyframes.selecting import select_in_index, select_in_words
@@ -60,4 +60,5 @@ __all__ = [
     "single_hits",
     "spring_of",
     "template_of_query",
+    "unite",
 ]

@@ -7,7 +7,7 @@ Conventions: frames count from 0 within each document; ranges are half-open, `st
 past the last frame. Ranges of one document neither overlap nor touch.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -119,3 +119,22 @@ def extend(ranges: HitRanges, before: int, after: int, lengths: ArrayLike) -> Hi
     apart = (starts[1:] > stops[:-1]) | (ranges.documents[1:] != ranges.documents[:-1])
     first, last = np.concatenate([[True], apart]), np.concatenate([apart, [True]])
     return HitRanges(ranges.documents[first], starts[first], stops[last])
+
+
+def unite(several: Sequence[HitRanges]) -> HitRanges:
+    """Frames that lie in ranges of any of several answers."""
+    parts = [ranges for ranges in several if len(ranges)]
+    if len(parts) < 2:
+        return parts[0] if parts else HitRanges.none()
+    documents, starts, stops = (
+        np.concatenate([getattr(ranges, name) for ranges in parts])
+        for name in ("documents", "starts", "stops")
+    )
+    order = np.lexsort((starts, documents))
+    documents, starts = documents[order], starts[order]
+    # Ranges of one document become one stretch of a line on which documents lie far apart.
+    far = int(stops.max()) + 1
+    reach = np.maximum.accumulate(stops[order] + documents * far)
+    apart = starts[1:] + documents[1:] * far > reach[:-1]
+    first, last = np.concatenate([[True], apart]), np.concatenate([apart, [True]])
+    return HitRanges(documents[first], starts[first], reach[last] - documents[last] * far)

@@ -5,31 +5,55 @@ twice what the template has before its first and after its last keyframe, the sl
 at which the matcher still follows.
 """
 
+from collections.abc import Sequence
+
 from numpy.typing import ArrayLike
 
 from motionary.keyframes.query import KeyframeQuery
-from motionary.keyframes.ranges import HitRanges, extend, margins
+from motionary.keyframes.ranges import HitRanges, extend, margins, unite
 from motionary.keyframes.search import search_query, search_words
 from motionary.keyframes.word_index import WordIndex
 from motionary.words import Words
 
 
-def select_in_index(query: KeyframeQuery, n_columns: int, index: WordIndex) -> HitRanges:
-    """Windows of the documents of an index in which a template of so many columns may lie.
+def select_in_index(
+    queries: KeyframeQuery | Sequence[KeyframeQuery], n_columns: int, index: WordIndex
+) -> HitRanges:
+    """Windows of the documents of an index in which a template may lie.
+
+    Parameters
+    ----------
+    queries : of several, any may hit
+    n_columns : columns of the template
+    index : WordIndex over the features of the queries
 
     Raises
     ------
     InvalidInput
-        If query and index are over different features.
+        If queries and index are over different features.
     """
-    return _windows(search_query(query, index), query, n_columns, index.lengths)
+    return unite(
+        [_windows(search_query(q, index), q, n_columns, index.lengths) for q in _listed(queries)]
+    )
 
 
 def select_in_words(
-    query: KeyframeQuery, n_columns: int, words: Words, known: Words | None = None
+    queries: KeyframeQuery | Sequence[KeyframeQuery],
+    n_columns: int,
+    words: Words,
+    known: Words | None = None,
 ) -> HitRanges:
     """The same in one document; see `search_words`."""
-    return _windows(search_words(query, words, known), query, n_columns, [len(words)])
+    return unite(
+        [
+            _windows(search_words(q, words, known), q, n_columns, [len(words)])
+            for q in _listed(queries)
+        ]
+    )
+
+
+def _listed(queries: KeyframeQuery | Sequence[KeyframeQuery]) -> Sequence[KeyframeQuery]:
+    return [queries] if isinstance(queries, KeyframeQuery) else queries
 
 
 def _windows(

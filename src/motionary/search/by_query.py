@@ -5,6 +5,7 @@ that keep the distances between them best. A hit's cost is its misfit (see
 `keyframes.fitting`): 0 where the gaps are those that the query is made for.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,34 +36,41 @@ class _Found(NamedTuple):
     misfit: float
     number: int
     frames: tuple[int, ...]
+    query: int
 
 
-def rank_query(
-    query: KeyframeQuery, collection: Collection, *, threshold: float, limit: int | None
+def rank_queries(
+    queries: Sequence[KeyframeQuery],
+    collection: Collection,
+    *,
+    threshold: float,
+    limit: int | None,
 ) -> list[Hit]:
-    """Hits of a query of which none overlap, best first; of equal ones the earlier first.
+    """Hits of any query of which none overlap, best first; of equal ones the earlier first.
 
     Raises
     ------
     InvalidInput
-        If the query is over other features, fixes nothing or contradicts itself.
+        If a query is over other features, fixes nothing or contradicts itself.
     """
-    if not query.fixed.any():
+    if not all(query.fixed.any() for query in queries):
         raise InvalidInput("the query fixes no relation, so that it would find everything")
-    template = template_of_query(query)
-    pattern, columns = pattern_of(template), np.array(columns_of_query(query))
+    templates = [template_of_query(query) for query in queries]
+    patterns = [pattern_of(template) for template in templates]
     hits = []
-    for found in _apart(_find(query, collection), threshold, limit):
+    for found in _apart(_find(queries, collection), threshold, limit):
         frames = np.array(found.frames)
-        path = np.column_stack([columns, frames])
+        path = np.column_stack([columns_of_query(queries[found.query]), frames])
         alignment = Alignment(int(frames[0]), int(frames[-1]), found.misfit, path)
+        template, pattern = templates[found.query], patterns[found.query]
         sequence = collection.sequences[found.number]
         hits.append(hit_of(Evidence(NAME, template, pattern, sequence, alignment)))
     return hits
 
 
-def explain_absence(query: KeyframeQuery, collection: Collection) -> str:
-    """Why a query finds nothing, in a sentence."""
+def explain_absence(queries: Sequence[KeyframeQuery], collection: Collection) -> str:
+    """Why queries find nothing, in a sentence; the first stands for all."""
+    query = queries[0]
     counts = []
     for value, fixed in zip(query.values, query.fixed, strict=True):
         alone = KeyframeQuery(
@@ -78,15 +86,16 @@ def explain_absence(query: KeyframeQuery, collection: Collection) -> str:
     return f"each keyframe is shown ({seen}), but never one after the other as asked for"
 
 
-def _find(query: KeyframeQuery, collection: Collection) -> list[_Found]:
+def _find(queries: Sequence[KeyframeQuery], collection: Collection) -> list[_Found]:
     """The best hit for each frame at which one ends, best first."""
     found: list[_Found] = []
-    for part in collection.parts:
-        found += _find_in_part(query, part)
+    for number, query in enumerate(queries):
+        for part in collection.parts:
+            found += _find_in_part(query, number, part)
     return sorted(found)
 
 
-def _find_in_part(query: KeyframeQuery, part: Part) -> list[_Found]:
+def _find_in_part(query: KeyframeQuery, query_number: int, part: Part) -> list[_Found]:
     ranges = search_query(query, part.shard.word_index)
     if len(ranges) == 0:
         return []
@@ -95,8 +104,8 @@ def _find_in_part(query: KeyframeQuery, part: Part) -> list[_Found]:
     at = np.searchsorted(windows.starts, fitted.frames[:, 0], side="right") - 1
     frames = fitted.frames + (ranges.starts - windows.starts)[at, np.newaxis]
     numbers = part.numbers[ranges.documents[at]]
-    columns = fitted.misfits.tolist(), numbers.tolist(), map(tuple, frames.tolist())
-    return [_Found(*row) for row in zip(*columns, strict=True)]
+    rows = zip(fitted.misfits.tolist(), numbers.tolist(), frames.tolist(), strict=True)
+    return [_Found(misfit, number, tuple(row), query_number) for misfit, number, row in rows]
 
 
 def _apart(found: list[_Found], threshold: float, limit: int | None) -> list[_Found]:

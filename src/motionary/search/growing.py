@@ -4,7 +4,7 @@ The example's words are the first template; one learned from the example and its
 hits shows what may vary.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,10 +39,21 @@ class Growing:
     by_surprise: bool = True
 
 
+#: Says where in a collection something is matched.
+Narrower = Callable[[Sought, Collection], Sought]
+
+
 def grow(
-    example: FeatureSequence, collection: Collection, growing: Growing
+    example: FeatureSequence, collection: Collection, growing: Growing, *, narrow: Narrower
 ) -> tuple[MotionTemplate, Sought]:
     """Template of an example and its nearest hits, and how it is sought.
+
+    Parameters
+    ----------
+    example : words of what is sought
+    collection : where the nearest hits are found
+    growing : settings
+    narrow : says where to look for them
 
     Raises
     ------
@@ -58,7 +69,12 @@ def grow(
     template = _learn(example, [])
     for _ in range(growing.rounds if growing.hits else 0):
         sought = _seek(example, template, growing, ones)
-        nearest = rank([sought], collection, threshold=growing.most_cost, limit=growing.hits + 1)
+        nearest = rank(
+            [narrow(sought, collection)],
+            collection,
+            threshold=growing.most_cost,
+            limit=growing.hits + 1,
+        )
         others = [hit for hit in nearest if not _is_example(hit, example)][: growing.hits]
         template = _learn(example, others)
     return template, _seek(example, template, growing, ones)

@@ -43,13 +43,13 @@ class Sought:
     Attributes
     ----------
     name, template, pattern : what is sought
-    query : where given, the template is matched only around its hits
+    queries : where given, the template is matched only around hits of any of them
     """
 
     name: str
     template: QuantisedTemplate
     pattern: Pattern
-    query: KeyframeQuery | None = None
+    queries: tuple[KeyframeQuery, ...] = ()
 
 
 class Window(NamedTuple):
@@ -129,13 +129,13 @@ def rank(
 
 
 def match(item: Sought, collection: Collection) -> Matches:
-    """Costs of a template in a collection; around its keyframes if it has a query."""
+    """Costs of a template in a collection; around its keyframes if it has some."""
     matched = {}
     for number, part in enumerate(collection.parts):
-        if item.query is None:
+        if not item.queries:
             matched[number] = _match_all(item, part)
             continue
-        ranges = select_in_index(item.query, item.template.n_columns, part.shard.word_index)
+        ranges = select_in_index(item.queries, item.template.n_columns, part.shard.word_index)
         if len(ranges):
             corpus = cut_windows(part, ranges)
             distance = corpus_distance(item.pattern, corpus)
@@ -159,10 +159,10 @@ def share_matched(sought: Sequence[Sought], collection: Collection) -> float:
     for item in sought:
         for part in collection.parts:
             index = part.shard.word_index
-            if item.query is None:
+            if not item.queries:
                 chosen += index.n_frames
             else:
-                chosen += select_in_index(item.query, item.template.n_columns, index).n_frames
+                chosen += select_in_index(item.queries, item.template.n_columns, index).n_frames
     return chosen / max(len(sought) * collection.n_frames, 1)
 
 

@@ -6,6 +6,7 @@ see `by_query`.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +18,27 @@ from motionary.index import Collection, Index, collect
 from motionary.keyframes import KeyframeQuery
 from motionary.library import MotionClass
 from motionary.motion import Motion
-from motionary.search.by_query import explain_absence, rank_query
-from motionary.search.growing import Growing, grow
+from motionary.search.by_query import explain_absence, rank_queries
+from motionary.search.deriving import Deriving, derive_queries
+from motionary.search.growing import Growing, Narrower, grow
 from motionary.search.ranking import Sought, rank, share_matched
 from motionary.search.results import SearchResult
 from motionary.templates import MotionTemplate, pattern_of, quantise
 
 #: What can be sought.
-Wanted = Motion | FeatureSequence | MotionTemplate | MotionClass | KeyframeQuery
+Wanted = (
+    Motion
+    | FeatureSequence
+    | MotionTemplate
+    | MotionClass
+    | KeyframeQuery
+    | Sequence[KeyframeQuery]
+)
 #: What can be searched.
 Recordings = Collection | Index | str | Path | Sequence[str | Path | Motion | FeatureSequence]
+
+#: Where to match: by default, everywhere or not, or around the hits of queries.
+Preselection = bool | KeyframeQuery | Sequence[KeyframeQuery] | None
 
 
 def search(
@@ -36,7 +48,7 @@ def search(
     threshold: float | None = None,
     limit: int | None = 20,
     growing: Growing | None = None,
-    preselect: bool | KeyframeQuery = True,
+    preselect: Preselection = None,
     reading: Reading | None = None,
     jobs: int = 1,
 ) -> SearchResult:
@@ -45,13 +57,15 @@ def search(
     Parameters
     ----------
     query : an example (a motion or its words, cut to what is sought), a template, a class,
-        or keyframes alone
+        or keyframes alone, of which any may be found
     recordings : a folder or files, motions, words, an index, or a collection of them
     threshold : largest cost; by default the class's own, otherwise none
     limit : most hits; None for all
     growing : how an example becomes a template
-    preselect : whether templates of a class are matched only around their keyframes, where
-        the class has some; or keyframes around which to match whatever is sought
+    preselect : where to match: by default around the keyframes of a class that has some,
+        otherwise everywhere; False: everywhere; True: around keyframes, derived from the
+        template where none are given, which is faster and misses some hits; or around hits
+        of the given queries
     reading, jobs : how files are read
 
     Raises
@@ -63,28 +77,12 @@ def search(
     if limit is not None and limit < 1:
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
     collection = _collection(recordings, reading, jobs)
-    if isinstance(query, KeyframeQuery):
-        most = np.inf if threshold is None else threshold
-        hits = rank_query(query, collection, threshold=most, limit=limit)
-        why = "" if hits else explain_absence(query, collection)
-        return SearchResult(tuple(hits), (), collection.failures, why, (query,))
-    settings = growing or Growing()
-    keyframes = preselect if isinstance(preselect, KeyframeQuery) else None
-    if isinstance(query, MotionClass):
-        threshold = query.threshold if threshold is None else threshold
-        sought = _of_class(query, preselect=preselect is True)
-        templates = [subclass.template for subclass in query.subclasses]
-    elif isinstance(query, MotionTemplate):
-        quantised = quantise(query, tolerance=settings.tolerance)
-        sought = [Sought(query.provenance or "template", quantised, pattern_of(quantised))]
-        templates = [query]
-    else:
-        if isinstance(query, Motion):
-            query = compute_features(query, feature_set=collection.feature_set)
-        template, grown = grow(query, collection, settings)
-        sought, templates = [grown], [template]
-    if keyframes is not None:
-        sought = [Sought(s.name, s.template, s.pattern, keyframes) for s in sought]
+    queries = _as_queries(query)
+    if queries:
+        return _by_query(queries, collection, threshold, limit)
+    if isinstance(query, MotionClass) and threshold is None:
+        threshold = query.threshold
+    sought, templates = _seek(query, collection, growing or Growing(), preselect)
     return _result(sought, templates, collection, threshold, limit)
 
 
@@ -96,14 +94,69 @@ def _collection(recordings: Recordings, reading: Reading | None, jobs: int) -> C
     return collect(recordings, reading=reading, jobs=jobs)
 
 
-def _of_class(motion_class: MotionClass, *, preselect: bool) -> list[Sought]:
-    """Templates of a class, with their keyframes where they are wanted."""
-    return [
-        Sought(motion_class.name, template, pattern, subclass.query if preselect else None)
-        for subclass, (template, pattern) in zip(
-            motion_class.subclasses, motion_class.sought(), strict=True
+def _as_queries(given: object) -> tuple[KeyframeQuery, ...]:
+    """Keyframe queries, one or several; none if something else is given."""
+    if isinstance(given, KeyframeQuery):
+        return (given,)
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        queries = tuple(item for item in given if isinstance(item, KeyframeQuery))
+        return queries if len(queries) == len(given) else ()
+    return ()
+
+
+def _by_query(
+    queries: tuple[KeyframeQuery, ...],
+    collection: Collection,
+    threshold: float | None,
+    limit: int | None,
+) -> SearchResult:
+    most = np.inf if threshold is None else threshold
+    hits = rank_queries(queries, collection, threshold=most, limit=limit)
+    why = "" if hits else explain_absence(queries, collection)
+    return SearchResult(tuple(hits), (), collection.failures, why, queries)
+
+
+def _seek(
+    query: object, collection: Collection, growing: Growing, preselect: Preselection
+) -> tuple[list[Sought], list[MotionTemplate]]:
+    """What is sought and where, and its templates."""
+    if isinstance(query, MotionClass):
+        templates = [subclass.template for subclass in query.subclasses]
+        sought = [
+            Sought(query.name, template, pattern, _as_queries(subclass.query))
+            for subclass, (template, pattern) in zip(query.subclasses, query.sought(), strict=True)
+        ]
+    elif isinstance(query, MotionTemplate):
+        quantised = quantise(query, tolerance=growing.tolerance)
+        sought = [Sought(query.provenance or "template", quantised, pattern_of(quantised))]
+        templates = [query]
+    elif isinstance(query, Motion | FeatureSequence):
+        if isinstance(query, Motion):
+            query = compute_features(query, feature_set=collection.feature_set)
+        template, grown = grow(query, collection, growing, narrow=_narrower(preselect))
+        sought, templates = [grown], [template]
+    else:
+        raise InvalidInput(
+            "sought must be an example, a template, a class or keyframes, got "
+            f"{type(query).__name__}"
         )
-    ]
+    narrow = _narrower(preselect)
+    return [narrow(item, collection) for item in sought], templates
+
+
+def _narrower(preselect: Preselection) -> Narrower:
+    """Says where something is matched."""
+
+    def narrow(item: Sought, collection: Collection) -> Sought:
+        if preselect is None:
+            return item
+        if preselect is True:
+            queries = item.queries or derive_queries(item.template, collection, Deriving())
+        else:
+            queries = _as_queries(preselect)
+        return replace(item, queries=queries)
+
+    return narrow
 
 
 def _result(
@@ -117,7 +170,7 @@ def _result(
         _check_sought(item, collection)
     most = np.inf if threshold is None else threshold
     hits = tuple(rank(sought, collection, threshold=most, limit=limit))
-    queries = tuple(dict.fromkeys(s.query for s in sought if s.query is not None))
+    queries = tuple(dict.fromkeys(query for item in sought for query in item.queries))
     return SearchResult(
         hits,
         tuple(templates),
@@ -146,9 +199,9 @@ def _nearest(sought: Sequence[Sought], collection: Collection, threshold: float)
     best = rank(sought, collection, threshold=np.inf, limit=1)
     if best:
         return tell_nearest(best[0].evidence, what=best[0].recording, threshold=threshold)
-    queries = [s.query for s in sought if s.query is not None]
+    queries = tuple(query for item in sought for query in item.queries)
     if queries:
-        return f"nothing to match: {explain_absence(queries[0], collection)}"
+        return f"nothing to match: {explain_absence(queries, collection)}"
     # Two columns go through one frame, but for the first.
     least_s = min(s.template.n_columns // 2 + 1 for s in sought) / WORD_HZ
     return (
