@@ -27,7 +27,8 @@ class Accumulation(NamedTuple):
     ----------
     values : array, shape (columns, features): mean over the runs, 1 and 0 for entries that
         are asked for, 0.5 for those that are not; what Fig. 4.2 shows
-    agreement : array, shape (columns,): share of the runs with a keyframe at or beside it
+    agreement : array, shape (columns,): share of the runs with a keyframe there,
+        those beside it counting less
     """
 
     values: Floats
@@ -40,7 +41,7 @@ def accumulate(individuals: Sequence[Individual], pool: GenePool) -> Accumulatio
     values = 0.5 + (ones - zeros) / (2.0 * len(individuals))
     agreement = np.zeros(len(pool))
     for individual in individuals:
-        agreement[_near_columns(individual, len(pool))] += 1.0
+        agreement += _closeness(individual, len(pool))
     return Accumulation(values, agreement / len(individuals))
 
 
@@ -52,11 +53,11 @@ def frequent_keyframes(individuals: Sequence[Individual], pool: GenePool) -> lis
     """
     agreement = accumulate(individuals, pool).agreement
     wanted = max(pool.fewest, round(np.mean([len(one.positions) for one in individuals])))
-    chosen: list[int] = []
-    for column in np.argsort(-agreement, kind="stable").tolist():
-        apart = all(abs(column - other) > _NEAR for other in chosen)
-        if apart and agreement[column] > 0.0 and len(chosen) < wanted:
-            chosen.append(column)
+    padded = np.pad(agreement, 1)
+    # Of a plateau the first column.
+    is_peak = (agreement > padded[:-2]) & (agreement >= padded[2:])
+    peaks = np.flatnonzero(is_peak)
+    chosen = peaks[np.argsort(-agreement[peaks], kind="stable")][:wanted].tolist()
     return [_consensus(individuals, column) for column in sorted(chosen)]
 
 
@@ -70,13 +71,12 @@ def _count_entries(individuals: Sequence[Individual], pool: GenePool) -> tuple[F
     return ones, zeros
 
 
-def _near_columns(individual: Individual, n_columns: int) -> list[int]:
-    near = {
-        column
-        for position in individual.positions
-        for column in range(position - _NEAR, position + _NEAR + 1)
-    }
-    return sorted(column for column in near if 0 <= column < n_columns)
+def _closeness(individual: Individual, n_columns: int) -> Floats:
+    """How near each column is to a keyframe, from 0 to 1."""
+    columns = np.arange(n_columns)[:, None]
+    distance = np.abs(columns - np.array(individual.positions)).min(axis=1)
+    closeness: Floats = np.maximum(0.0, 1.0 - distance / (_NEAR + 1))
+    return closeness
 
 
 def _consensus(individuals: Sequence[Individual], column: int) -> Keyframe:
