@@ -205,7 +205,7 @@ def test_squats_of_people_never_seen(data: Path):
         chosen = [p for p in paths if p.stem.split("_")[1] in actors]
         return [compute_features(read(path)) for path in chosen[:5]]
 
-    seen, unseen = ("bd", "dg"), ("mm",)
+    seen, unseen = ("bd", "dg"), ("tr",)
     others = ("kickL", "hopBoth", "elbowToKnee")
     negatives = [c for name in others for c in clips(name, seen)]
     breeding = replace(QUICK, population=20, generations=20)

@@ -1,8 +1,8 @@
 """What else would the examples have looked like?
 
 Copies of a clip as another person might have done it: slower or faster, each relation a
-little earlier or later than the others. A query that holds for them does not rest on
-coincidences of the few examples.
+little earlier or later than the others. What tells the class from varied others, too, does
+not rest on coincidences of the few examples.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Copying:
     """
 
     copies: int = 0
-    negative_copies: int = 0
+    negative_copies: int = 2
     shift: int = 3
     tempo: float = 1.25
 

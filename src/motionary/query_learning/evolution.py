@@ -43,7 +43,7 @@ class Breeding:
     parsimony : what each entry that is asked for costs in fitness
     simplify : whether the result loses all entries that it does not need, and its gaps
         become as wide as they may
-    copying : varied copies of the examples beside them
+    copying : varied copies of the examples that it is simplified on
     """
 
     population: int = 50
@@ -73,7 +73,7 @@ class Breeding:
 
 
 #: The evolution as it is printed.
-PUBLISHED = Breeding(parsimony=0.0, simplify=False, copying=Copying(copies=0))
+PUBLISHED = Breeding(parsimony=0.0, simplify=False)
 
 
 class Judge:

@@ -46,7 +46,7 @@ from motionary.templates import MotionTemplate, learn_template, quantise
 #: Runs, and so queries that vote.
 RUNS = 20
 #: Share of the queries that must agree.
-AGREEMENT = 0.5
+AGREEMENT = 0.7
 #: Seed of the optimisation of gaps, apart from those of the runs.
 _GAPS = 1 << 31
 
@@ -80,13 +80,18 @@ class Problem:
         """Source of all chance in one run: child `number` of the seed."""
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,)))
 
-    def judge(self, rng: np.random.Generator) -> Judge:
-        """Scores on the examples and their varied copies, if any are asked for."""
+    def judge(self) -> Judge:
+        """Scores on the examples."""
+        return judge_clips(
+            self.positives, self.negatives, groups=self.groups, breeding=self.breeding
+        )
+
+    def judge_varied(self, rng: np.random.Generator) -> Judge:
+        """Scores on the examples and varied copies of them."""
         copying = self.breeding.copying
-        positives = [*self.positives]
+        positives, negatives = [*self.positives], [*self.negatives]
         for _ in range(copying.copies):
             positives += [vary_clip(clip, copying, rng) for clip in self.positives]
-        negatives = [*self.negatives]
         for _ in range(copying.negative_copies):
             negatives += [vary_clip(clip, copying, rng) for clip in self.negatives]
         groups = np.tile(self.groups, copying.copies + 1)
@@ -279,17 +284,17 @@ def combine_runs(learned: LearnedQueries) -> Evolved:
     keyframes = frequent_keyframes([run.best for run in learned.runs], problem.pool)
     rng = problem.rng(_GAPS)
     ways = gaps_alone(partial(assemble, keyframes))
-    return evolve(ways, problem.judge(rng), breeding=problem.breeding, rng=rng)
+    return evolve(ways, problem.judge(), breeding=problem.breeding, rng=rng)
 
 
 def _run(number: int, *, problem: Problem, by_chance: bool, verification: Judge | None) -> Evolved:
     rng = problem.rng(number)
-    judge = problem.judge(rng)
+    judge = problem.judge()
     ways = random_search(problem.pool) if by_chance else genetic(problem.pool)
     run = evolve(ways, judge, breeding=problem.breeding, rng=rng, verification=verification)
     if not problem.breeding.simplify:
         return run
-    best = simplify(run.best, judge, rng)
+    best = simplify(run.best, problem.judge_varied(rng), rng)
     return run._replace(best=best, score=judge(best))
 
 
