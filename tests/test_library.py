@@ -87,7 +87,7 @@ def of_subclass(subclass):
     t = subclass.template
     numbers = (t.values.tobytes(), t.values.shape, t.weights.tobytes())
     about = t.feature_names, t.feature_set, t.provenance, t.n_examples
-    return subclass.name, *numbers, *about, subclass.query
+    return subclass.name, *numbers, *about, subclass.queries, subclass.votes
 
 
 def files(folder):
@@ -112,9 +112,9 @@ def test_a_library_comes_back_to_the_bit(tmp_path):
 def test_keyframes_come_back_as_lines_that_a_person_reads(tmp_path):
     text = "at 0 s: right hand above neck, not left knee bent\nthen within 0.1 to 0.5 s\n"
     query = parse_query(text + "at 0.1 s: right hand fast")
-    classes = (MotionClass("reach", (Subclass("reach", template(1), query),)),)
+    classes = (MotionClass("reach", (Subclass("reach", template(1), (query, query), 2),)),)
     ClassLibrary(classes).save(tmp_path)
-    assert ClassLibrary.load(tmp_path)["reach"].subclasses[0].query == query
+    assert ClassLibrary.load(tmp_path)["reach"].subclasses[0].queries == (query, query)
     assert '"then within 0.1 to 0.5 s"' in (tmp_path / "reach.toml").read_text("utf-8")
 
 

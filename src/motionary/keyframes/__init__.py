@@ -19,12 +19,17 @@ from motionary.keyframes.query import (
     gap_of_seconds,
     spring_of,
 )
-from motionary.keyframes.ranges import HitRange, HitRanges, extend, margins, unite
+from motionary.keyframes.ranges import HitRange, HitRanges, agree, check_votes, extend, margins
 from motionary.keyframes.ranking import columns_of_query, template_of_query
 from motionary.keyframes.search import search_query, search_words
 from motionary.keyframes.selecting import select_in_index, select_in_words
 from motionary.keyframes.single import single_hits
-from motionary.keyframes.text import format_query, parse_query
+from motionary.keyframes.text import (
+    format_queries,
+    format_query,
+    parse_queries,
+    parse_query,
+)
 from motionary.keyframes.word_index import WordIndex, index_words
 
 __all__ = [
@@ -37,11 +42,14 @@ __all__ = [
     "Spring",
     "Vocabulary",
     "WordIndex",
+    "agree",
     "check_features",
+    "check_votes",
     "choose_keyframes",
     "columns_of_query",
     "extend",
     "fit_hits",
+    "format_queries",
     "format_query",
     "from_patterns",
     "from_relations",
@@ -52,6 +60,7 @@ __all__ = [
     "join_queries",
     "margins",
     "mirror_query",
+    "parse_queries",
     "parse_query",
     "search_query",
     "search_words",
@@ -60,5 +69,4 @@ __all__ = [
     "single_hits",
     "spring_of",
     "template_of_query",
-    "unite",
 ]

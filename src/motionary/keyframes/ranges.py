@@ -121,20 +121,40 @@ def extend(ranges: HitRanges, before: int, after: int, lengths: ArrayLike) -> Hi
     return HitRanges(ranges.documents[first], starts[first], stops[last])
 
 
-def unite(several: Sequence[HitRanges]) -> HitRanges:
-    """Frames that lie in ranges of any of several answers."""
-    parts = [ranges for ranges in several if len(ranges)]
-    if len(parts) < 2:
-        return parts[0] if parts else HitRanges.none()
+def agree(several: Sequence[HitRanges], *, votes: int = 1) -> HitRanges:
+    """Frames that lie in ranges of at least so many answers over the same documents.
+
+    Raises
+    ------
+    InvalidInput
+        If so many votes are impossible.
+    """
+    check_votes(votes, n_queries=len(several))
+    if len(several) == 1:
+        return several[0]
     documents, starts, stops = (
-        np.concatenate([getattr(ranges, name) for ranges in parts])
+        np.concatenate([getattr(ranges, name) for ranges in several])
         for name in ("documents", "starts", "stops")
     )
-    order = np.lexsort((starts, documents))
-    documents, starts = documents[order], starts[order]
-    # Ranges of one document become one stretch of a line on which documents lie far apart.
-    far = int(stops.max()) + 1
-    reach = np.maximum.accumulate(stops[order] + documents * far)
-    apart = starts[1:] + documents[1:] * far > reach[:-1]
-    first, last = np.concatenate([[True], apart]), np.concatenate([apart, [True]])
-    return HitRanges(documents[first], starts[first], reach[last] - documents[last] * far)
+    # On one line, on which documents lie apart.
+    far = int(stops.max(initial=0)) + 1
+    places, at = np.unique(
+        np.concatenate([starts, stops]) + far * np.tile(documents, 2), return_inverse=True
+    )
+    changes = np.bincount(at[: len(starts)], minlength=len(places))
+    changes -= np.bincount(at[len(starts) :], minlength=len(places))
+    edges = np.flatnonzero(np.diff(np.cumsum(changes) >= votes, prepend=False))
+    first, last = places[edges[::2]], places[edges[1::2]]
+    document = first // far
+    return HitRanges(document, first - document * far, last - document * far)
+
+
+def check_votes(votes: int, *, n_queries: int) -> None:
+    """Refuse a number of votes that is none of these queries'.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if not 1 <= votes <= n_queries:
+        raise InvalidInput(f"{n_queries} queries have 1 to {n_queries} votes, got {votes}")

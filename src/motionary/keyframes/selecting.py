@@ -10,50 +10,44 @@ from collections.abc import Sequence
 from numpy.typing import ArrayLike
 
 from motionary.keyframes.query import KeyframeQuery
-from motionary.keyframes.ranges import HitRanges, extend, margins, unite
+from motionary.keyframes.ranges import HitRanges, agree, extend, margins
 from motionary.keyframes.search import search_query, search_words
 from motionary.keyframes.word_index import WordIndex
 from motionary.words import Words
 
 
 def select_in_index(
-    queries: KeyframeQuery | Sequence[KeyframeQuery], n_columns: int, index: WordIndex
+    queries: Sequence[KeyframeQuery], n_columns: int, index: WordIndex, *, votes: int = 1
 ) -> HitRanges:
     """Windows of the documents of an index in which a template may lie.
 
     Parameters
     ----------
-    queries : of several, any may hit
+    queries : at least one
     n_columns : columns of the template
     index : WordIndex over the features of the queries
+    votes : windows of so many queries must agree
 
     Raises
     ------
     InvalidInput
-        If queries and index are over different features.
+        If queries and index are over different features, or so many votes are impossible.
     """
-    return unite(
-        [_windows(search_query(q, index), q, n_columns, index.lengths) for q in _listed(queries)]
-    )
+    found = [_windows(search_query(q, index), q, n_columns, index.lengths) for q in queries]
+    return agree(found, votes=votes)
 
 
 def select_in_words(
-    queries: KeyframeQuery | Sequence[KeyframeQuery],
+    queries: Sequence[KeyframeQuery],
     n_columns: int,
     words: Words,
     known: Words | None = None,
+    *,
+    votes: int = 1,
 ) -> HitRanges:
     """The same in one document; see `search_words`."""
-    return unite(
-        [
-            _windows(search_words(q, words, known), q, n_columns, [len(words)])
-            for q in _listed(queries)
-        ]
-    )
-
-
-def _listed(queries: KeyframeQuery | Sequence[KeyframeQuery]) -> Sequence[KeyframeQuery]:
-    return [queries] if isinstance(queries, KeyframeQuery) else queries
+    found = [_windows(search_words(q, words, known), q, n_columns, [len(words)]) for q in queries]
+    return agree(found, votes=votes)
 
 
 def _windows(

@@ -22,8 +22,10 @@ line names the feature set; it may be left out. Seconds are counted from one key
 the next; what is written reads back to the same frames.
 """
 
+import itertools
 import math
 import re
+from collections.abc import Sequence
 
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, WORD_HZ
@@ -40,6 +42,7 @@ _AFTER_LEAST = re.compile(rf"then after at least {_SECONDS}")
 _POSITION = re.compile(rf"at {_SECONDS}\s*:\s*(.*)")
 _HEADER = re.compile(r"features\s*:\s*(.*)")
 _ANYTHING = "anything"
+_OR = "or"
 #: Names that would be read as something else; such features are written by their id.
 _NOT_A_NAME = re.compile(r"(not|then|at|anything|features)\b.*|.*[,#:].*", re.IGNORECASE)
 
@@ -111,6 +114,44 @@ def format_query(
             line = f"at {_format_seconds(query.positions[k], rate_hz)} s: {line}"
         lines.append(line)
     return "\n".join(lines) + "\n"
+
+
+def parse_queries(
+    text: str, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = WORD_HZ
+) -> tuple[KeyframeQuery, ...]:
+    """Queries of a text, separated by lines "or"; see `parse_query`.
+
+    Raises
+    ------
+    InvalidInput
+        If a line is not understood, or there is no query; names the line.
+    """
+    lines = text.splitlines()
+    plain = [line.split("#")[0].strip().lower() for line in lines]
+    borders = [i for i, line in enumerate(plain) if line == _OR]
+    queries = []
+    for start, stop in itertools.pairwise([-1, *borders, len(lines)]):
+        # Empty lines before a query keep its lines' numbers.
+        part = [""] * (start + 1) + lines[start + 1 : stop]
+        queries.append(parse_query("\n".join(part), vocabulary=vocabulary, rate_hz=rate_hz))
+    return tuple(queries)
+
+
+def format_queries(
+    queries: Sequence[KeyframeQuery],
+    *,
+    vocabulary: Vocabulary = FULL_BODY,
+    rate_hz: float = WORD_HZ,
+) -> str:
+    """Text of queries, which `parse_queries` reads back to the same queries.
+
+    Raises
+    ------
+    InvalidInput
+        If a query is over other features than the vocabulary.
+    """
+    texts = [format_query(query, vocabulary=vocabulary, rate_hz=rate_hz) for query in queries]
+    return f"{_OR}\n".join(texts)
 
 
 def _lines(text: str) -> list[tuple[int, str]]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FeatureSet
-from motionary.keyframes import KeyframeQuery, check_features
+from motionary.keyframes import KeyframeQuery, check_features, check_votes
 from motionary.matching import Pattern
 from motionary.templates import MotionTemplate, QuantisedTemplate, pattern_of, quantise
 
@@ -30,16 +30,21 @@ class Subclass:
     ----------
     name : unique within the class
     template : what its examples have in common
-    query : keyframes that every match must show; only around them the template is matched
+    queries : of keyframes; the template is matched only around their hits, if there are any
+    votes : so many of the queries must agree
     """
 
     name: str
     template: MotionTemplate
-    query: KeyframeQuery | None = None
+    queries: tuple[KeyframeQuery, ...] = ()
+    votes: int = 1
 
     def __post_init__(self) -> None:
-        if self.query is not None:
-            check_features(self.query, self.template.feature_set, self.template.feature_names)
+        object.__setattr__(self, "queries", tuple(self.queries))
+        for query in self.queries:
+            check_features(query, self.template.feature_set, self.template.feature_names)
+        if self.queries:
+            check_votes(self.votes, n_queries=len(self.queries))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,7 +26,7 @@ import numpy as np
 from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSet
-from motionary.keyframes import KeyframeQuery, format_query, parse_query
+from motionary.keyframes import KeyframeQuery, format_queries, parse_queries
 from motionary.library.classes import ClassLibrary, MotionClass, Subclass
 from motionary.library.naming import choose_stems, to_stem
 from motionary.library.tables import check_keys, read_toml, to_toml
@@ -170,10 +170,10 @@ def _save_class(
             "columns": template.n_columns,
             "provenance": template.provenance,
         }
-        if subclass.query is not None:
+        if subclass.queries:
             # Line by line, as a person writes a query.
-            text = format_query(subclass.query, vocabulary=feature_set)
-            entry["query"] = text.splitlines()
+            text = format_queries(subclass.queries, vocabulary=feature_set)
+            entry |= {"query": text.splitlines(), "votes": subclass.votes}
         tables += "\n[[templates]]\n" + to_toml(entry)
         arrays[f"values_{i}"], arrays[f"weights_{i}"] = template.values, template.weights
     buffer = io.BytesIO()
@@ -286,20 +286,23 @@ def _load_subclass(
             values, weights, feature_set.ids, feature_set.name, entry["provenance"],
             entry["examples"],
         )  # fmt: skip
-        query = _load_query(entry, feature_set)
+        queries = _load_queries(entry, feature_set)
+        votes = entry.get("votes", 1)
+        if not isinstance(votes, int):
+            raise InvalidInput(f"votes must be a whole number, got {votes!r}")
+        return Subclass(entry["name"], template, queries, votes)
     except InvalidInput as error:
         raise UnreadableFile(f"{path}: {place}: {error}") from error
-    return Subclass(entry["name"], template, query)
 
 
-def _load_query(entry: dict[str, Any], feature_set: FeatureSet) -> KeyframeQuery | None:
+def _load_queries(entry: dict[str, Any], feature_set: FeatureSet) -> tuple[KeyframeQuery, ...]:
     if "query" not in entry:
-        return None
+        return ()
     lines = entry["query"]
     if not isinstance(lines, list) or not all(isinstance(line, str) for line in lines):
         raise InvalidInput(f"query must be a list of lines, got {lines!r}")
     try:
-        return parse_query("\n".join(lines), vocabulary=feature_set)
+        return parse_queries("\n".join(lines), vocabulary=feature_set)
     except InvalidInput as error:
         raise InvalidInput(f"query: {error}") from error
 

@@ -113,5 +113,5 @@ def _learn_subclass(name: str, examples: Sequence[FeatureSequence]) -> Subclass:
 
 def _mirrored(subclass: Subclass, feature_set: FeatureSet) -> Subclass:
     template = mirror_template(subclass.template, feature_set.mirror_order)
-    query = None if subclass.query is None else mirror_query(subclass.query, feature_set)
-    return Subclass(f"{subclass.name}Mirrored", template, query)
+    queries = tuple(mirror_query(query, feature_set) for query in subclass.queries)
+    return Subclass(f"{subclass.name}Mirrored", template, queries, subclass.votes)

@@ -152,5 +152,5 @@ def _stretches(
 
 def _share_left(query: KeyframeQuery, n_columns: int, collection: Collection) -> float:
     indexes = [part.shard.word_index for part in collection.parts]
-    left = sum(select_in_index(query, n_columns, index).n_frames for index in indexes)
+    left = sum(select_in_index([query], n_columns, index).n_frames for index in indexes)
     return left / max(sum(index.n_frames for index in indexes), 1)

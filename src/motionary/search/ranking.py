@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from motionary.explanation import Evidence
 from motionary.features import FeatureSequence
 from motionary.index import Collection, Part
-from motionary.keyframes import HitRanges, KeyframeQuery, select_in_index
+from motionary.keyframes import HitRanges, KeyframeQuery, WordIndex, select_in_index
 from motionary.matching import (
     Alignment,
     Corpus,
@@ -43,13 +43,18 @@ class Sought:
     Attributes
     ----------
     name, template, pattern : what is sought
-    queries : where given, the template is matched only around hits of any of them
+    queries, votes : where given, the template is matched only where so many agree
     """
 
     name: str
     template: QuantisedTemplate
     pattern: Pattern
     queries: tuple[KeyframeQuery, ...] = ()
+    votes: int = 1
+
+    def windows(self, index: WordIndex) -> HitRanges:
+        """Where it is matched, if it has queries."""
+        return select_in_index(self.queries, self.template.n_columns, index, votes=self.votes)
 
 
 class Window(NamedTuple):
@@ -135,7 +140,7 @@ def match(item: Sought, collection: Collection) -> Matches:
         if not item.queries:
             matched[number] = _match_all(item, part)
             continue
-        ranges = select_in_index(item.queries, item.template.n_columns, part.shard.word_index)
+        ranges = item.windows(part.shard.word_index)
         if len(ranges):
             corpus = cut_windows(part, ranges)
             distance = corpus_distance(item.pattern, corpus)
@@ -162,7 +167,7 @@ def share_matched(sought: Sequence[Sought], collection: Collection) -> float:
             if not item.queries:
                 chosen += index.n_frames
             else:
-                chosen += select_in_index(item.queries, item.template.n_columns, index).n_frames
+                chosen += item.windows(index).n_frames
     return chosen / max(len(sought) * collection.n_frames, 1)
 
 

@@ -123,7 +123,7 @@ def _seek(
     if isinstance(query, MotionClass):
         templates = [subclass.template for subclass in query.subclasses]
         sought = [
-            Sought(query.name, template, pattern, _as_queries(subclass.query))
+            Sought(query.name, template, pattern, subclass.queries, subclass.votes)
             for subclass, (template, pattern) in zip(query.subclasses, query.sought(), strict=True)
         ]
     elif isinstance(query, MotionTemplate):
@@ -150,11 +150,13 @@ def _narrower(preselect: Preselection) -> Narrower:
     def narrow(item: Sought, collection: Collection) -> Sought:
         if preselect is None:
             return item
+        if preselect is True and item.queries:
+            return item
         if preselect is True:
-            queries = item.queries or derive_queries(item.template, collection, Deriving())
+            queries = derive_queries(item.template, collection, Deriving())
         else:
             queries = _as_queries(preselect)
-        return replace(item, queries=queries)
+        return replace(item, queries=queries, votes=1)
 
     return narrow
 
