@@ -38,6 +38,11 @@ class Alignment(NamedTuple):
     cost: float
     path: NDArray[np.intp]
 
+    def shifted(self, frames: int) -> "Alignment":
+        """The same match, so many frames later: of a part, as the whole counts frames."""
+        path = self.path + np.array([0, frames])
+        return Alignment(self.start + frames, self.end + frames, self.cost, path)
+
 
 def align(
     pattern: Pattern,

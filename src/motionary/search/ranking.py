@@ -216,16 +216,10 @@ def _matches(
     hits = find_hits(distance, item.pattern, words, known, threshold=threshold, limit=limit)
     paths = align(item.pattern, words, known, [hit.stop - 1 for hit in hits])
     found = (
-        Evidence(item.name, item.template, item.pattern, sequence, _shift(path, window.start))
+        Evidence(item.name, item.template, item.pattern, sequence, path.shifted(window.start))
         for path in paths
     )
     return [evidence for evidence in found if evidence.is_assessed]
-
-
-def _shift(alignment: Alignment, start: int) -> Alignment:
-    """The alignment with frames counted from the document's first one."""
-    start_frame, end, cost, path = alignment
-    return Alignment(start_frame + start, end + start, cost, path + np.array([0, start]))
 
 
 def _repeats(match: Alignment, other: Alignment) -> bool:
