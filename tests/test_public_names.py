@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # fmt: off
 PUBLIC_NAMES = {
-    "read", "read_labels", "write_labels", "Motion", "Skeleton", "FeatureSet",
+    "read", "write", "read_labels", "write_labels", "Motion", "Skeleton", "FeatureSet",
     "FeatureSequence", "compute_features", "MotionTemplate", "MotionClass", "ClassLibrary",
     "learn", "annotate", "search", "Hit", "explain", "Label", "LabelTrack", "evaluate",
     "MotionaryError",

@@ -25,9 +25,10 @@ def test_a_table_gives_generic_joints_by_weights_that_sum_to_one(name):
 def test_a_skeleton_is_recognised_by_its_names_whatever_their_sequence_or_prefix(name):
     weights = named_mapping(name).weights
     names = sorted({source for sources in weights.values() for source in sources}, reverse=True)
-    assert find_mapping(names).name == name
+    # Bodies of one family are told apart by joints that no relation needs.
+    assert find_mapping(names).weights == weights
     prefixed = find_mapping([f"Daniel:{source}" for source in names])
-    assert prefixed.name == name
+    assert prefixed.name == find_mapping(names).name
     assert all(s.startswith("Daniel:") for sources in prefixed.weights.values() for s in sources)
 
 
@@ -47,7 +48,7 @@ def test_alternatives_follow_the_names():
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones():
-    with pytest.raises(InvalidInput, match="acclaim, bandai, cmu_bvh"):
+    with pytest.raises(InvalidInput, match="acclaim, bandai, body25"):
         named_mapping("horse")
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from motionary.evaluation import evaluate
     from motionary.explanation import explain
     from motionary.features import FeatureSequence, FeatureSet, compute_features
-    from motionary.io import read, read_labels, write_labels
+    from motionary.io import read, read_labels, write, write_labels
     from motionary.labels import Label, LabelTrack
     from motionary.library import ClassLibrary, MotionClass, learn
     from motionary.motion import Motion, Skeleton
@@ -44,6 +44,7 @@ __all__ = [
     "read",
     "read_labels",
     "search",
+    "write",
     "write_labels",
 ]
 
@@ -53,7 +54,7 @@ _CONTENTS = {
     "evaluation": ("evaluate",),
     "explanation": ("explain",),
     "features": ("FeatureSequence", "FeatureSet", "compute_features"),
-    "io": ("read", "read_labels", "write_labels"),
+    "io": ("read", "read_labels", "write", "write_labels"),
     "labels": ("Label", "LabelTrack"),
     "library": ("ClassLibrary", "MotionClass", "learn"),
     "motion": ("Motion", "Skeleton"),

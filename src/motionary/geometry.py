@@ -132,6 +132,52 @@ def matrices_to_quaternions(matrices: Floats) -> Floats:
     return result
 
 
+def rotation_vectors_to_quaternions(vectors: ArrayLike) -> Floats:
+    """Unit quaternions wxyz of turns about a vector by its length in radians, (..., 4)."""
+    given = np.asarray(vectors, dtype=np.float64)
+    half = np.linalg.norm(given, axis=-1) / 2
+    result = np.empty((*given.shape[:-1], 4))
+    result[..., 0] = np.cos(half)
+    # sin(x) / x, also where x is 0; NumPy's sinc has a factor pi.
+    result[..., 1:] = given * (np.sinc(half / np.pi) / 2)[..., None]
+    return result
+
+
 def euler_to_matrices(angles: Floats, order: str) -> Floats:
     """Rotation matrices, shape (..., 3, 3), of `euler_to_quaternions`' turns."""
     return quaternions_to_matrices(euler_to_quaternions(angles, order))
+
+
+def quaternions_to_euler(quaternions: Floats, order: str) -> Floats:
+    """Angles in radians that `euler_to_quaternions` turns into these quaternions.
+
+    Parameters
+    ----------
+    quaternions : array, shape (..., 4), unit, wxyz
+    order : the three letters of "XYZ" in any sequence
+
+    Returns
+    -------
+    array, shape (..., 3), as named in `order`; the middle angle lies within a right angle,
+    and where it is one, the last is 0
+    """
+    i, j, k = axes = check_order(order)
+    if sorted(axes) != [0, 1, 2]:
+        raise InvalidInput(f"angles need an order of three different letters, got {order!r}")
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+    m = quaternions_to_matrices(quaternions)
+    cosine = np.hypot(m[..., i, i], m[..., i, j])
+    free = cosine > 1e-9
+    first = np.arctan2(-sign * m[..., j, k], m[..., k, k])
+    locked = np.arctan2(sign * m[..., k, j], m[..., j, j])
+    last = np.arctan2(-sign * m[..., i, j], m[..., i, i])
+    middle = np.arctan2(sign * m[..., i, k], cosine)
+    return np.stack((np.where(free, first, locked), middle, np.where(free, last, 0.0)), axis=-1)
+
+
+def rotate(quaternions: Floats, vectors: Floats) -> Floats:
+    """Vectors turned by unit quaternions wxyz, shape (..., 3)."""
+    axis = quaternions[..., 1:]
+    across = 2.0 * np.cross(axis, vectors)
+    result: Floats = vectors + quaternions[..., :1] * across + np.cross(axis, across)
+    return result

@@ -114,7 +114,7 @@ def _relations(motion: "Motion") -> tuple[int, float, str]:
 
 
 def _format(name: str) -> str:
-    return PurePath(name).suffix.lstrip(".").upper()
+    return PurePath(name.removesuffix(".gz")).suffix.lstrip(".").upper()
 
 
 def _cells(row: dict[str, Any]) -> list[str]:

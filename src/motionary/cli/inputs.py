@@ -43,14 +43,7 @@ def read_as_told(path: Path, reading: "Reading") -> "Motion":
     """A motion, read as its words were: what only one format needs is kept from others."""
     from motionary.io import read
 
-    acclaim = path.suffix.lower() == ".amc"
-    return read(
-        path,
-        asf=reading.asf if acclaim else None,
-        rate_hz=reading.rate_hz,
-        skeleton=reading.skeleton,
-        unit=None if acclaim else reading.unit,
-    )
+    return read(path, **reading.of(path))
 
 
 def complain_of_all(

@@ -118,9 +118,9 @@ def _without_free(library: "ClassLibrary") -> "tuple[ClassLibrary, list[str]]":
 
 
 def _outside_of_classes(folder: Path) -> list[str]:
-    from motionary.io import MOTION_SUFFIXES
+    from motionary.io import MOTION_SUFFIXES, format_suffix
 
-    stray = sorted(path.name for path in folder.iterdir() if path.suffix.lower() in MOTION_SUFFIXES)
+    stray = sorted(path.name for path in folder.iterdir() if format_suffix(path) in MOTION_SUFFIXES)
     if not stray:
         return []
     more = f" and {len(stray) - 1} more" if len(stray) > 1 else ""

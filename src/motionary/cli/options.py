@@ -74,6 +74,17 @@ def _check_unit(value: str | None) -> str | None:
     return value
 
 
+def _check_up(value: str | None) -> str | None:
+    if value is not None:
+        from motionary.io.motion.axes import check_up
+
+        try:
+            check_up(value)
+        except InvalidInput as error:
+            raise typer.BadParameter(str(error)) from error
+    return value
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReadingOptions:
     """What files do not say themselves."""
@@ -111,11 +122,22 @@ class ReadingOptions:
         ),
     ] = None
 
+    up: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AXIS",
+            callback=_check_up,
+            help="Axis that points up (y, z, -y ...), where the body does not tell it.",
+        ),
+    ] = None
+
     def reading(self) -> "Reading":
         """The same for the library."""
         from motionary.features import Reading
 
-        return Reading(asf=self.asf, rate_hz=self.rate, skeleton=self.skeleton, unit=self.unit)
+        return Reading(
+            asf=self.asf, rate_hz=self.rate, skeleton=self.skeleton, unit=self.unit, up=self.up
+        )
 
 
 Jobs = Annotated[

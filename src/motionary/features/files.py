@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from motionary.batch import Failure, map_ordered
 from motionary.features.catalogue import FULL_BODY
 from motionary.features.computing import compute_features
 from motionary.features.relations import FeatureSet
 from motionary.features.sequence import FeatureSequence
-from motionary.io import read
+from motionary.io import options_of, read
 
 #: A recording's name and its path.
 NamedFile = tuple[str, Path]
@@ -28,6 +29,12 @@ class Reading:
     rate_hz: float | None = None
     skeleton: str | None = None
     unit: float | str | None = None
+    up: str | None = None
+
+    def of(self, path: Path) -> dict[str, Any]:
+        """What is told of one file: a folder mixes formats, and not all take everything."""
+        told = ((name, getattr(self, name, None)) for name in sorted(options_of(path)))
+        return {name: value for name, value in told if value is not None}
 
 
 def read_features(
@@ -53,13 +60,5 @@ def read_features(
 
 def _measure(file: NamedFile, *, reading: Reading, feature_set: FeatureSet) -> FeatureSequence:
     name, path = file
-    # A folder mixes formats: what only one of them needs is kept from the others.
-    acclaim = path.suffix.lower() == ".amc"
-    motion = read(
-        path,
-        asf=reading.asf if acclaim else None,
-        rate_hz=reading.rate_hz,
-        skeleton=reading.skeleton,
-        unit=None if acclaim else reading.unit,
-    )
+    motion = read(path, **reading.of(path))
     return compute_features(replace(motion, source=name), feature_set=feature_set)

@@ -10,19 +10,25 @@ from motionary.io.finding import (
     scan_folder,
 )
 from motionary.io.labels.table import read_labels, write_labels
-from motionary.io.reading import MOTION_SUFFIXES, read
+from motionary.io.reading import MOTION_SUFFIXES, options_of, read
+from motionary.io.suffixes import format_suffix
+from motionary.io.writing import WRITTEN_SUFFIXES, write
 
 __all__ = [
     "MOTION_SUFFIXES",
+    "WRITTEN_SUFFIXES",
     "Companions",
     "FileState",
     "find_recordings",
+    "format_suffix",
     "has_companion",
     "match_recording",
     "name_recordings",
+    "options_of",
     "read",
     "read_labels",
     "recording_name",
     "scan_folder",
+    "write",
     "write_labels",
 ]

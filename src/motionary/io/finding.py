@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from motionary.errors import UnreadableFile
 from motionary.io.reading import MOTION_SUFFIXES
+from motionary.io.suffixes import format_suffix, stem_of
 
 
 def find_recordings(
@@ -113,7 +114,7 @@ def match_recording(name: str, names: Iterable[str]) -> str | None:
 
 
 def _without_suffix(path: PurePosixPath) -> PurePosixPath:
-    return path.with_suffix("") if path.suffix.lower() in MOTION_SUFFIXES else path
+    return path.with_name(stem_of(path)) if format_suffix(path) in MOTION_SUFFIXES else path
 
 
 def _find(path: Path, suffixes: Collection[str]) -> list[tuple[Path, str]]:

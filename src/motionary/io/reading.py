@@ -42,6 +42,53 @@ def _read_c3d(path: Path, told: _Told) -> Motion:
     return read_c3d(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
 
 
+def _read_trc(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.trc import read_trc
+
+    return read_trc(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+
+
+def _read_opensim(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.opensim import read_opensim
+
+    return read_opensim(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+
+
+def _read_npz(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.npz import read_npz_motion
+
+    return read_npz_motion(
+        path,
+        rate_hz=told.rate_hz,
+        skeleton=told.skeleton,
+        unit=told.unit,
+        up=told.up,
+        body_model=told.body_model,
+    )
+
+
+def _read_npy(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.arrays import read_array
+
+    return read_array(
+        path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up
+    )
+
+
+def _read_pkl(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.pickled import read_pickle
+
+    return read_pickle(
+        path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up
+    )
+
+
+def _read_fbx(path: Path, told: _Told) -> Motion:
+    from motionary.io.motion.fbx import read_fbx
+
+    return read_fbx(path, rate_hz=told.rate_hz, unit=told.unit)
+
+
 class _Format(NamedTuple):
     """How a format is read, and which of the options say something about it."""
 
@@ -55,12 +102,22 @@ _FORMATS: dict[str, _Format] = {
     ".amc": _Format(_read_amc, frozenset({"asf", "rate_hz"})),
     ".bvh": _Format(_read_bvh, frozenset({"rate_hz", "unit"})),
     ".c3d": _Format(_read_c3d, _POINTS),
+    ".trc": _Format(_read_trc, _POINTS),
+    ".npz": _Format(_read_npz, _POINTS | {"body_model"}),
+    ".npy": _Format(_read_npy, _POINTS),
+    ".pkl": _Format(_read_pkl, _POINTS),
+    ".fbx": _Format(_read_fbx, frozenset({"rate_hz", "unit"})),
+    ".sto": _Format(_read_opensim, _POINTS),
+    ".mot": _Format(_read_opensim, _POINTS),
 }
-_PACKED = {f"{suffix}.gz": _FORMATS[suffix] for suffix in (".amc", ".bvh")}
-_READERS = _FORMATS | _PACKED
+_TEXTS = (".amc", ".bvh", ".trc", ".sto", ".mot")
+_READERS = _FORMATS | {f"{suffix}.gz": _FORMATS[suffix] for suffix in _TEXTS}
+
+# OpenSim's tables rarely hold places: they are read where they are named.
+_NAMED_ONLY = (".sto", ".mot")
 
 #: Suffixes that are looked for in folders.
-MOTION_SUFFIXES = tuple(_READERS)
+MOTION_SUFFIXES = tuple(s for s in _READERS if s.removesuffix(".gz") not in _NAMED_ONLY)
 
 _REFUSALS = {
     "asf": "has its own skeleton; leave out asf=",

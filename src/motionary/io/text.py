@@ -2,6 +2,7 @@
 
 import gzip
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 
 from motionary.batch import write_atomically
@@ -35,20 +36,23 @@ def read_text(path: Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
-def write_text(path: str | Path, text: str) -> None:
-    """Write UTF-8 whole or not at all; packed where the name ends in .gz.
+def write_text(path: str | Path, pieces: Iterable[str]) -> None:
+    """Write pieces of UTF-8, whole or not at all; packed where the name ends in .gz.
 
     Raises
     ------
     UnwritableFile
         If the file cannot be written.
     """
-    content = text.encode()
-    if Path(path).suffix.lower() == PACKED:
+    packed = Path(path).suffix.lower() == PACKED
+    with write_atomically(path) as beside, beside.open("wb") as file:
+        if not packed:
+            file.writelines(piece.encode() for piece in pieces)
+            return
         # No time and no name inside: same motion, same bytes.
-        content = gzip.compress(content, mtime=0)
-    with write_atomically(path) as beside:
-        beside.write_bytes(content)
+        with gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0) as packer:
+            for piece in pieces:
+                packer.write(piece.encode())
 
 
 def _unpack(content: bytes, name: str) -> bytes:

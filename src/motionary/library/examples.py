@@ -18,7 +18,7 @@ from motionary.features import (
     Reading,
     read_features,
 )
-from motionary.io import MOTION_SUFFIXES
+from motionary.io import MOTION_SUFFIXES, format_suffix
 
 #: Words of examples: class -> subclass -> words.
 Examples = Mapping[str, Mapping[str, Sequence[FeatureSequence]]]
@@ -66,7 +66,7 @@ def list_examples(folder: Path) -> list[tuple[str, str, Path]]:
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
         hidden = any(part.startswith(".") for part in parts)
-        is_recording = path.suffix.lower() in MOTION_SUFFIXES and path.is_file()
+        is_recording = format_suffix(path) in MOTION_SUFFIXES and path.is_file()
         if is_recording and len(parts) > 1 and not hidden:
             files.append((parts[0], "/".join(parts[1:-1]) or parts[0], path))
     if not files:

@@ -21,6 +21,7 @@ from motionary.geometry import (
 from motionary.io.motion.asf import AcclaimSkeleton, Bone, read_asf
 from motionary.io.motion.frames import read_frames
 from motionary.io.motion.pose import place_joints
+from motionary.io.suffixes import stem_of
 from motionary.io.text import read_text
 from motionary.motion import Motion
 from motionary.skeletons import find_mapping
@@ -110,7 +111,7 @@ def find_asf(path: Path, *, listing: Callable[[Path], Mapping[str, Path]] = list
     UnreadableFile
         If there is none; the message says what was looked for.
     """
-    parts = path.stem.split("_")
+    parts = stem_of(path).split("_")
     stems = ["_".join(parts[:n]) for n in range(len(parts), 0, -1)]
     places = places_of_asf(path)
     for place in places:

@@ -32,6 +32,7 @@ from motionary.io.motion.c3d_head import (
     parse_head,
 )
 from motionary.io.motion.points import Points, number_doubles, to_motion
+from motionary.io.motion.units import NAMES_OF_UNITS
 from motionary.motion import Event, Motion
 
 # Enough for header and parameters of any file: a parameter section has at most 255 blocks.
@@ -48,8 +49,6 @@ _VALUE_NAME = re.compile(
 _VALUE_WORDS = re.compile(r"\b(angles|moments?|powers?|forces?|torques?)\b", re.IGNORECASE)
 _VALUE_UNITS = re.compile(r"(deg|rad|N|N\W?m+|Nmm?|W)\b(/kg)?$", re.IGNORECASE)
 _SIDES = {"left": "left", "right": "right", "l": "left", "r": "right"}
-_UNITS = {"m": "m", "cm": "cm", "mm": "mm", "in": "inch", "inch": "inch", "inches": "inch",
-          "meters": "m", "metres": "m", "millimeters": "mm", "millimetres": "mm"}  # fmt: skip
 # Points of a name parameter, and bytes of a name: a length is one byte.
 _MOST_LABELS, _LONGEST_LABEL = 255, 127
 
@@ -115,7 +114,7 @@ def read_c3d(
         rate_hz=rate,
         source=path.name,
         first_frame=layout.first_frame,
-        unit=_UNITS.get(units[0].lower()) if units else None,
+        unit=NAMES_OF_UNITS.get(units[0].lower()) if units else None,
         up=_stated_up(head),
         events=_read_events(head, layout, rate),
         notes=(*notes, *left_out, *_note_subjects(head)),

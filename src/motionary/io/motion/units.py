@@ -23,6 +23,14 @@ METRES: Mapping[str, float] = {
     "1/0.45 inch": 0.0254 / 0.45,
 }
 
+#: What files write for these.
+NAMES_OF_UNITS: Mapping[str, str] = {
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "cm": "cm", "centimeter": "cm", "centimeters": "cm",
+    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetres": "mm",
+    "in": "inch", "inch": "inch", "inches": "inch",
+}  # fmt: skip
+
 LEG_M = 0.85
 SPAN_M = 2.2
 
