@@ -83,7 +83,7 @@ def test_labels_are_those_of_the_definition(seed, teaching):
     for label in found:
         own = distances[library.names.index(label.name)]
         inside = own[round(30 * label.start_s) : round(30 * label.end_s)]
-        assert label.cost == min(inside)
+        assert label.cost == min(inside) == label.evidence.alignment.cost
 
 
 def test_labels_of_different_classes_may_overlap():

@@ -132,6 +132,16 @@ def test_several_templates_of_a_class_do_not_double_hits():
     assert [stop for _, _, stop in spans(hits)] == [a + LENGTH, b + LENGTH]
 
 
+@pytest.mark.parametrize(("second_from", "stays"), [(12, True), (8, False)])
+def test_matches_of_one_class_that_share_less_than_half_both_stay(second_from, stays):
+    rows, (a,) = stream(STEP, seed=6)
+    # Of the second way 8 of 18 frames lie in the first, or 12 of 22.
+    examples = {"step": {"begin": [sequence(STEP[:20])], "end": [sequence(STEP[second_from:])]}}
+    motion_class = learn_classes(examples, teaching=Teaching(by_surprise=False))["step"]
+    expected = [("", a, a + 20), ("", a + second_from, a + LENGTH)]
+    assert spans(search(motion_class, [sequence(rows)])) == expected[: 1 + stays]
+
+
 def test_the_same_input_gives_the_same_hits(takes):
     first, second = (search(sequence(STEP), takes[0], limit=None) for _ in range(2))
     assert list(first) == list(second)
