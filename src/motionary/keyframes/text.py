@@ -19,7 +19,8 @@ not mentioned are free, a line "anything" frees all. Gaps are one of
 
 A keyframe may tell where it stands in its template: `at 0.5 s: right hand fast`. The first
 line names the feature set; it may be left out. Seconds are counted from one keyframe to
-the next; what is written reads back to the same frames.
+the next; what is written reads back to the same frames. A line "or" separates queries of
+which any may hit. A short query may stand on one line: `F13, then within 0.5 s F3`.
 """
 
 import itertools
@@ -39,12 +40,20 @@ _WITHIN_BOTH = re.compile(rf"then within {_NUMBER}(?:\s*s)? (?:to|and) {_SECONDS
 _WITHIN = re.compile(rf"then within {_SECONDS}")
 _AFTER = re.compile(rf"then after {_SECONDS}")
 _AFTER_LEAST = re.compile(rf"then after at least {_SECONDS}")
+_GAP_INSIDE = re.compile(
+    rf"[,;:]?\s*\b(then within {_NUMBER}(?:\s*s)? (?:to|and) {_SECONDS}|then within {_SECONDS}"
+    rf"|then after at least {_SECONDS}|then after {_SECONDS}|then|at the same time)\b[,;:]?\s*",
+    re.IGNORECASE,
+)
+_STARTS_AS_GAP = re.compile(r"(then|at the same time)\b", re.IGNORECASE)
 _POSITION = re.compile(rf"at {_SECONDS}\s*:\s*(.*)")
 _HEADER = re.compile(r"features\s*:\s*(.*)")
 _ANYTHING = "anything"
 _OR = "or"
 #: Names that would be read as something else; such features are written by their id.
-_NOT_A_NAME = re.compile(r"(not|then|at|anything|features)\b.*|.*[,#:].*", re.IGNORECASE)
+_NOT_A_NAME = re.compile(
+    r"(not|at|anything|features)\b.*|.*([,#:]|\bthen\b|\bat the same time\b).*", re.IGNORECASE
+)
 
 
 def parse_query(
@@ -157,7 +166,19 @@ def format_queries(
 def _lines(text: str) -> list[tuple[int, str]]:
     """Lines that say something, with their numbers; spaces and case evened out."""
     plain = [" ".join(line.split("#")[0].split()) for line in text.splitlines()]
-    return [(number, line) for number, line in enumerate(plain, start=1) if line]
+    numbered = [(n, part) for n, line in enumerate(plain, start=1) for part in _at_gaps(line)]
+    return [(number, part) for number, part in numbered if part]
+
+
+def _at_gaps(line: str) -> list[str]:
+    """A line, or its parts where gaps stand between keyframes on it."""
+    if _STARTS_AS_GAP.match(line):
+        return [line]
+    parts, at = [], 0
+    for gap in _GAP_INSIDE.finditer(line):
+        parts += [line[at : gap.start()], gap[1]]
+        at = gap.end()
+    return [*parts, line[at:]]
 
 
 def _is_header(line: str, vocabulary: Vocabulary, *, first: bool) -> bool:
