@@ -4,7 +4,7 @@ Each subclass becomes a template of its own, after Müller and Röder (2006); cl
 the background of frames that tells which relations are rare.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from motionary.library.classes import (
 )
 from motionary.library.examples import Examples, find_feature_set
 from motionary.matching import concatenate, share_of_ones
-from motionary.templates import learn_template
+from motionary.templates import Learning, learn_template
 from motionary.templates import mirror as mirror_template
 from motionary.words import full_mask
 
@@ -63,26 +63,43 @@ def learn_classes(
     """
     classes = []
     feature_set = find_feature_set(examples)
-    background = _background(examples, feature_set, teaching)
+    background = measure_background(examples, feature_set, teaching)
     for name, subclasses in examples.items():
-        learned = [_learn_subclass(key, items) for key, items in subclasses.items()]
-        if teaching.mirror:
-            learned += [_mirrored(subclass, feature_set) for subclass in learned]
-        motion_class = MotionClass(
-            name, tuple(learned), teaching.threshold, teaching.tolerance, background
-        )
-        # A template that would match everything is refused before it spoils a library.
-        motion_class.quantised()
-        classes.append(motion_class)
+        classes.append(learn_class(name, subclasses, background=background, teaching=teaching))
         if on_done:
             on_done()
     return ClassLibrary(tuple(classes), feature_set, teaching.provenance, teaching.licence)
 
 
-def _background(
-    examples: Examples,
-    feature_set: FeatureSet,
+def learn_class(
+    name: str,
+    examples: Mapping[str, Sequence[FeatureSequence]],
+    *,
+    background: tuple[float, ...],
     teaching: Teaching,
+    learning: Learning | None = None,
+) -> MotionClass:
+    """One class from the words of its examples, by subclass.
+
+    Raises
+    ------
+    InvalidInput
+        If a subclass has no example, or its examples have nothing in common.
+    """
+    learned = [learn_subclass(key, items, learning=learning) for key, items in examples.items()]
+    if teaching.mirror:
+        first = next(iter(examples.values()))[0]
+        learned += [mirror_subclass(subclass, first.feature_set) for subclass in learned]
+    motion_class = MotionClass(
+        name, tuple(learned), teaching.threshold, teaching.tolerance, background
+    )
+    # A template that would match everything is refused before it spoils a library.
+    motion_class.quantised()
+    return motion_class
+
+
+def measure_background(
+    examples: Examples, feature_set: FeatureSet, teaching: Teaching
 ) -> tuple[float, ...]:
     """Share of the examples' frames in which each relation holds; empty if all weigh alike."""
     sequences = [s for subclasses in examples.values() for i in subclasses.values() for s in i]
@@ -96,7 +113,16 @@ def _background(
     return tuple(round(float(share), 6) for share in np.clip(ones, 1e-6, 1 - 1e-6))
 
 
-def _learn_subclass(name: str, examples: Sequence[FeatureSequence]) -> Subclass:
+def learn_subclass(
+    name: str, examples: Sequence[FeatureSequence], *, learning: Learning | None = None
+) -> Subclass:
+    """One template of a class, from the words of its examples.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no example.
+    """
     if not examples:
         raise InvalidInput(f"class {name!r} needs at least one example, got none")
     feature_set = examples[0].feature_set
@@ -107,11 +133,13 @@ def _learn_subclass(name: str, examples: Sequence[FeatureSequence]) -> Subclass:
         feature_names=feature_set.ids,
         feature_set=feature_set.name,
         provenance=f"learned from {len(examples)} recording{'s' if len(examples) > 1 else ''}",
+        learning=learning,
     )
     return Subclass(name, template)
 
 
-def _mirrored(subclass: Subclass, feature_set: FeatureSet) -> Subclass:
+def mirror_subclass(subclass: Subclass, feature_set: FeatureSet) -> Subclass:
+    """The mirror image of a subclass, under its name with "Mirrored"."""
     template = mirror_template(subclass.template, feature_set.mirror_order)
     queries = tuple(mirror_query(query, feature_set) for query in subclass.queries)
     return Subclass(f"{subclass.name}Mirrored", template, queries, subclass.votes)
