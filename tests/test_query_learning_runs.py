@@ -9,14 +9,12 @@ import pytest
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, compute_features
 from motionary.io import read
-from motionary.keyframes import HitRanges, index_words, search_query
+from motionary.keyframes import index_words, search_query
 from motionary.query_learning import (
     PUBLISHED,
     Breeding,
     Individual,
     accumulate,
-    agreed_documents,
-    agreed_ranges,
     breed_runs,
     combine_runs,
     continue_learning,
@@ -151,20 +149,19 @@ def test_accumulated_keyframes_stand_where_runs_agree():
     assert second[1:] == (2, 2)
 
 
-def test_ranges_on_which_enough_queries_agree():
-    a = HitRanges(np.array([0, 0, 2]), np.array([0, 8, 1]), np.array([5, 9, 3]))
-    b = HitRanges(np.array([0, 1]), np.array([3, 0]), np.array([8, 4]))
-    lengths = [10, 4, 5]
-    assert list(agreed_ranges([a, b], votes=2, lengths=lengths)) == [(0, 3, 5)]
-    assert list(agreed_ranges([a, b], votes=1, lengths=lengths)) == [
-        (0, 0, 9),
-        (1, 0, 4),
-        (2, 1, 3),
-    ]
-    assert len(agreed_ranges([HitRanges.none()], votes=1, lengths=lengths)) == 0
-    assert agreed_documents([a, b], votes=2, n_documents=3).tolist() == [0]
-    with pytest.raises(InvalidInput, match="2 queries have 1 to 2 votes"):
-        agreed_ranges([a, b], votes=3, lengths=lengths)
+def test_votes_that_are_impossible(learned):
+    for votes in (0, 7):
+        with pytest.raises(InvalidInput, match="votes"):
+            replace(learned, votes=votes)
+
+
+def test_fewer_votes_find_more(learned, positives, negatives):
+    index = index_of([*positives, *negatives])
+    found = [replace(learned, votes=votes) for votes in range(1, 7)]
+    n_documents = [len(one.documents(index)) for one in found]
+    n_frames = [one.search(index).n_frames for one in found]
+    assert n_documents == sorted(n_documents, reverse=True)
+    assert n_frames == sorted(n_frames, reverse=True)
 
 
 def test_bad_examples_are_refused(positives, negatives):

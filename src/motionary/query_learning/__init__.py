@@ -17,7 +17,6 @@ from motionary.query_learning.learning import (
     learn_query,
     state_problem,
 )
-from motionary.query_learning.voting import agreed_documents, agreed_ranges
 
 __all__ = [
     "PUBLISHED",
@@ -29,8 +28,6 @@ __all__ = [
     "LearnedQueries",
     "Problem",
     "accumulate",
-    "agreed_documents",
-    "agreed_ranges",
     "breed_runs",
     "combine_runs",
     "continue_learning",

@@ -19,10 +19,10 @@ from motionary.keyframes import (
     HitRanges,
     KeyframeQuery,
     WordIndex,
-    extend,
+    check_votes,
     index_words,
-    margins,
     search_query,
+    select_in_index,
 )
 from motionary.query_learning.accumulation import Accumulation, accumulate, frequent_keyframes
 from motionary.query_learning.clips import Clips
@@ -40,7 +40,6 @@ from motionary.query_learning.fitness import fitness_of
 from motionary.query_learning.individuals import to_query
 from motionary.query_learning.operators import GenePool, assemble, gene_pool
 from motionary.query_learning.simplifying import simplify
-from motionary.query_learning.voting import agreed_documents, agreed_ranges, check_votes
 from motionary.templates import MotionTemplate, learn_template, quantise
 
 #: Runs, and so queries that vote.
@@ -156,16 +155,15 @@ class LearnedQueries:
         ----------
         index : of documents, over the features of the examples
         """
-        found = []
-        for query in self.queries:
-            before, after = margins(query, len(self.problem.pool))
-            found.append(extend(search_query(query, index), before, after, index.lengths))
-        return agreed_ranges(found, votes=self.votes, lengths=index.lengths)
+        n_columns = len(self.problem.pool)
+        return select_in_index(self.queries, n_columns, index, votes=self.votes)
 
     def documents(self, index: WordIndex) -> NDArray[np.int64]:
         """Documents in which enough queries have a hit, ascending."""
-        found = [search_query(query, index) for query in self.queries]
-        return agreed_documents(found, votes=self.votes, n_documents=index.n_documents)
+        hits = np.zeros(index.n_documents, dtype=np.int64)
+        for query in self.queries:
+            hits[search_query(query, index).hit_documents] += 1
+        return np.flatnonzero(hits >= self.votes)
 
 
 def learn_query(

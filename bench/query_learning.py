@@ -1,0 +1,117 @@
+"""How long does one run of the evolution take?
+
+All HDM05 clips at hand, repeated to 42 586 frames (24 min), the size of the authors'
+training set; population 50, 5 parents, 100 generations. Baak (2012), section 4.5: roughly
+10 s on an Athlon X2 5000+. Then a hundred runs on one process and on two.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from motionary.features import FULL_BODY, FeatureSequence, read_features
+from motionary.keyframes import index_words, search_query
+from motionary.query_learning import (
+    PUBLISHED,
+    Breeding,
+    Problem,
+    breed_runs,
+    judge_clips,
+    state_problem,
+)
+from motionary.query_learning.individuals import to_query
+from timing import compare, print_ratios
+
+FRAMES = 42_586
+ACTORS = ("bd", "bk", "dg")
+NAMES = ("depositFloorR", "hopBothLegs", "squat", "throwBasketball")
+MANY = 100
+
+
+def main() -> None:
+    folder = os.environ.get("MOTIONARY_DATA", "")
+    if not folder:
+        print("  skipped: MOTIONARY_DATA is not set, there are no recordings")
+        return
+    clips = read_clips(Path(folder) / "hdm05")
+    problems = {name: problem_of(name, clips) for name in NAMES}
+    for name, problem in problems.items():
+        n_frames = sum(map(len, (*problem.positives, *problem.negatives)))
+        print(f"  {name}: {n_frames} frames, {len(problem.pool)} columns")
+        time_runs(problem)
+        time_evaluations(problem)
+    time_processes(problems["squat"])
+
+
+def read_clips(folder: Path) -> list[tuple[str, FeatureSequence]]:
+    paths = sorted(folder.rglob("HDM_*_*.[aA][mM][cC]"))
+    words = read_features([(path.stem, path) for path in paths])
+    return [(path.stem, clip) for path, clip in zip(paths, words, strict=True)]
+
+
+def problem_of(name: str, clips: list[tuple[str, FeatureSequence]]) -> Problem:
+    """Positives of three actors; negatives over and over until there are enough frames."""
+    positives = [clip for stem, clip in clips if name in stem and stem.split("_")[1] in ACTORS]
+    others = [clip for stem, clip in clips if name not in stem]
+    negatives, total = [], sum(map(len, positives))
+    while total < FRAMES:
+        negatives.append(others[len(negatives) % len(others)])
+        total += len(negatives[-1])
+    return state_problem(positives, negatives, breeding=PUBLISHED)
+
+
+def with_settings(problem: Problem, breeding: Breeding) -> Problem:
+    return Problem(
+        problem.positives, problem.negatives, problem.groups, problem.pool, breeding, seed=0
+    )
+
+
+def time_runs(problem: Problem) -> None:
+    usual = with_settings(problem, Breeding())
+    ways = {
+        "a run as published": lambda: list(breed_runs(problem, [0])),
+        "a run, simplified": lambda: list(breed_runs(usual, [0])),
+    }
+    for name, call in ways.items():
+        print(f"  {name:<20} {cpu_seconds(call):6.3f} s of one processor")
+
+
+def cpu_seconds(call: Callable[[], object], rounds: int = 3) -> float:
+    """Least processor time: what others do on the machine does not count."""
+    call()
+    seconds = []
+    for _ in range(rounds):
+        start = time.process_time()
+        call()
+        seconds.append(time.process_time() - start)
+    return min(seconds)
+
+
+def time_evaluations(problem: Problem) -> None:
+    """Fitness of one individual: by the general search, and by the bitmaps of clips."""
+    clips = [*problem.positives, *problem.negatives]
+    index = index_words(
+        [clip.words for clip in clips], feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids
+    )
+    judge = judge_clips(problem.positives, problem.negatives, breeding=PUBLISHED)
+    bests = [run.best for run in breed_runs(problem, range(5))]
+    queries = [to_query(best, FULL_BODY.name, FULL_BODY.ids) for best in bests]
+    ways = {
+        f"search_query, {engine}, 5 queries": lambda engine=engine: [
+            search_query(query, index, engine=engine).hit_documents for query in queries
+        ]
+        for engine in ("numpy", "compiled")
+    }
+    ways["bitmaps of clips, 5 individuals"] = lambda: [judge.clips.retrieved(b) for b in bests]
+    print_ratios(compare(ways), reference="search_query, numpy, 5 queries")
+
+
+def time_processes(problem: Problem) -> None:
+    seconds = {}
+    for jobs in (1, 2):
+        start = time.perf_counter()
+        runs = list(breed_runs(problem, range(MANY), jobs=jobs))
+        seconds[jobs] = time.perf_counter() - start
+        print(f"  {len(runs)} runs, {jobs} processes: {len(runs) / seconds[jobs]:.2f} runs/s")
+    print(f"  two processes: {seconds[1] / seconds[2]:.2f} x the rate of one")
