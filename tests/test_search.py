@@ -412,11 +412,6 @@ def test_files_motions_and_words_may_be_mixed(folder):
     assert len(mixed) == 3
 
 
-def test_two_processes_find_the_same(folder):
-    query = synthetic_motion("squat", seed=8)
-    assert list(search(query, folder, jobs=2)) == list(search(query, folder))
-
-
 def test_a_collection_is_searched_as_its_folder_is(folder):
     query = synthetic_motion("squat", seed=8)
     assert list(search(query, collect(folder))) == list(search(query, folder))
