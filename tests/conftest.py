@@ -58,6 +58,15 @@ def _folder(path: Path) -> Path:
 
 
 @pytest.fixture(autouse=True, scope="session")
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep what commands remember out of this user's cache."""
+    patch = pytest.MonkeyPatch()
+    patch.setenv("MOTIONARY_CACHE", str(tmp_path_factory.mktemp("cache")))
+    yield
+    patch.undo()
+
+
+@pytest.fixture(autouse=True, scope="session")
 def _no_network() -> Iterator[None]:
     """Fail a test that connects to another machine."""
     patch = pytest.MonkeyPatch()

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PUBLIC_NAMES = {
     "read", "write", "read_labels", "write_labels", "Motion", "Skeleton", "FeatureSet",
     "FeatureSequence", "compute_features", "MotionTemplate", "MotionClass", "ClassLibrary",
-    "learn", "annotate", "search", "Hit", "explain", "Label", "LabelTrack", "evaluate",
+    "learn", "annotate", "search", "Index", "Hit", "explain", "Label", "LabelTrack", "evaluate",
     "MotionaryError",
 }
 # fmt: on

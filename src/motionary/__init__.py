@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from motionary.evaluation import evaluate
     from motionary.explanation import explain
     from motionary.features import FeatureSequence, FeatureSet, compute_features
+    from motionary.index import Index
     from motionary.io import read, read_labels, write, write_labels
     from motionary.labels import Label, LabelTrack
     from motionary.library import ClassLibrary, MotionClass, learn
@@ -29,6 +30,7 @@ __all__ = [
     "FeatureSequence",
     "FeatureSet",
     "Hit",
+    "Index",
     "Label",
     "LabelTrack",
     "Motion",
@@ -54,6 +56,7 @@ _CONTENTS = {
     "evaluation": ("evaluate",),
     "explanation": ("explain",),
     "features": ("FeatureSequence", "FeatureSet", "compute_features"),
+    "index": ("Index",),
     "io": ("read", "read_labels", "write", "write_labels"),
     "labels": ("Label", "LabelTrack"),
     "library": ("ClassLibrary", "MotionClass", "learn"),

@@ -20,7 +20,9 @@ from motionary.cli.screen import complain, prepare_streams
 from motionary.errors import MotionaryError
 
 #: Modules of this package, each with a function of its name, in the sequence of the help.
-COMMANDS = ("search", "annotate", "learn", "info", "features", "evaluate", "demo")
+COMMANDS = (
+    "search", "annotate", "learn", "cut", "index", "info", "features", "evaluate", "demo",
+)  # fmt: skip
 
 
 def run_app() -> None:

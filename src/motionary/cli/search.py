@@ -1,21 +1,21 @@
 """`motionary search`: where in these recordings is a motion like this one?"""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motionary.cli import screen
-from motionary.cli.example import Example, read_example
-from motionary.cli.inputs import Found, check_picture, complain_of_all, find_files
+from motionary.cli import STOPPED_BY_KEYBOARD, screen
+from motionary.cli.cutting import cut_labels
+from motionary.cli.indexed import IndexOptions, open_recordings
+from motionary.cli.inputs import check_picture, check_target
 from motionary.cli.options import AsJson, Jobs, LibraryDefault, ReadingOptions
 from motionary.cli.pictures import draw_sheet, draw_template
+from motionary.cli.sought import QueryOptions, Wanted, check_query, read_wanted, wrong
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSet, Reading
     from motionary.index import Collection
-    from motionary.library import MotionClass
+    from motionary.labels import LabelTrack
     from motionary.search import Growing, SearchResult
 
 _KEYS = ("recording", "start_s", "end_s", "start_frame", "end_frame", "cost")
@@ -23,39 +23,8 @@ _COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">kn
 
 
 @dataclass(frozen=True, kw_only=True)
-class QueryOptions:
-    """What is sought."""
-
-    like: Annotated[
-        str | None, typer.Option(metavar="FILE", help="A recording with an example.")
-    ] = None
-    from_s: Annotated[
-        float | None,
-        typer.Option("--from", metavar="SECONDS", help="Where in FILE the example starts."),
-    ] = None
-    to_s: Annotated[
-        float | None, typer.Option("--to", metavar="SECONDS", help="Where it ends.")
-    ] = None
-    grow: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            metavar="N",
-            default_factory=LibraryDefault("motionary.search:Growing", "hits"),
-            help="Learn from the example and its N nearest hits what may vary; 0: nothing may.",
-        ),
-    ]
-    class_name: Annotated[
-        str | None, typer.Option("--class", metavar="NAME", help="A class of the library.")
-    ] = None
-    library: Annotated[
-        str | None, typer.Option(metavar="LIB", help="A folder that `motionary learn` wrote.")
-    ] = None
-
-
-@dataclass(frozen=True, kw_only=True)
 class HitOptions:
-    """Which hits count, and what is drawn."""
+    """Which hits count."""
 
     threshold: Annotated[
         float | None,
@@ -74,12 +43,40 @@ class HitOptions:
             help="Most hits; 0: all.",
         ),
     ]
+    fast: Annotated[
+        bool | None,
+        typer.Option(
+            "--fast/--thorough",
+            help="Match only around keyframes, derived where there are none: faster, and misses "
+            "some; or everywhere. By default around the keyframes of a class that has some.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultOptions:
+    """What becomes of the hits, and of what they were found with."""
+
+    output: Annotated[
+        str | None, typer.Option("--output", "-o", metavar="CSV", help="Write a table of hits.")
+    ] = None
+    cut: Annotated[
+        str | None, typer.Option(metavar="FOLDER", help="Write each hit as a clip (BVH, AMC).")
+    ] = None
     sheet: Annotated[
         str | None,
         typer.Option(metavar="PNG", help="Draw the hits as stick figures below the example."),
     ] = None
     template: Annotated[
         str | None, typer.Option(metavar="PNG", help="Draw the template that was grown.")
+    ] = None
+    save_query: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Write the keyframes, to be changed and used again."),
+    ] = None
+    save_class: Annotated[
+        str | None,
+        typer.Option(metavar="LIB", help="Add the grown template to a library, as a class."),
     ] = None
 
 
@@ -89,99 +86,109 @@ def search(
     ],
     query: QueryOptions,
     which: HitOptions,
+    results: ResultOptions,
+    index: IndexOptions,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
     reading: ReadingOptions,
 ) -> int:
-    """Find more motions like an example, or all of a class.
+    """Find more motions like an example, all of a class, or wherever keyframes are shown.
 
     An example needs no training: a template grows from it and its nearest hits. What the
     template fixes and what it leaves open stands above the hits. A cost of 0 agrees with
-    it everywhere.
+    it everywhere. What was read of a folder is kept for the next search.
 
     motionary search recordings/ --like take.bvh --from 1.2 --to 3.4 --sheet hits.png
     motionary search recordings/ --class squat --library my-classes
+    motionary search recordings/ --query "right hand fast, then within 0.5 s right hand low"
     """
     from motionary.search import Growing
     from motionary.search import search as search_for
 
-    _check_use(query, which)
+    _check_use(query, results)
     told = reading.reading()
-    example = _example(query, told)
-    sought, feature_set = (example.words, None) if example else _motion_class(query)
-    found = find_files(folder)
-    collection = _read(found, told, feature_set, jobs)
+    wanted = read_wanted(query, told)
+    opened = open_recordings(folder, index, reading=told, feature_set=wanted.feature_set, jobs=jobs)
     growing = Growing(hits=query.grow)
     result = search_for(
-        sought, collection, threshold=which.threshold, limit=which.limit or None, growing=growing
+        wanted.what,
+        opened.collection,
+        threshold=which.threshold,
+        limit=which.limit or None,
+        growing=growing,
+        preselect=wanted.queries or which.fast,
     )
-    if which.sheet:
-        draw_sheet(which.sheet, result, example=example, files=found.files, reading=told)
-    if which.template:
-        draw_template(which.template, result.templates[0], growing.tolerance)
+    if results.sheet:
+        draw_sheet(results.sheet, result, example=wanted.example, files=opened.files, reading=told)
+    if results.template:
+        draw_template(results.template, result.templates[0], growing.tolerance)
+    _save(result, results, wanted, opened.collection, growing)
     if as_json:
         _say_json(result)
     else:
-        _say(result, collection, growing if example else None)
-    return 1 if found.missing or result.failures or not result.hits else 0
+        _say(result, opened.collection, growing if wanted.example else None)
+    is_cut = not results.cut or cut_labels(
+        _to_tracks(result, wanted.name), opened.files, results.cut, reading=told, jobs=jobs
+    )
+    if opened.is_stopped:
+        return STOPPED_BY_KEYBOARD
+    return 0 if opened.is_complete and is_cut and result.hits else 1
 
 
-def _check_use(query: QueryOptions, which: HitOptions) -> None:
-    if (query.like is None) == (query.class_name is None):
-        raise _wrong("--like, --class", "say what is sought by one of them")
-    if query.class_name is not None and query.library is None:
-        raise _wrong("--class", "needs the library that the class is from: --library LIB")
-    if query.like is not None and query.library is not None:
-        raise _wrong("--library", "goes with --class NAME")
-    of_example = {"--from": query.from_s, "--to": query.to_s, "--template": which.template}
-    for option, value in of_example.items():
+def _check_use(query: QueryOptions, results: ResultOptions) -> None:
+    check_query(query)
+    for option, value in {
+        "--template": results.template,
+        "--save-class": results.save_class,
+    }.items():
         if query.like is None and value is not None:
-            raise _wrong(option, "goes with --like FILE")
-    check_picture("--sheet", which.sheet)
-    check_picture("--template", which.template)
+            raise wrong(option, "goes with --like FILE")
+    check_picture("--sheet", results.sheet)
+    check_picture("--template", results.template)
+    for path in (results.output, results.cut, results.save_query, results.save_class):
+        check_target(path)
 
 
-def _wrong(option: str, problem: str) -> typer.BadParameter:
-    return typer.BadParameter(problem, param_hint=option)
+def _to_tracks(result: "SearchResult", name: str) -> "list[LabelTrack]":
+    """A track a hit: rows of a table in the sequence of the ranks."""
+    from motionary.labels import Label, LabelTrack
 
-
-def _example(query: QueryOptions, reading: "Reading") -> Example | None:
-    if query.like is None:
-        return None
-    return read_example(Path(query.like), from_s=query.from_s, to_s=query.to_s, reading=reading)
-
-
-def _motion_class(query: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
-    from motionary.library import load_library
-
-    library = load_library(query.library or "")
-    if query.class_name not in library.names:
-        known = ", ".join(library.names) or "none"
-        raise typer.BadParameter(
-            f"the library has no class {query.class_name!r}; its classes are: {known}",
-            param_hint="--class",
+    return [
+        LabelTrack(
+            hit.recording,
+            (
+                Label(
+                    name, hit.start_s, hit.end_s, cost=hit.cost, known=hit.known,
+                    start_frame=hit.start_frame, end_frame=hit.end_frame,
+                ),
+            ),
         )
-    return library[query.class_name], library.feature_set
+        for hit in result
+    ]  # fmt: skip
 
 
-def _read(
-    found: Found, reading: "Reading", feature_set: "FeatureSet | None", jobs: int
-) -> "Collection":
-    """Words of the files; what cannot be read is told."""
-    from motionary.features import FULL_BODY
-    from motionary.index import read_collection
+def _save(
+    result: "SearchResult",
+    results: ResultOptions,
+    wanted: Wanted,
+    collection: "Collection",
+    growing: "Growing",
+) -> None:
+    """Write the hits and what they were found with."""
+    if results.output:
+        from motionary.io import write_labels
 
-    with screen.progress("reading", len(found.files)) as done:
-        collection = read_collection(
-            found.files.items(),
-            reading=reading,
-            feature_set=feature_set or FULL_BODY,
-            jobs=jobs,
-            on_done=done,
-        )
-    complain_of_all(found.missing.values(), collection.failures)
-    return collection
+        write_labels(_to_tracks(result, wanted.name), results.output)
+    if results.save_query:
+        from motionary.cli.saving import derive, save_queries
+
+        queries = result.queries or derive(result.templates, collection, growing.tolerance)
+        save_queries(queries, results.save_query, feature_set=collection.feature_set)
+    if results.save_class:
+        from motionary.cli.saving import save_class
+
+        save_class(result, results.save_class, collection, name=wanted.name, growing=growing)
 
 
 def _say_json(result: "SearchResult") -> None:
@@ -200,7 +207,7 @@ def _say(result: "SearchResult", collection: "Collection", growing: "Growing | N
         )
         if growing.hits and result.templates[0].n_examples == 1:
             lines.append("  nothing was near enough to learn from what may vary")
-        screen.say(*lines, "")
+        screen.say(*lines, *_keyframe_lines(result, collection), "")
     rows = [
         (
             str(rank),
@@ -217,3 +224,18 @@ def _say(result: "SearchResult", collection: "Collection", growing: "Growing | N
         screen.say_table(_COLUMNS, rows)
     else:
         screen.say(result.nearest)
+
+
+def _keyframe_lines(result: "SearchResult", collection: "Collection") -> list[str]:
+    """Keyframes around which was matched, in the words that a person writes them with."""
+    if not result.queries:
+        return []
+    from motionary.keyframes import format_queries
+
+    text = format_queries(result.queries, vocabulary=collection.feature_set)
+    told = [line for line in text.splitlines() if not line.startswith("features: ")]
+    share = 100 * result.share_matched
+    return [
+        f"  matched in {share:.0f} % of the frames, around keyframes:",
+        *(f"    {x}" for x in told),
+    ]

@@ -20,7 +20,7 @@ from motionary.features import (
     compute_features,
     read_features,
 )
-from motionary.index.shard import Shard, make_shard
+from motionary.index.shard import Shard, make_shard, select
 from motionary.io import name_recordings
 from motionary.matching import share_of_counts
 from motionary.motion import Motion
@@ -213,17 +213,20 @@ def join_collections(
     Parameters
     ----------
     collections : at least one
-    names : for each, the new name of each recording
+    names : for each, the new name of each recording; those without one are left out
     """
     shards = []
     failures: list[Failure[NamedFile]] = []
     for collection, new in zip(collections, names, strict=True):
         for failure in collection.failures:
             name, path = failure.item
-            failures.append(Failure((new[name], path), failure.error))
-        for part in collection.parts if len(collection) else ():
-            shard = part.shard
-            shards.append(replace(shard, names=tuple(new[name] for name in shard.names)))
+            if name in new:
+                failures.append(Failure((new[name], path), failure.error))
+        for shard, _ in collection.parts if len(collection) else ():
+            kept = np.array([i for i, name in enumerate(shard.names) if name in new], dtype=np.intp)
+            if len(kept):
+                part = shard if len(kept) == len(shard) else select([shard], [kept])
+                shards.append(replace(part, names=tuple(new[name] for name in part.names)))
     failures.sort(key=lambda failure: failure.item[0])
     return Collection.of_shards(shards, collections[0].feature_set, tuple(failures))
 

@@ -21,6 +21,8 @@ from motionary.index.shard import DOCUMENT, Shard
 
 UNFINISHED = ".unfinished-"
 _NAMES = "names.json"
+# NumPy's format, but no .npy: an index among recordings must not be taken for motion.
+_ARRAY = ".array"
 _ARRAYS = ("table", "words", "masks", "planes")
 
 
@@ -39,7 +41,8 @@ def write_shard(shard: Shard, folder: Path) -> str:
     try:
         arrays = {"table": shard.table, "words": shard.words, "masks": shard.masks}
         for name, array in (arrays | {"planes": shard.word_index.planes}).items():
-            np.save(beside / f"{name}.npy", array)
+            with (beside / f"{name}{_ARRAY}").open("wb") as file:
+                np.save(file, array)
         (beside / _NAMES).write_text(json.dumps(shard.names), encoding="utf-8")
         # mkdtemp makes folders for their owner only.
         beside.chmod(folder.stat().st_mode & 0o777)
@@ -63,7 +66,7 @@ def read_shard(folder: Path, feature_set: FeatureSet) -> Shard:
     """
     try:
         names = json.loads((folder / _NAMES).read_text("utf-8"))
-        arrays = {name: _map(folder / f"{name}.npy") for name in _ARRAYS}
+        arrays = {name: _map(folder / f"{name}{_ARRAY}") for name in _ARRAYS}
         if arrays["table"].dtype != DOCUMENT:
             raise InvalidInput("its table has other columns")
         if arrays["planes"].shape[0] != 2 * len(feature_set) + 1:

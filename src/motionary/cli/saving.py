@@ -1,0 +1,58 @@
+"""How is what a search has grown kept, to be changed and used again?"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from motionary.features import FeatureSet
+    from motionary.index import Collection
+    from motionary.keyframes import KeyframeQuery
+    from motionary.search import Growing, SearchResult
+    from motionary.templates import MotionTemplate
+
+
+def derive(
+    templates: "Sequence[MotionTemplate]", collection: "Collection", tolerance: float
+) -> "tuple[KeyframeQuery, ...]":
+    """Keyframes that templates suggest."""
+    from motionary.search import Deriving, derive_queries
+    from motionary.templates import quantise
+
+    quantised = [quantise(template, tolerance=tolerance) for template in templates]
+    derived = [derive_queries(template, collection, Deriving()) for template in quantised]
+    return tuple(query for queries in derived for query in queries)
+
+
+def save_queries(
+    queries: "Sequence[KeyframeQuery]", path: str, *, feature_set: "FeatureSet"
+) -> None:
+    """Write keyframes as text; an empty file where there are none."""
+    from motionary.io.text import write_text
+    from motionary.keyframes import format_queries
+
+    write_text(path, format_queries(queries, vocabulary=feature_set))
+
+
+def save_class(
+    result: "SearchResult", folder: str, collection: "Collection", *, name: str, growing: "Growing"
+) -> None:
+    """Add what an example has grown to a library, in place of a class of that name.
+
+    It is found at the same costs as here, and around the same keyframes if there were any.
+    """
+    from motionary.library import ClassLibrary, MotionClass, Subclass, load_library
+
+    library = ClassLibrary((), collection.feature_set)
+    if (Path(folder) / "library.toml").exists():
+        library = load_library(folder)
+    shares = collection.share_of_ones if growing.by_surprise else ()
+    grown = MotionClass(
+        name,
+        (Subclass(name, result.templates[0], result.queries),),
+        tolerance=growing.tolerance,
+        background=tuple(float(share) for share in shares),
+    )
+    others = tuple(one for one in library if one.name != name)
+    replace(library, classes=(*others, grown)).save(folder)

@@ -1,0 +1,158 @@
+"""What does a search look for: an example, a class, keyframes?"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motionary.cli.example import Example, read_example
+from motionary.cli.options import LibraryDefault
+from motionary.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from motionary.features import FeatureSequence, FeatureSet, Reading
+    from motionary.keyframes import KeyframeQuery
+    from motionary.library import MotionClass
+
+
+@dataclass(frozen=True, kw_only=True)
+class QueryOptions:
+    """What is sought."""
+
+    like: Annotated[
+        str | None, typer.Option(metavar="FILE", help="A recording with an example.")
+    ] = None
+    from_s: Annotated[
+        float | None,
+        typer.Option("--from", metavar="SECONDS", help="Where in FILE the example starts."),
+    ] = None
+    to_s: Annotated[
+        float | None, typer.Option("--to", metavar="SECONDS", help="Where it ends.")
+    ] = None
+    grow: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            default_factory=LibraryDefault("motionary.search:Growing", "hits"),
+            help="Learn from the example and its N nearest hits what may vary; 0: nothing may.",
+        ),
+    ]
+    class_name: Annotated[
+        str | None, typer.Option("--class", metavar="NAME", help="A class of the library.")
+    ] = None
+    library: Annotated[
+        str | None, typer.Option(metavar="LIB", help="A folder that `motionary learn` wrote.")
+    ] = None
+    query: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TEXT",
+            help="Keyframes, or a file with some: 'right hand fast, then within 0.5 s right hand "
+            "above neck'. With --like or --class: match only around them.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is sought, and the relations that it is told in.
+
+    Attributes
+    ----------
+    what : words of an example, a class, or keyframes of which any may hit
+    feature_set : of the words
+    name : what the hits are labelled
+    example : with its motion, if there is one
+    queries : keyframes around which to match, if they are told
+    """
+
+    what: "FeatureSequence | MotionClass | tuple[KeyframeQuery, ...]"
+    feature_set: "FeatureSet"
+    name: str
+    example: Example | None = None
+    queries: "tuple[KeyframeQuery, ...]" = ()
+
+
+def check_query(options: QueryOptions) -> None:
+    """Refuse options that contradict each other.
+
+    Raises
+    ------
+    BadParameter
+    """
+    if options.like is not None and options.class_name is not None:
+        raise wrong("--like, --class", "say what is sought by one of them")
+    if (options.like, options.class_name, options.query) == (None, None, None):
+        raise wrong("--like, --class, --query", "say what is sought by one of them")
+    if options.class_name is not None and options.library is None:
+        raise wrong("--class", "needs the library that the class is from: --library LIB")
+    if options.class_name is None and options.library is not None:
+        raise wrong("--library", "goes with --class NAME")
+    for option, value in {"--from": options.from_s, "--to": options.to_s}.items():
+        if options.like is None and value is not None:
+            raise wrong(option, "goes with --like FILE")
+
+
+def read_wanted(options: QueryOptions, reading: "Reading") -> Wanted:
+    """What is sought, read from its files.
+
+    Raises
+    ------
+    BadParameter
+        If the library has no such class, or keyframes are not understood.
+    """
+    from motionary.features import FULL_BODY
+
+    if options.class_name is not None:
+        motion_class, feature_set = _motion_class(options)
+        queries = _read_queries(options.query, feature_set)
+        return Wanted(motion_class, feature_set, motion_class.name, queries=queries)
+    queries = _read_queries(options.query, FULL_BODY)
+    if options.like is None:
+        name = Path(options.query or "").stem if _is_file(options.query) else "keyframes"
+        return Wanted(queries, FULL_BODY, name)
+    path = Path(options.like)
+    example = read_example(path, from_s=options.from_s, to_s=options.to_s, reading=reading)
+    return Wanted(example.words, FULL_BODY, f"like {path.stem}", example, queries)
+
+
+def wrong(option: str, problem: str) -> typer.BadParameter:
+    """Wrong use of an option."""
+    return typer.BadParameter(problem, param_hint=option)
+
+
+def _motion_class(options: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
+    from motionary.library import load_library
+
+    library = load_library(options.library or "")
+    name = options.class_name or ""
+    if name not in library.names:
+        known = ", ".join(library.names) or "none"
+        raise wrong("--class", f"the library has no class {name!r}; its classes are: {known}")
+    return library[name], library.feature_set
+
+
+def _read_queries(told: str | None, feature_set: "FeatureSet") -> "tuple[KeyframeQuery, ...]":
+    """Keyframes of a file, or of the text itself."""
+    if told is None:
+        return ()
+    from motionary.io.text import read_text
+    from motionary.keyframes import parse_queries
+
+    is_file = _is_file(told)
+    text = read_text(Path(told)) if is_file else told
+    try:
+        return parse_queries(text, vocabulary=feature_set)
+    except InvalidInput as error:
+        where = f"{Path(told).name}, " if is_file else ""
+        raise wrong("--query", f"{where}{error}") from error
+
+
+def _is_file(told: str | None) -> bool:
+    try:
+        return told is not None and Path(told).is_file()
+    except OSError:
+        # A text may be longer than any name.
+        return False
