@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.motion.numpy_files import Array, read_npy
-from motionary.io.motion.points import Points, number_doubles, to_motion
+from motionary.io.motion.points import FARTHEST, Points, number_doubles, to_motion
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
 
@@ -124,6 +124,8 @@ def check_positions(array: Array, source: str) -> Floats:
         )
     positions = array.astype(np.float64)
     positions[~np.isfinite(positions).all(axis=2)] = np.nan
+    if (np.abs(positions) > FARTHEST).any():
+        raise UnreadableFile(f"{source}: has impossibly large numbers")
     return positions
 
 

@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 _END = "endheader"
 _MOST_HEADER = 200
 _EVEN = 0.02
+_LATEST_S = 1e9
 
 
 class _Table(NamedTuple):
@@ -148,7 +149,8 @@ def _numbers(words: list[str], count: int, where: str) -> list[float]:
 
 
 def _rate(times: Floats, name: str) -> float:
-    steps = np.diff(times)
+    # NaN and numbers that no clock shows give no rate.
+    steps = np.diff(times) if (np.abs(times) < _LATEST_S).all() else np.empty(0)
     step = float(np.median(steps)) if len(steps) else math.nan
     if not 1e-6 < step < 1e6:
         raise UnreadableFile(

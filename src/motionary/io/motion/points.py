@@ -19,8 +19,8 @@ Floats = NDArray[np.float64]
 
 # Frames that suffice to see which way a body stands.
 _LOOKED_AT = 2000
-# No unit is so small that a person is this many of them away.
-_FARTHEST = 1e9
+#: No unit is so small that a person is this many of them away.
+FARTHEST = 1e9
 # Units that formats of points are in.
 _LIKELY = ("m", "cm", "mm", "inch")
 
@@ -72,7 +72,7 @@ def to_motion(points: Points, *, unit: float | str | None, up: str | None) -> Mo
     if not len(positions):
         raise UnreadableFile(f"{points.source}: holds no frames")
     # Comparing with NaN is False: what is not seen is not too far away.
-    if (np.abs(positions) > _FARTHEST).any():
+    if (np.abs(positions) > FARTHEST).any():
         raise UnreadableFile(f"{points.source}: has impossibly large numbers")
     names = tuple(points.names)
     mapping = points.mapping or find_mapping(names)

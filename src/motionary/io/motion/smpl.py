@@ -55,6 +55,7 @@ _SHARES = {
     "head_top": (0.0, 0.105, 0.0),
 }
 _MIRROR = np.array([-1.0, 1.0, 1.0])
+_MOST = 1e6
 # Where the pelvis of the model rests, below its origin.
 _PELVIS = (0.0, -0.13, 0.0)
 
@@ -126,8 +127,9 @@ def check_pose(poses: Array, trans: Array, source: str) -> Pose:
         raise UnreadableFile(f"{source}: poses and trans must be numbers")
     turns = poses[:, : 3 * N_BODY].astype(np.float64).reshape(-1, N_BODY, 3)
     root = trans.astype(np.float64)
-    if not (np.isfinite(turns).all() and np.isfinite(root).all()):
-        raise UnreadableFile(f"{source}: poses and trans must be finite")
+    # NaN compares as False.
+    if not ((np.abs(turns) < _MOST).all() and (np.abs(root) < _MOST).all()):
+        raise UnreadableFile(f"{source}: poses and trans must be finite, and of possible size")
     return Pose(turns, root)
 
 
