@@ -11,8 +11,8 @@ from motionary.io.finding import (
 )
 from motionary.io.labels.table import read_labels, write_labels
 from motionary.io.reading import MOTION_SUFFIXES, options_of, read
-from motionary.io.suffixes import format_suffix
-from motionary.io.writing import WRITTEN_SUFFIXES, write
+from motionary.io.suffixes import format_suffix, stem_of
+from motionary.io.writing import WRITTEN_SUFFIXES, what_is_lost, write
 
 __all__ = [
     "MOTION_SUFFIXES",
@@ -29,6 +29,8 @@ __all__ = [
     "read_labels",
     "recording_name",
     "scan_folder",
+    "stem_of",
+    "what_is_lost",
     "write",
     "write_labels",
 ]

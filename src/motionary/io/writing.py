@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from motionary.errors import InvalidInput
-from motionary.io.suffixes import format_suffix
+from motionary.io.suffixes import PACKED, format_suffix
 from motionary.motion import Motion
 
 
@@ -49,6 +49,13 @@ _WRITERS: dict[str, _Writer] = {
     ".trc": _write_trc,
 }
 _WRITERS |= {f"{suffix}.gz": _WRITERS[suffix] for suffix in (".amc", ".bvh", ".trc")}
+
+_LACKING = {
+    "rig": (".c3d", ".trc"),
+    "events": (".amc", ".bvh", ".trc"),
+    "first frame": (".bvh",),
+    "rate": (".amc",),
+}
 
 #: Suffixes of what can be written.
 WRITTEN_SUFFIXES = tuple(_WRITERS)
@@ -102,3 +109,15 @@ def check_writable(path: str | Path) -> _Writer:
             f"{format_suffix(path)!r}"
         )
     return writer
+
+
+def what_is_lost(motion: Motion, path: str | Path) -> tuple[str, ...]:
+    """What a motion has and a file of this name cannot hold, each in a word or two."""
+    suffix = format_suffix(path).removesuffix(PACKED)
+    has = {
+        "rig": motion.rotations is not None,
+        "events": bool(motion.events),
+        "first frame": motion.first_frame != 0,
+        "rate": True,
+    }
+    return tuple(thing for thing, there in has.items() if there and suffix in _LACKING[thing])
