@@ -45,6 +45,9 @@ GROUPS = {
     "feet": ("lankle", "rankle", "ltoes", "rtoes"),
 }
 
+#: How the root moves through the room: it carries all joints.
+PATH = "path"
+
 
 class Pair(NamedTuple):
     """Two files of a trial, and frames at the start of each that the other lacks."""
@@ -98,11 +101,11 @@ def compare(pair: Pair, data: Path) -> dict[str, Any]:
     n = min(len(one), len(two))
     one, two = one[:n], two[:n]
     plain = agreement(one, two)
-    aligned = align(one, two)
+    aligned, steps = align(one, two)
     exchanged = {
-        groups: agreement(one, exchange(two, aligned, groups))
+        groups: agreement(one, exchange(two, aligned, steps, groups))
         for size in SIZES
-        for groups in itertools.combinations(GROUPS, size)
+        for groups in itertools.combinations((*GROUPS, PATH), size)
     }
     below = [
         {
@@ -141,8 +144,11 @@ def words(positions: Floats):
     return compute_features(Motion(GENERIC_JOINTS, positions, COMMON_HZ, mapping))
 
 
-def align(one: Floats, two: Floats) -> Floats:
-    """The first file's joints on the second one's root, in its heading and with its legs."""
+def align(one: Floats, two: Floats) -> tuple[Floats, Floats]:
+    """The first file's joints on the second one's root, in its heading and with its legs.
+
+    And the steps (frames, 1, 3) from the second root's path to the first one's.
+    """
     joint = {name: i for i, name in enumerate(GENERIC_JOINTS)}
     headings, legs = [], []
     for body in (one, two):
@@ -157,17 +163,18 @@ def align(one: Floats, two: Floats) -> Floats:
     # One turn for the whole trial: the files differ by the room, not by the motion.
     angle = float(np.arctan2(np.median(np.sin(turn)), np.median(np.cos(turn))))
     c, s = np.cos(angle), np.sin(angle)
-    away = (one - one[:, :1]) * (legs[1] / legs[0])
-    x, y, z = np.moveaxis(away, -1, 0)
-    return two[:, :1] + np.stack((c * x - s * z, y, s * x + c * z), axis=-1)
+    x, y, z = np.moveaxis(one * (legs[1] / legs[0]), -1, 0)
+    placed = np.stack((c * x - s * z, y, s * x + c * z), axis=-1)
+    path = placed[:, :1] + (two[:, :1] - placed[:, :1]).mean(axis=0)
+    return placed + two[:, :1] - placed[:, :1], path - two[:, :1]
 
 
-def exchange(two: Floats, aligned: Floats, groups: tuple[str, ...]) -> Floats:
+def exchange(two: Floats, aligned: Floats, steps: Floats, groups: tuple[str, ...]) -> Floats:
     """The second file with some joints where the first one has them."""
-    result = two.copy()
-    for group in groups:
+    result = two + steps if PATH in groups else two.copy()
+    for group in set(groups) - {PATH}:
         places = [GENERIC_JOINTS.index(joint) for joint in GROUPS[group]]
-        result[:, places] = aligned[:, places]
+        result[:, places] = aligned[:, places] + (steps if PATH in groups else 0.0)
     return result
 
 
