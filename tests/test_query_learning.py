@@ -32,7 +32,7 @@ from motionary.query_learning.operators import (
     specialise,
 )
 from motionary.query_learning.selection import sample_universally
-from motionary.query_learning.simplifying import simplify
+from motionary.query_learning.simplifying import simplify, without_free_keyframes
 from motionary.words import pack
 from oracles import query_learning as oracle
 
@@ -243,7 +243,22 @@ def test_a_simplified_query_is_as_fit_and_asks_for_less():
     assert judge(simple).fitness >= judge(best).fitness
     assert simple.n_fixed < best.n_fixed
     assert simple.slack >= best.slack
-    assert is_legal(simple, pool)
+    assert all(simple.fixed[1:-1])
+
+
+@given(seeds)
+def test_keyframes_that_ask_for_nothing_are_not_missed(seed):
+    rng = np.random.default_rng(seed)
+    clips = Clips(index_of(*random_clips(rng, count=12)))
+    pool = random_pool(rng, n_columns=6)
+    one = initialise(pool, rng)
+    free = tuple(fixed * int(rng.integers(0, 2)) for fixed in one.fixed)
+    values = tuple(v & f for v, f in zip(one.values, free, strict=True))
+    one = one._replace(fixed=free, values=values)
+    less = without_free_keyframes(one)
+    assert np.array_equal(clips.retrieved(less), clips.retrieved(one))
+    assert len(less.least) == len(less.most) == len(less.positions) - 1
+    assert all(less.fixed[1:-1])
 
 
 def test_gaps_alone_leave_keyframes_as_they_are():

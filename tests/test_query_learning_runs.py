@@ -126,7 +126,9 @@ def test_random_search_evaluates_as_many(positives, negatives):
     assert run.score.fitness <= 1.0
 
 
-def test_runs_combine_to_one_query(learned, negatives):
+def test_runs_combine_to_one_query(positives, negatives):
+    whole = replace(QUICK, simplify=False)
+    learned = learn_query(positives, negatives, breeding=whole, runs=6, seed=4)
     combined = combine_runs(learned)
     assert list(combined.best.positions) == sorted(set(combined.best.positions))
     assert combined.score.fitness >= 0.9

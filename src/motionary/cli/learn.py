@@ -1,6 +1,7 @@
 """`motionary learn`: what do the examples of each class have in common?"""
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,10 +14,17 @@ from motionary.cli.pictures import draw_class
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.library import ClassLibrary, Teaching
+    from motionary.library import ClassLibrary, Examples, Teaching
 
 _TEACHING = "motionary.library:Teaching"
 _COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed")
+
+
+class Queries(StrEnum):
+    """Where the keyframe queries of a class come from."""
+
+    NONE = "none"
+    LEARNED = "learned"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +53,22 @@ class TeachingOptions:
             metavar="SHARE",
             default_factory=LibraryDefault(_TEACHING, "tolerance"),
             help="A relation may differ in this share of the examples and still be asked for.",
+        ),
+    ]
+
+    queries: Annotated[
+        Queries,
+        typer.Option(
+            help="Breed keyframe queries from the examples, so that a class is looked for "
+            "around their hits only.",
+        ),
+    ] = Queries.NONE
+    query_runs: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            default_factory=LibraryDefault("motionary.query_learning:learn_query", "runs"),
+            help="Queries to breed for each class; most of them must agree on a hit.",
         ),
     ]
 
@@ -90,6 +114,8 @@ def learn(
     with screen.progress("learning", len(read.classes)) as done:
         learned = learn_classes(read.classes, teaching=options.teaching(), on_done=done)
     library, problems = _without_free(learned)
+    if options.queries is Queries.LEARNED:
+        library = _with_queries(library, read.classes, runs=options.query_runs, jobs=jobs)
     lost = sorted({name for name, _, _ in listed} - set(read.classes))
     problems += [f"class {name!r}: none of its examples could be read; left out" for name in lost]
     problems += _outside_of_classes(folder)
@@ -115,6 +141,19 @@ def _without_free(library: "ClassLibrary") -> "tuple[ClassLibrary, list[str]]":
         else:
             kept.append(motion_class)
     return replace(library, classes=tuple(kept)), problems
+
+
+def _with_queries(
+    library: "ClassLibrary", examples: "Examples", *, runs: int, jobs: int
+) -> "ClassLibrary":
+    """The library with queries, and on the screen which classes have none."""
+    from motionary.library import learn_queries
+
+    with screen.progress("breeding", len(library)) as done:
+        queried = learn_queries(library, examples, runs=runs, jobs=jobs, on_done=done)
+    for name, reason in queried.without.items():
+        screen.complain(f"class {name!r} has no queries: {reason}")
+    return queried.library
 
 
 def _outside_of_classes(folder: Path) -> list[str]:

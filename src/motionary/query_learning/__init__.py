@@ -8,11 +8,13 @@ from motionary.query_learning.copies import Copying
 from motionary.query_learning.evolution import PUBLISHED, Breeding, Evolved
 from motionary.query_learning.individuals import Individual
 from motionary.query_learning.learning import (
+    RUNS,
     LearnedQueries,
     Problem,
     breed_runs,
     combine_runs,
     continue_learning,
+    default_votes,
     judge_clips,
     learn_query,
     state_problem,
@@ -20,6 +22,7 @@ from motionary.query_learning.learning import (
 
 __all__ = [
     "PUBLISHED",
+    "RUNS",
     "Accumulation",
     "Breeding",
     "Copying",
@@ -31,6 +34,7 @@ __all__ = [
     "breed_runs",
     "combine_runs",
     "continue_learning",
+    "default_votes",
     "judge_clips",
     "learn_query",
     "state_problem",

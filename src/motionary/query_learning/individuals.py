@@ -71,6 +71,13 @@ def free_entry(individual: Individual, k: int, bit: int) -> Individual:
     )
 
 
+def without_keyframe(individual: Individual, k: int) -> Individual:
+    """The individual without keyframe k, whose two gaps become their sum."""
+    least, most = (_without_gap(bounds, k) for bounds in (individual.least, individual.most))
+    positions, values, fixed = ((*numbers[:k], *numbers[k + 1 :]) for numbers in individual[:3])
+    return Individual(positions, values, fixed, least, most)
+
+
 def bits(number: int) -> list[int]:
     """The set bits of a number, each as a number."""
     bits = []
@@ -83,6 +90,12 @@ def bits(number: int) -> list[int]:
 def put(numbers: Numbers, k: int, number: int) -> Numbers:
     """The numbers with another one at place k."""
     return (*numbers[:k], number, *numbers[k + 1 :])
+
+
+def _without_gap(bounds: Numbers, k: int) -> Numbers:
+    beside = bounds[max(k - 1, 0) : k + 1]
+    between = (sum(beside),) if len(beside) == 2 and k > 0 else ()
+    return (*bounds[: max(k - 1, 0)], *between, *bounds[k + 1 :])
 
 
 def _to_words(numbers: Numbers, n_words: int) -> Words:

@@ -18,6 +18,7 @@ from motionary.query_learning.individuals import (
     free_entry,
     put,
     to_numbers,
+    without_keyframe,
 )
 from motionary.templates import MotionTemplate, QuantisedTemplate
 from motionary.words import pack
@@ -120,16 +121,7 @@ def add_keyframe(individual: Individual, pool: GenePool, rng: np.random.Generato
 
 def remove_keyframe(individual: Individual, rng: np.random.Generator) -> Individual:
     """Without one of its keyframes, whose two gaps become their sum."""
-    k = _below(len(individual.positions), rng)
-    keyframes = _keyframes(individual)
-    del keyframes[k]
-    gaps = list(zip(individual.least, individual.most, strict=True))
-    beside = gaps[max(k - 1, 0) : k + 1]
-    inner = 0 < k < len(individual.positions) - 1
-    gaps[max(k - 1, 0) : k + 1] = (
-        [(beside[0][0] + beside[1][0], beside[0][1] + beside[1][1])] if inner else []
-    )
-    return _join(keyframes, gaps)
+    return without_keyframe(individual, _below(len(individual.positions), rng))
 
 
 def specialise(individual: Individual, pool: GenePool, rng: np.random.Generator) -> Individual:

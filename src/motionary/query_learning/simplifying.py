@@ -7,7 +7,13 @@ one by one where the fitness allows it, gaps grow at both ends.
 import numpy as np
 
 from motionary.query_learning.evolution import Judge
-from motionary.query_learning.individuals import Individual, bits, free_entry, put
+from motionary.query_learning.individuals import (
+    Individual,
+    bits,
+    free_entry,
+    put,
+    without_keyframe,
+)
 
 #: Frames by which a bound is moved, tried from the largest.
 _STEPS = (8, 4, 2, 1)
@@ -34,6 +40,22 @@ def simplify(individual: Individual, judge: Judge, rng: np.random.Generator) -> 
                 wider = widen(individual, gap, step)
                 if judge(wider).fitness >= aim:
                     individual = wider
+    return without_free_keyframes(individual)
+
+
+def without_free_keyframes(individual: Individual) -> Individual:
+    """The individual without keyframes that ask for nothing, which retrieves the same clips.
+
+    At an end, one whose distance has a lower bound stays: it asks that the clip goes on.
+    """
+    k = 0
+    while k < len(individual.positions) > 1:
+        inner = 0 < k < len(individual.positions) - 1
+        beside = individual.least[max(k - 1, 0)]
+        if individual.fixed[k] == 0 and (inner or beside == 0):
+            individual, k = without_keyframe(individual, k), 0
+        else:
+            k += 1
     return individual
 
 
