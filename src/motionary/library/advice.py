@@ -68,7 +68,7 @@ class Advice(NamedTuple):
         return f"class {self.name!r}: {self.text}"
 
 
-def advice(examples: Examples, *, tolerance: float = TOLERANCE) -> list[Advice]:
+def advise(examples: Examples, *, tolerance: float = TOLERANCE) -> list[Advice]:
     """Warnings about examples: class -> subclass -> words.
 
     Each subclass is looked at by itself, as it gets a template of its own.
