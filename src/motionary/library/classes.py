@@ -4,14 +4,14 @@ A class is one name for one or more templates (subclasses: left and right, ways 
 it) with the threshold below which a match counts.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, FeatureSet
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet
 from motionary.keyframes import KeyframeQuery, check_features, check_votes
 from motionary.matching import Pattern
 from motionary.templates import MotionTemplate, QuantisedTemplate, pattern_of, quantise
@@ -32,15 +32,24 @@ class Subclass:
     template : what its examples have in common
     queries : of keyframes; the template is matched only around their hits, if there are any
     votes : so many of the queries must agree
+    examples : words of what it was learned from, if they are kept to learn further
     """
 
     name: str
     template: MotionTemplate
     queries: tuple[KeyframeQuery, ...] = ()
     votes: int = 1
+    examples: tuple[FeatureSequence, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "queries", tuple(self.queries))
+        object.__setattr__(self, "examples", tuple(self.examples))
+        for example in self.examples:
+            if example.feature_set.ids != self.template.feature_names:
+                raise InvalidInput(
+                    f"template {self.name!r} is over {self.template.feature_set!r}, an example "
+                    f"of it over {example.feature_set.name!r}"
+                )
         for query in self.queries:
             check_features(query, self.template.feature_set, self.template.feature_names)
         if self.queries:
@@ -60,6 +69,8 @@ class MotionClass:
     background : share of frames in which each relation holds, in the recordings that were
         known when the class was learned; what is rare there weighs more. Empty: all
         entries weigh the same, as published.
+    promised_precision, promised_recall : what to expect at this threshold, as measured on
+        examples held out when it was suggested; None if it was not
     """
 
     name: str
@@ -67,6 +78,8 @@ class MotionClass:
     threshold: float = THRESHOLD
     tolerance: float = TOLERANCE
     background: tuple[float, ...] = ()
+    promised_precision: float | None = None
+    promised_recall: float | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -85,6 +98,10 @@ class MotionClass:
                 f"class {self.name!r}: tolerance must be at least 0 and below 0.5, "
                 f"got {self.tolerance}"
             )
+        for key in ("promised_precision", "promised_recall"):
+            share = getattr(self, key)
+            if share is not None and not 0 <= share <= 1:
+                raise InvalidInput(f"class {self.name!r}: {key} must lie in [0, 1], got {share}")
         n_features = self.subclasses[0].template.n_features
         shares = tuple(float(share) for share in self.background)
         if shares and (len(shares) != n_features or not all(0 < s < 1 for s in shares)):
@@ -178,8 +195,8 @@ class ClassLibrary:
         save_library(self, folder)
 
     @staticmethod
-    def load(folder: str | Path) -> "ClassLibrary":
-        """Read a library from its folder.
+    def load(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ()) -> "ClassLibrary":
+        """Read a library from its folder; see `load_library`.
 
         Raises
         ------
@@ -188,4 +205,4 @@ class ClassLibrary:
         """
         from motionary.library.storage import load_library
 
-        return load_library(folder)
+        return load_library(folder, feature_sets=feature_sets)

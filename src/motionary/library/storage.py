@@ -6,55 +6,34 @@ after their content and written first, and a class keeps its file, so that each 
 the old one or the new one whenever writing ends. Files of others are left alone.
 
 Class files are named after their classes; characters that file systems dislike become
-`_`, and `library.toml` lists file and class.
+`_`, and `library.toml` lists file and class. It also lists the relations of a feature set
+that does not come with the package, so that the library can be used without it.
 """
 
-import hashlib
-import io
 import re
-import struct
 import tomllib
-import zipfile
-import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSet
-from motionary.keyframes import KeyframeQuery, format_queries, parse_queries
-from motionary.library.classes import ClassLibrary, MotionClass, Subclass
+from motionary.features import FeatureSet, describe_set, known_sets, set_from_rows
+from motionary.library.class_files import CLASS_KEYS, read_class, write_class
+from motionary.library.classes import ClassLibrary
+from motionary.library.lines import refuse, tell_line
 from motionary.library.naming import choose_stems, to_stem
-from motionary.library.tables import check_keys, read_toml, to_toml
-from motionary.templates import MotionTemplate
+from motionary.library.tables import read_toml, to_toml, write_text
 
 #: Raised when a reader of the version before could misunderstand the files.
 VERSION = 1
 INDEX = "library.toml"
 
-_FEATURE_SETS = {s.name: s for s in (FULL_BODY, FULL_BODY_2006)}
 _INDEX_KEYS = {
     "version": int, "feature_set": str, "features": list, "provenance": str, "licence": str,
     "classes": dict,
 }  # fmt: skip
-_CLASS_KEYS = {
-    "name": str, "threshold": float, "tolerance": float, "background": list, "values": str,
-    "templates": list,
-}  # fmt: skip
-_TEMPLATE_KEYS = {"name": str, "examples": int, "columns": int, "provenance": str}
 _VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
-
-#: What reading a broken archive of arrays ends in.
-_BROKEN_ARCHIVE = (
-    ValueError, TypeError, KeyError, EOFError, OSError, MemoryError, OverflowError, RuntimeError,
-    zipfile.BadZipFile, zlib.error, struct.error,
-)  # fmt: skip
-
-Arrays = Mapping[str, np.ndarray[Any, Any]]
 
 
 def save_library(library: ClassLibrary, folder: str | Path) -> None:
@@ -64,8 +43,11 @@ def save_library(library: ClassLibrary, folder: str | Path) -> None:
     ------
     UnwritableFile
         If the folder cannot be written, or holds something that is no library.
+    InvalidInput
+        If the feature set has the name of another one that comes with the package.
     """
     folder = Path(folder)
+    _check_name(library.feature_set)
     _check_target(folder)
     before = _read_stems(folder, library.feature_set)
     stems = choose_stems(
@@ -78,19 +60,24 @@ def save_library(library: ClassLibrary, folder: str | Path) -> None:
         _write_index(library, {}, folder)
     written = {folder / INDEX}
     for motion_class in library:
-        written |= _save_class(motion_class, folder, stems[motion_class.name], library.feature_set)
+        written |= write_class(motion_class, folder, stems[motion_class.name], library.feature_set)
     _write_index(library, stems, folder)
     _remove_stale(folder, {*before.values(), *stems.values()}, kept=written)
 
 
-def load_library(folder: str | Path) -> ClassLibrary:
+def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ()) -> ClassLibrary:
     """Read a library from its folder.
+
+    Parameters
+    ----------
+    folder : folder of the library
+    feature_sets : sets with quantities of one's own, which no file can tell
 
     Raises
     ------
     UnreadableFile
         If the folder is no library, was written by a newer version, or was edited into
-        something that does not fit; the message names file and key.
+        something that does not fit; the message names file, key and line.
     """
     folder = Path(folder)
     path = folder / INDEX
@@ -100,16 +87,16 @@ def load_library(folder: str | Path) -> ClassLibrary:
     if not 1 <= index["version"] <= VERSION:
         raise UnreadableFile(
             f"{path}: written by a newer motionary (version {index['version']}, "
-            f"this one reads up to {VERSION}); update motionary"
+            f"this one reads up to {VERSION}){tell_line(path, 'version')}; update motionary"
         )
-    feature_set = _find_feature_set(path, index)
+    feature_set = _find_feature_set(path, index, feature_sets)
     classes = []
     for name, stem in index["classes"].items():
         if not isinstance(stem, str) or Path(stem).name != stem:
-            raise UnreadableFile(f"{path}: classes.{name} must be a file name, got {stem!r}")
+            raise refuse(path, name, f"must be a file name, got {stem!r}", place="classes.")
         if not (folder / f"{stem}.toml").is_file():
-            raise UnreadableFile(f"{path}: classes.{name} means {stem}.toml, which is missing")
-        classes.append(_load_class(folder, stem, name, feature_set))
+            raise refuse(path, name, f"means {stem}.toml, which is missing", place="classes.")
+        classes.append(read_class(folder, stem, name, feature_set))
     try:
         return ClassLibrary(tuple(classes), feature_set, index["provenance"], index["licence"])
     except InvalidInput as error:
@@ -117,6 +104,14 @@ def load_library(folder: str | Path) -> ClassLibrary:
 
 
 # -- writing ----------------------------------------------------------------------------
+
+
+def _check_name(feature_set: FeatureSet) -> None:
+    if known_sets().get(feature_set.name, feature_set) != feature_set:
+        raise InvalidInput(
+            f"the feature set {feature_set.name!r} is not the one of that name that comes with "
+            "motionary; give yours another name"
+        )
 
 
 def _check_target(folder: Path) -> None:
@@ -153,40 +148,7 @@ def _is_class(path: Path) -> bool:
         content = tomllib.loads(path.read_text("utf-8"))
     except (OSError, ValueError):
         return False
-    return content.keys() >= _CLASS_KEYS.keys()
-
-
-def _save_class(
-    motion_class: MotionClass, folder: Path, stem: str, feature_set: FeatureSet
-) -> set[Path]:
-    """Write one class and return its files."""
-    arrays: dict[str, np.ndarray[Any, Any]] = {}
-    tables = ""
-    for i, subclass in enumerate(motion_class.subclasses):
-        template = subclass.template
-        entry: dict[str, Any] = {
-            "name": subclass.name,
-            "examples": template.n_examples,
-            "columns": template.n_columns,
-            "provenance": template.provenance,
-        }
-        if subclass.queries:
-            # Line by line, as a person writes a query.
-            text = format_queries(subclass.queries, vocabulary=feature_set)
-            entry |= {"query": text.splitlines(), "votes": subclass.votes}
-        tables += "\n[[templates]]\n" + to_toml(entry)
-        arrays[f"values_{i}"], arrays[f"weights_{i}"] = template.values, template.weights
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    content = buffer.getvalue()
-    values = folder / f"{stem}.{hashlib.sha256(content).hexdigest()[:8]}.npz"
-    settings = {
-        k: getattr(motion_class, k) for k in ("name", "threshold", "tolerance", "background")
-    }
-    path = folder / f"{stem}.toml"
-    _write(values, content)
-    _write_text(path, to_toml(settings | {"values": values.name}) + tables)
-    return {values, path}
+    return content.keys() >= CLASS_KEYS.keys()
 
 
 def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) -> None:
@@ -198,7 +160,11 @@ def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) 
         "licence": library.licence,
     }
     text = "# A motionary library: classes of motion and where they come from.\n"
-    _write_text(folder / INDEX, text + to_toml(index) + "\n[classes]\n" + to_toml(stems))
+    text += to_toml(index) + "\n[classes]\n" + to_toml(stems)
+    if library.feature_set.name not in known_sets():
+        for row in describe_set(library.feature_set) or ():
+            text += "\n[[relations]]\n" + to_toml(row)
+    write_text(folder / INDEX, text)
 
 
 def _remove_stale(folder: Path, stems: Collection[str], *, kept: Collection[Path]) -> None:
@@ -212,114 +178,31 @@ def _remove_stale(folder: Path, stems: Collection[str], *, kept: Collection[Path
                 path.unlink()
 
 
-def _write_text(path: Path, text: str) -> None:
-    try:
-        content = text.encode()
-    except UnicodeEncodeError as error:
-        raise UnwritableFile(f"{path}: a name in it is no valid text ({error})") from error
-    _write(path, content)
-
-
-def _write(path: Path, content: bytes) -> None:
-    with write_atomically(path) as beside:
-        beside.write_bytes(content)
-
-
 # -- reading ----------------------------------------------------------------------------
 
 
-def _find_feature_set(path: Path, index: dict[str, Any]) -> FeatureSet:
+def _find_feature_set(path: Path, index: dict[str, Any], given: Sequence[FeatureSet]) -> FeatureSet:
     name, ids = index["feature_set"], tuple(index["features"])
-    known = _FEATURE_SETS.get(name)
-    if known is None:
-        raise UnreadableFile(
-            f"{path}: feature_set {name!r} is not known; known are {', '.join(_FEATURE_SETS)}"
+    sets = {**known_sets(), **{one.name: one for one in given}}
+    if "relations" in index and name not in sets:
+        sets[name] = _read_relations(path, name, index["relations"])
+    found = sets.get(name)
+    if found is None:
+        raise refuse(
+            path,
+            "feature_set",
+            f"{name!r} is not known; known are {', '.join(sets)}; "
+            "sets of one's own are passed as feature_sets=",
         )
-    if ids != known.ids:
-        raise UnreadableFile(f"{path}: features are not those of {name!r}; learn it again")
-    return known
+    if ids != found.ids:
+        raise refuse(path, "features", f"are not those of {name!r}; learn it again")
+    return found
 
 
-def _load_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> MotionClass:
-    path = folder / f"{stem}.toml"
-    content = read_toml(path, _CLASS_KEYS)
-    if content["name"] != name:
-        raise UnreadableFile(
-            f"{path}: name is {content['name']!r}, but {INDEX} calls this class {name!r}"
-        )
-    if not content["templates"]:
-        raise UnreadableFile(f"{path}: templates must list at least one, got none")
-    background = content["background"]
-    if not all(isinstance(share, int | float) for share in background):
-        raise UnreadableFile(f"{path}: background must be a list of numbers, got {background!r}")
-    arrays = _read_values(path, content["values"])
-    subclasses = []
-    for i, entry in enumerate(content["templates"]):
-        check_keys(path, entry, _TEMPLATE_KEYS, place=f"templates[{i}].")
-        subclasses.append(_load_subclass(path, i, entry, arrays, feature_set))
+def _read_relations(path: Path, name: str, rows: Any) -> FeatureSet:
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise refuse(path, "relations", "must be tables of relations")
     try:
-        return MotionClass(
-            name, tuple(subclasses), content["threshold"], content["tolerance"], tuple(background)
-        )
+        return set_from_rows(name, rows)
     except InvalidInput as error:
-        raise UnreadableFile(f"{path}: {error}") from error
-
-
-def _load_subclass(
-    path: Path, number: int, entry: dict[str, Any], arrays: Arrays, feature_set: FeatureSet
-) -> Subclass:
-    place = f"templates[{number}]"
-    keys = (f"values_{number}", f"weights_{number}")
-    if any(key not in arrays for key in keys):
-        raise UnreadableFile(f"{path}: {place} has no values in the .npz beside it")
-    values, weights = (arrays[key] for key in keys)
-    shape = (entry["columns"], len(feature_set))
-    if values.shape != shape:
-        raise UnreadableFile(
-            f"{path}: {place} needs values of shape {shape} (columns, features), "
-            f"the .npz beside it has {values.shape}"
-        )
-    if values.dtype.kind not in "fiu" or weights.dtype.kind not in "fiu":
-        raise UnreadableFile(f"{path}: {place} needs numbers in the .npz beside it")
-    try:
-        template = MotionTemplate(
-            values, weights, feature_set.ids, feature_set.name, entry["provenance"],
-            entry["examples"],
-        )  # fmt: skip
-        queries = _load_queries(entry, feature_set)
-        votes = entry.get("votes", 1)
-        if not isinstance(votes, int):
-            raise InvalidInput(f"votes must be a whole number, got {votes!r}")
-        return Subclass(entry["name"], template, queries, votes)
-    except InvalidInput as error:
-        raise UnreadableFile(f"{path}: {place}: {error}") from error
-
-
-def _load_queries(entry: dict[str, Any], feature_set: FeatureSet) -> tuple[KeyframeQuery, ...]:
-    if "query" not in entry:
-        return ()
-    lines = entry["query"]
-    if not isinstance(lines, list) or not all(isinstance(line, str) for line in lines):
-        raise InvalidInput(f"query must be a list of lines, got {lines!r}")
-    try:
-        return parse_queries("\n".join(lines), vocabulary=feature_set)
-    except InvalidInput as error:
-        raise InvalidInput(f"query: {error}") from error
-
-
-def _read_values(path: Path, name: str) -> Arrays:
-    """Arrays of the file that a class's table names."""
-    file = path.parent / name
-    if not name or Path(name).name != name:
-        raise UnreadableFile(f"{path}: values must name a file beside it, got {name!r}")
-    if not file.is_file():
-        raise UnreadableFile(f"{path}: values means {name}, which is missing")
-    try:
-        # Not the path: after an error NumPy would leave the file open.
-        loaded = np.load(io.BytesIO(file.read_bytes()), allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            raise ValueError("one array, no archive of arrays")
-        with loaded:
-            return {key: loaded[key] for key in loaded.files}
-    except _BROKEN_ARCHIVE as error:
-        raise UnreadableFile(f"{path}: values {name} cannot be read ({error})") from error
+        raise UnreadableFile(f"{path}: relations: {error}") from error

@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import UnreadableFile
+from motionary.batch import write_atomically
+from motionary.errors import UnreadableFile, UnwritableFile
+from motionary.library.lines import refuse, refuse_missing
 
 #: Keys that a table needs, and of which kind their values are.
 Keys = Mapping[str, type]
@@ -51,6 +53,22 @@ def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
     return content
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all.
+
+    Raises
+    ------
+    UnwritableFile
+        If it cannot be written, or the text cannot be encoded.
+    """
+    try:
+        content = text.encode()
+    except UnicodeEncodeError as error:
+        raise UnwritableFile(f"{path}: a name in it is no valid text ({error})") from error
+    with write_atomically(path) as beside:
+        beside.write_bytes(content)
+
+
 def check_keys(path: Path, content: Any, keys: Keys, *, place: str = "") -> None:
     """Raise UnreadableFile unless a table has these keys; whole numbers pass as numbers.
 
@@ -60,17 +78,22 @@ def check_keys(path: Path, content: Any, keys: Keys, *, place: str = "") -> None
     content : the table
     keys : what it needs
     place : where in the file it stands, for the message ("templates[0].")
+
+    Raises
+    ------
+    UnreadableFile
+        Names file, key and line.
     """
     if not isinstance(content, dict):
-        raise UnreadableFile(f"{path}: {place.rstrip('.')} must be a table, got {content!r}")
+        raise refuse(path, place.rstrip("."), f"must be a table, got {content!r}")
     for key, kind in keys.items():
         if key not in content:
-            raise UnreadableFile(f"{path}: {place}{key} is missing")
+            raise refuse_missing(path, key, content, place=place)
         value = content[key]
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             content[key] = float(value)
         elif not isinstance(value, kind) or isinstance(value, bool):
-            raise UnreadableFile(f"{path}: {place}{key} must be {_KINDS[kind]}, got {value!r}")
+            raise refuse(path, key, f"must be {_KINDS[kind]}, got {value!r}", place=place)
 
 
 def _to_value(value: Any) -> str:
