@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
-from motionary.keyframes import WordIndex, index_words
+from motionary.keyframes import HitRanges, WordIndex, index_words
 from motionary.matching import PADDING, Corpus, concatenate
 from motionary.words import Words, full_mask
 
@@ -90,12 +90,10 @@ class Shard:
     @cached_property
     def corpus(self) -> Corpus:
         """What the matcher takes; words are not copied."""
-        inside = np.zeros(len(self.words), dtype=np.bool_)
-        steps = np.repeat(self.starts - np.cumsum(self.lengths) + self.lengths, self.lengths)
-        inside[steps + np.arange(self.n_frames)] = True
-        blocked = np.flatnonzero(~inside)
+        blocked = np.ones(len(self.words), dtype=np.bool_)
+        blocked[_inside(self.starts, self.lengths)] = False
         known = self._known(0, len(self.words))
-        return Corpus(self.words, known, self.starts, self.lengths, blocked)
+        return Corpus(self.words, known, self.starts, self.lengths, np.flatnonzero(blocked))
 
     @cached_property
     def word_index(self) -> WordIndex:
@@ -110,6 +108,22 @@ class Shard:
             feature_set=name,
             feature_ids=ids,
         )
+
+    def cut(self, ranges: HitRanges) -> Corpus:
+        """Some stretches of documents, at least one, as documents of their own."""
+        lengths = ranges.stops - ranges.starts
+        starts = np.cumsum(lengths + PADDING) - lengths - PADDING
+        n_positions = int(starts[-1] + lengths[-1])
+        inside = _inside(starts, lengths)
+        begins = self.starts[ranges.documents] + ranges.starts
+        source = _inside(begins, lengths)
+        words = np.zeros((n_positions, self.words.shape[1]), dtype=np.uint64)
+        words[inside] = self.words[source]
+        run = np.zeros(n_positions, dtype=np.intp)
+        run[inside] = np.searchsorted(self.masks[:, 0].astype(np.int64), source, side="right")
+        blocked = np.ones(n_positions, dtype=np.bool_)
+        blocked[inside] = False
+        return Corpus(words, self.masks[run, 1:], starts, lengths, np.flatnonzero(blocked))
 
     def words_of(self, number: int) -> tuple[Words, Words]:
         """Words and mask of a document."""
@@ -190,6 +204,12 @@ def select(shards: Sequence[Shard], chosen: Sequence[NDArray[np.intp]]) -> Shard
     states = np.array([shard.table[i] for shard, i in pairs], dtype=DOCUMENT)
     sequences = [shard.sequence(i) for shard, i in pairs]
     return make_shard(sequences, shards[0].feature_set, states=states)
+
+
+def _inside(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Positions of stretches, one after the other."""
+    before = np.cumsum(lengths) - lengths
+    return np.repeat(starts - before, lengths) + np.arange(lengths.sum())
 
 
 def _runs(known: Words) -> Words:

@@ -5,10 +5,11 @@ that keep the distances between them best. A hit's cost is its misfit (see
 `keyframes.fitting`): 0 where the gaps are those that the query is made for.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.explanation import Evidence
@@ -22,21 +23,29 @@ from motionary.keyframes import (
     template_of_query,
 )
 from motionary.matching import Alignment
-from motionary.search.ranking import cut_windows
 from motionary.search.results import Hit, hit_of
 from motionary.templates import pattern_of
 from motionary.words import unpack
 
+Integers = NDArray[np.int64]
+
 NAME = "keyframes"
 
 
-class _Found(NamedTuple):
-    """A hit: documents are numbered as in the collection, frames are those of the document."""
+class _Piece(NamedTuple):
+    """Hits of one query in one part of a collection.
 
-    misfit: float
-    number: int
-    frames: tuple[int, ...]
+    Attributes
+    ----------
+    query : number of the query
+    frames : array, shape (hits, K), frames of the documents
+    misfits, numbers : arrays, shape (hits,); documents are numbered as in the collection
+    """
+
     query: int
+    frames: Integers
+    misfits: NDArray[np.float64]
+    numbers: Integers
 
 
 def rank_queries(
@@ -57,14 +66,20 @@ def rank_queries(
         raise InvalidInput("the query fixes no relation, so that it would find everything")
     templates = [template_of_query(query) for query in queries]
     patterns = [pattern_of(template) for template in templates]
+    pieces = [
+        piece
+        for number, query in enumerate(queries)
+        for part in collection.parts
+        if (piece := _find(query, number, part)) is not None
+    ]
     hits = []
-    for found in _apart(_find(queries, collection), threshold, limit):
-        frames = np.array(found.frames)
-        path = np.column_stack([columns_of_query(queries[found.query]), frames])
-        alignment = Alignment(int(frames[0]), int(frames[-1]), found.misfit, path)
-        template, pattern = templates[found.query], patterns[found.query]
-        sequence = collection.sequences[found.number]
-        hits.append(hit_of(Evidence(NAME, template, pattern, sequence, alignment)))
+    for piece, row in _apart(pieces, threshold, limit):
+        query, frames = piece.query, piece.frames[row]
+        path = np.column_stack([columns_of_query(queries[query]), frames])
+        misfit = float(piece.misfits[row])
+        alignment = Alignment(int(frames[0]), int(frames[-1]), misfit, path)
+        sequence = collection.sequences[int(piece.numbers[row])]
+        hits.append(hit_of(Evidence(NAME, templates[query], patterns[query], sequence, alignment)))
     return hits
 
 
@@ -86,41 +101,38 @@ def explain_absence(queries: Sequence[KeyframeQuery], collection: Collection) ->
     return f"each keyframe is shown ({seen}), but never one after the other as asked for"
 
 
-def _find(queries: Sequence[KeyframeQuery], collection: Collection) -> list[_Found]:
-    """The best hit for each frame at which one ends, best first."""
-    found: list[_Found] = []
-    for number, query in enumerate(queries):
-        for part in collection.parts:
-            found += _find_in_part(query, number, part)
-    return sorted(found)
-
-
-def _find_in_part(query: KeyframeQuery, query_number: int, part: Part) -> list[_Found]:
+def _find(query: KeyframeQuery, number: int, part: Part) -> _Piece | None:
+    """The best hit for each frame at which one ends."""
     ranges = search_query(query, part.shard.word_index)
     if len(ranges) == 0:
-        return []
-    windows = cut_windows(part, ranges)
+        return None
+    windows = part.shard.cut(ranges)
     fitted = fit_hits(query, windows)
     at = np.searchsorted(windows.starts, fitted.frames[:, 0], side="right") - 1
     frames = fitted.frames + (ranges.starts - windows.starts)[at, np.newaxis]
-    numbers = part.numbers[ranges.documents[at]]
-    rows = zip(fitted.misfits.tolist(), numbers.tolist(), frames.tolist(), strict=True)
-    return [_Found(misfit, number, tuple(row), query_number) for misfit, number, row in rows]
+    return _Piece(number, frames, fitted.misfits, part.numbers[ranges.documents[at]])
 
 
-def _apart(found: list[_Found], threshold: float, limit: int | None) -> list[_Found]:
-    """Hits of which none overlaps a better one."""
+def _apart(
+    pieces: Sequence[_Piece], threshold: float, limit: int | None
+) -> Iterator[tuple[_Piece, int]]:
+    """Hits of which none overlaps a better one, best first; each by its piece and row."""
+    if not pieces:
+        return
+    piece = np.concatenate([np.full(len(p.misfits), i) for i, p in enumerate(pieces)])
+    row = np.concatenate([np.arange(len(p.misfits)) for p in pieces])
+    misfits, numbers = (np.concatenate(x) for x in zip(*(p[2:] for p in pieces), strict=True))
+    first, last = (np.concatenate([p.frames[:, end] for p in pieces]) for end in (0, -1))
     taken: dict[int, list[tuple[int, int]]] = {}
-    kept: list[_Found] = []
-    for hit in found:
-        if hit.misfit > threshold or (limit is not None and len(kept) >= limit):
-            break
-        first, last = hit.frames[0], hit.frames[-1]
-        spans = taken.setdefault(hit.number, [])
-        if all(last < start or stop < first for start, stop in spans):
-            spans.append((first, last))
-            kept.append(hit)
-    return kept
+    n_kept = 0
+    for i in np.lexsort((piece, last, first, numbers, misfits)):
+        if misfits[i] > threshold or n_kept == limit:
+            return
+        spans = taken.setdefault(int(numbers[i]), [])
+        if all(last[i] < start or stop < first[i] for start, stop in spans):
+            spans.append((int(first[i]), int(last[i])))
+            n_kept += 1
+            yield pieces[piece[i]], int(row[i])
 
 
 def _phrase(query: KeyframeQuery, keyframe: int, feature_set: FeatureSet) -> str:

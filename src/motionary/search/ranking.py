@@ -24,15 +24,17 @@ from motionary.matching import (
     Corpus,
     Pattern,
     align,
-    concatenate,
     corpus_distance,
     find_hits,
 )
 from motionary.search.results import Hit, hit_of
 from motionary.templates import QuantisedTemplate
-from motionary.words import Words, full_mask
+from motionary.words import Words
 
 Single = NDArray[np.float32]
+
+# Costs of the distance function are single, those of paths double.
+_ROUNDING = 1e-6
 Integers = NDArray[np.int64]
 
 
@@ -112,21 +114,37 @@ Matches = dict[int, Matched]
 def rank(
     sought: Sequence[Sought], collection: Collection, *, threshold: float, limit: int | None
 ) -> list[Hit]:
-    """Hits over all documents, best first.
-
-    Documents are taken in the order of their smallest cost, until the next one cannot
-    add to the hits that count.
-    """
+    """Hits over all documents, best first; of equal ones the earlier document's first."""
     matched = [match(item, collection) for item in sought]
     smallest = _smallest(matched, len(collection))
+    least = np.sort(smallest[np.isfinite(smallest)])
+    if limit is not None and limit <= len(least):
+        # So many documents have a hit at most as dear as this, unless too little was seen.
+        bound = min(threshold, float(least[limit - 1]) * (1 + _ROUNDING) + _ROUNDING)
+        hits = _collect(sought, matched, collection, smallest, bound, limit)
+        if len(hits) == limit or bound == threshold:
+            return hits
+    return _collect(sought, matched, collection, smallest, threshold, limit)
+
+
+def _collect(
+    sought: Sequence[Sought],
+    matched: "Sequence[Matches]",
+    collection: Collection,
+    smallest: NDArray[np.float64],
+    threshold: float,
+    limit: int | None,
+) -> list[Hit]:
+    """Hits of the documents in the order of their smallest cost, until no other can count."""
     found: list[tuple[float, int, int, Hit]] = []
     for number in np.argsort(smallest, kind="stable").tolist():
         least = smallest[number]
-        full = limit is not None and len(found) >= limit
         if not np.isfinite(least) or least > threshold:
             break
-        if full and least > heapq.nsmallest(limit or 0, (f[0] for f in found))[-1]:
-            break
+        if limit is not None and len(found) >= limit:
+            last = heapq.nsmallest(limit, (f[:2] for f in found))[-1]
+            if (least * (1 - _ROUNDING), number) > last:
+                break
         for hit in _hits_in(number, sought, matched, collection, threshold, limit):
             found.append((hit.cost, number, hit.evidence.alignment.start, hit))
     found.sort(key=lambda f: f[:3])
@@ -142,20 +160,10 @@ def match(item: Sought, collection: Collection) -> Matches:
             continue
         ranges = item.windows(part.shard.word_index)
         if len(ranges):
-            corpus = cut_windows(part, ranges)
+            corpus = part.shard.cut(ranges)
             distance = corpus_distance(item.pattern, corpus)
             matched[number] = Matched(part, corpus, ranges.documents, ranges.starts, distance)
     return matched
-
-
-def cut_windows(part: Part, ranges: HitRanges) -> Corpus:
-    """Words of some stretches, at least one, of a part of a collection."""
-    words, known = [], []
-    for document, start, stop in ranges:
-        whole, mask = part.shard.words_of(document)
-        words.append(whole[start:stop])
-        known.append(mask[start:stop])
-    return concatenate(words, known, full=full_mask(1, len(part.shard.feature_set))[0])
 
 
 def share_matched(sought: Sequence[Sought], collection: Collection) -> float:
