@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from motionary.errors import InvalidInput
 from motionary.geometry import (
@@ -12,7 +13,10 @@ from motionary.geometry import (
     euler_to_quaternions,
     matrices_to_quaternions,
     multiply_quaternions,
+    quaternions_to_euler,
     quaternions_to_matrices,
+    rotate,
+    rotation_vectors_to_quaternions,
     unit_vectors,
 )
 from oracles import kinematics as oracle
@@ -72,3 +76,40 @@ def test_unit_vectors_have_length_one_and_nothing_has_no_direction():
 def test_wrong_orders_are_refused(order, n):
     with pytest.raises(InvalidInput, match=r"order|angles"):
         euler_to_quaternions(np.zeros((2, n)), order)
+
+
+def test_rotation_vectors_become_quaternions():
+    vectors = np.random.default_rng(5).normal(scale=2, size=(50, 3))
+    vectors[0], vectors[1] = 0, 1e-12
+    expected = Rotation.from_rotvec(vectors).as_matrix()
+    got = quaternions_to_matrices(rotation_vectors_to_quaternions(vectors))
+    np.testing.assert_allclose(got, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
+def test_angles_come_back_from_quaternions(order):
+    angles = np.random.default_rng(6).uniform(-np.pi, np.pi, (200, 3))
+    # Where the middle turn is a right angle, the other two are one turn.
+    angles[:20, 1] = np.repeat([np.pi / 2, -np.pi / 2], 10)
+    quaternions = euler_to_quaternions(angles, order)
+    again = quaternions_to_euler(quaternions, order)
+    assert np.abs(again[:, 1]).max() <= np.pi / 2 + 1e-9
+    same = np.abs((euler_to_quaternions(again, order) * quaternions).sum(axis=1))
+    np.testing.assert_allclose(same, 1, atol=1e-9)
+
+
+def test_angles_need_three_different_axes():
+    with pytest.raises(InvalidInput, match="three different letters"):
+        quaternions_to_euler(np.array([1.0, 0, 0, 0]), "XYX")
+
+
+def test_rotating_equals_the_matrix():
+    rng = np.random.default_rng(7)
+    quaternions = unit_vectors_of_four(rng.normal(size=(30, 4)))
+    vectors = rng.normal(size=(30, 3))
+    expected = np.einsum("fij,fj->fi", quaternions_to_matrices(quaternions), vectors)
+    np.testing.assert_allclose(rotate(quaternions, vectors), expected, atol=1e-12)
+
+
+def unit_vectors_of_four(quaternions):
+    return quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
