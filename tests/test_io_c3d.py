@@ -309,3 +309,64 @@ def test_what_is_written_is_read_by_ezc3d(tmp_path):
 def test_names_that_the_format_does_not_hold(tmp_path, name):
     with pytest.raises(InvalidInput, match="1 to 127 bytes"):
         write_c3d(Motion((name,), np.zeros((1, 1, 3)), 30.0), tmp_path / "a.c3d")
+
+
+# fmt: off
+PLUG_IN_GAIT = [
+    "LFHD", "RFHD", "LBHD", "RBHD", "C7", "T10", "CLAV", "STRN", "RBAK", "LSHO", "LUPA",
+    "LELB", "LFRM", "LWRA", "LWRB", "LFIN", "RSHO", "RUPA", "RELB", "RFRM", "RWRA", "RWRB",
+    "RFIN", "LASI", "RASI", "LPSI", "RPSI", "LTHI", "LKNE", "LTIB", "LANK", "LHEE", "LTOE",
+    "RTHI", "RKNE", "RTIB", "RANK", "RHEE", "RTOE",
+]
+# fmt: on
+
+
+@pytest.mark.parametrize(
+    ("more", "hip", "knee"),
+    [
+        ([], {"LASI": 0.7, "LPSI": 0.3}, {"LKNE": 1.0}),
+        (["LHJC", "RHJC"], {"LHJC": 1.0}, {"LKNE": 1.0}),
+        (["LFEP", "LFEO"], {"LFEP": 1.0}, {"LFEO": 1.0}),
+        (["LKNM", "RKNM"], {"LASI": 0.7, "LPSI": 0.3}, {"LKNE": 0.5, "LKNM": 0.5}),
+    ],
+)
+def test_joint_centres_of_the_model_count_before_markers(tmp_path, more, hip, knee):
+    names = [f"Subject:{name}" for name in [*PLUG_IN_GAIT, *more]]
+    points = some_points(4, len(names), seed=2)
+    motion = read(put(tmp_path, points, names))
+    assert motion.mapping.name == "plug_in_gait"
+    for joint, weights in (("lhip", hip), ("lknee", knee)):
+        got = {n.removeprefix("Subject:"): w for n, w in motion.mapping.weights[joint].items()}
+        assert got == weights
+    # A step away from the skin is for markers only.
+    assert ("lhip" in motion.mapping.normals) == ("LASI" in hip)
+    assert not np.isnan(motion.generic_positions()).any()
+    if "lhip" in motion.mapping.normals:
+        place = {
+            n.removeprefix("Subject:"): motion.positions[:, i] for i, n in enumerate(motion.names)
+        }
+        away = motion.generic_positions()[:, GENERIC_JOINTS.index("lhip")]
+        away = away - (0.7 * place["LASI"] + 0.3 * place["LPSI"])
+        length = np.linalg.norm(place["LPSI"] - place["LASI"], axis=1).mean()
+        np.testing.assert_allclose(np.linalg.norm(away, axis=1), 0.4 * length)
+        np.testing.assert_allclose(
+            (away * (place["LPSI"] - place["LASI"])).sum(axis=1), 0, atol=1e-9
+        )
+
+
+def test_a_sacrum_marker_stands_for_the_back_of_the_pelvis(tmp_path):
+    names = [n for n in PLUG_IN_GAIT if n not in ("LPSI", "RPSI")] + ["SACR"]
+    motion = read(put(tmp_path, some_points(4, len(names)), names))
+    assert motion.mapping.weights["root"] == {"LASI": 0.25, "RASI": 0.25, "SACR": 0.5}
+    generic = motion.generic_positions()
+    # Hips would need the markers on both sides of the back.
+    unknown = {j for i, j in enumerate(GENERIC_JOINTS) if np.isnan(generic[:, i]).all()}
+    assert unknown == {"lhip", "rhip"}
+
+
+def test_two_subjects_in_a_file_are_told(tmp_path):
+    groups = {"SUBJECTS": {"NAMES": ["A", "B"], "USED": np.int16(2)}}
+    names = [f"{person}:{n}" for person in "AB" for n in PLUG_IN_GAIT]
+    motion = read(put(tmp_path, some_points(4, len(names)), names, groups=groups))
+    assert "2 subjects in the file; relations are those of the first" in motion.notes
+    assert all(name.startswith("A:") for w in motion.mapping.weights.values() for name in w)

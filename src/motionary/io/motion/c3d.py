@@ -5,8 +5,9 @@ residual is negative, its coordinates are all exactly zero, or one of them is no
 Points that are no places (angles, forces, moments, powers) and unlabelled ones (`*0`) are
 left out. Event times in a file run from its frame 1; here from the first frame.
 
-A reader of our own, checked against ezc3d: that one took 8 GB for two hours, stopped
-counting at 65535 frames, and hung or crashed on damaged files.
+A reader of our own, checked against ezc3d: that one takes 0.6 GB for nine minutes, stops
+counting at 65535 frames without a word, and of 190 damaged files crashed on one and did not
+come back from three.
 """
 
 import re
