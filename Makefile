@@ -3,6 +3,7 @@
 # make lint      types, style, layers
 # make bench     speed beside other packages, medians
 # make docs      the documentation, into docs/_build/html
+# make docs-pictures  its pictures anew, from real recordings
 # make evidence  the tables and figures behind the claims
 # make clean     remove what these commands made
 #
@@ -19,7 +20,7 @@ ifneq ($(DATA),)
 export MOTIONARY_DATA ?= $(DATA)
 endif
 
-.PHONY: help demo test lint bench docs evidence clean
+.PHONY: help demo test lint bench docs docs-pictures evidence clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -42,6 +43,9 @@ bench: $(VENV)/.bench
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
+
+docs-pictures: $(VENV)/.base
+	$(BIN)/python docs/pictures.py
 
 evidence: $(VENV)/.base
 	@test -f evidence/run.py || { echo "there are no evidence scripts yet"; exit 1; }

@@ -1,0 +1,293 @@
+"""Which pictures do the README and the documentation show?
+
+`make docs-pictures`, or `python docs/pictures.py [NAME ...]`, draws them with the package
+from real recordings: MOTIONARY_DATA names the folder that has `hdm05` (clips of HDM05, a
+folder a class), `cmu/86_01.amc` and `truth/annotation_2009.csv`. The same recordings give
+the same pictures.
+"""
+
+import io
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+import motionary as mo
+from motionary.annotation import class_distance
+from motionary.batch import write_atomically
+from motionary.features import FULL_BODY
+from motionary.index import Collection, collect
+from motionary.library import Teaching, learn_classes
+from motionary.matching import distance_function
+from motionary.plots import (
+    grid,
+    plot_annotation,
+    plot_distance,
+    plot_features,
+    plot_pose,
+    plot_sheet,
+    plot_template,
+)
+from motionary.plots.page import Layout, add_legend, mark_seconds, new_page, swatch
+from motionary.plots.style import BLACK, WHITE, house_style
+from motionary.search import Growing, SearchResult
+
+IMAGES = Path(__file__).resolve().parent / "images"
+
+EXAMPLE = "squat1Reps/HDM_mm_squat1Reps_037_120.amc"
+#: The first performance of each of three actors, to see what they share.
+PERFORMANCES = (
+    "squat1Reps/HDM_bk_squat1Reps_013_120.amc",
+    "squat1Reps/HDM_dg_squat1Reps_025_120.amc",
+    "squat1Reps/HDM_mm_squat1Reps_037_120.amc",
+)
+#: Relations that tell most of a squat.
+TELLING = (
+    "F13", "F14", "F19", "F20", "F21", "F27", "F28", "F29", "F30", "F31", "F37", "F39",
+)  # fmt: skip
+UNSEEN_ACTOR = "bd"
+TEACHING = Teaching(mirror=True)
+TAKE = "86_01"
+#: Classes as the annotators of the take call them.
+NAMES = {
+    "hopBothLegs1hops": "jump",
+    "jogLeftCircle4StepsRstart": "move",
+    "kickLFront1Reps": "kick",
+    "sneak2StepsLStart": "move",
+}
+
+_COLOURS = 256
+_GAP_PX = 12
+_INCHES_PER_S = 1.2
+
+
+@dataclass(frozen=True)
+class World:
+    """The recordings, and what is learned from them."""
+
+    data: Path
+
+    @cached_property
+    def clips(self) -> Collection:
+        """Words of all clips."""
+        return collect(self.data / "hdm05", jobs=2)
+
+    @cached_property
+    def library(self) -> mo.ClassLibrary:
+        """Classes and mirror images of four actors."""
+        examples: dict[str, dict[str, list[mo.FeatureSequence]]] = {}
+        for sequence in self.clips.sequences:
+            name = sequence.source.split("/")[0]
+            if actor(sequence.source) != UNSEEN_ACTOR:
+                examples.setdefault(name, {}).setdefault(name, []).append(sequence)
+        return learn_classes(examples, teaching=TEACHING)
+
+    @cached_property
+    def found(self) -> SearchResult:
+        """All hits of the example."""
+        return mo.search(self.clip(EXAMPLE), self.clips, limit=None)
+
+    def clip(self, name: str) -> mo.Motion:
+        """A clip under its short name."""
+        return replace(mo.read(self.data / "hdm05" / name), source=Path(name).stem)
+
+    @cached_property
+    def take(self) -> mo.FeatureSequence:
+        """Words of a recording with several motions."""
+        motion = mo.read(self.data / "cmu" / f"{TAKE}.amc")
+        return mo.compute_features(replace(motion, source=f"CMU {TAKE}"))
+
+    @cached_property
+    def truth(self) -> mo.LabelTrack:
+        """What people say happens in it."""
+        return mo.read_labels(self.data / "truth" / "annotation_2009.csv")[TAKE]
+
+
+def actor(recording: str) -> str:
+    """Initials of the actor, from the file's name."""
+    return recording.split("/")[-1].split("_")[1]
+
+
+def hits(world: World) -> list[Figure]:
+    """One squat, and the best hit of each actor."""
+    others = [hit for hit in world.found if hit.recording != EXAMPLE]
+    best = {actor(hit.recording): hit for hit in reversed(others)}
+    rows = [("example: " + Path(EXAMPLE).stem, world.clip(EXAMPLE).generic_positions())]
+    for hit in sorted(best.values(), key=lambda h: h.cost):
+        motion = world.clip(hit.recording)
+        first, last = (n - motion.first_frame for n in (hit.start_frame, hit.end_frame))
+        times = f"{hit.start_s:.1f}–{hit.end_s:.1f} s, cost {hit.cost:.2f}"
+        rows.append((f"{motion.source}, {times}", motion.cut(first, last + 1).generic_positions()))
+    figure = plot_sheet(rows[0], rows[1:], n_figures=9)
+    return [_titled(figure, "one squat, and the best hit of each of five actors")]
+
+
+def pose(world: World) -> list[Figure]:
+    """A pose, and its 40 relations."""
+    motion = world.clip(EXAMPLE)
+    words = mo.compute_features(motion)
+    lowest = int(np.argmin(motion.generic_positions()[:, 0, 1]))
+    frame = round(lowest / motion.rate_hz * words.rate_hz)
+    drawn = plot_pose(motion.generic_positions()[lowest], title="one pose")
+    return [drawn, _matrices("one word", {"": words.part(frame, frame + 1)}, width=0.4)]
+
+
+def relations(world: World) -> list[Figure]:
+    """A motion as stick figures, and as a matrix."""
+    motion = world.clip(EXAMPLE)
+    words = mo.compute_features(motion)
+    sheet = plot_sheet((motion.source, motion.generic_positions()), [], n_figures=9)
+    return [_titled(sheet, "one motion"), _titled(plot_features(words), "its words, 30 a second")]
+
+
+def examples(world: World) -> list[Figure]:
+    """Three performances, in the relations that tell most."""
+    words = {name: mo.compute_features(world.clip(name)) for name in PERFORMANCES}
+    panels = {f"{Path(name).stem}": one for name, one in words.items()}
+    return [_matrices("three squats by three actors", panels, ids=TELLING)]
+
+
+def template(world: World) -> list[Figure]:
+    """What four actors' squats have in common, in the same relations."""
+    learned = world.library["squat1Reps"].subclasses[0].template
+    telling = FULL_BODY.select(TELLING, name="telling")
+    shown = replace(
+        learned,
+        values=learned.values[:, [learned.feature_names.index(i) for i in TELLING]],
+        feature_names=telling.ids,
+        feature_set=telling.name,
+        provenance="squats of four actors",
+    )
+    return [plot_template(shown, tolerance=TEACHING.tolerance, feature_set=telling)]
+
+
+def distance(world: World) -> list[Figure]:
+    """How well each moment of a take ends a kick, and two steps of sneaking."""
+    titles = {"kickLFront1Reps": "kick", "sneak2StepsLStart": "sneaking, two steps"}
+    curves = {}
+    for name, title in titles.items():
+        sought = [pattern for _, pattern in world.library[name].sought()]
+        each = [distance_function(p, world.take.words, world.take.known) for p in sought]
+        curves[title] = np.minimum.reduce(each)
+    track = mo.annotate(world.take, world.library)
+    labels = {title: [x for x in track if x.name == name] for name, title in titles.items()}
+    title = f"{world.take.source}: cost of the best match that ends at each moment"
+    return [plot_distance(curves, hits=labels, threshold=TEACHING.threshold, title=title)]
+
+
+def annotation(world: World) -> list[Figure]:
+    """Labels of the take, over those of people."""
+    track = mo.annotate(world.take, world.library)
+    named = replace(track, labels=tuple(replace(x, name=NAMES[x.name]) for x in track))
+    curves: dict[str, np.ndarray] = {}
+    for name, title in NAMES.items():
+        one = class_distance(world.take, world.library[name]).modified
+        curves[title] = np.minimum(curves.get(title, one), one)
+    return [plot_annotation(named, world.truth, distances=curves)]
+
+
+def grown(world: World) -> list[Figure]:
+    """The template that grew from one squat and its nearest hits."""
+    return [plot_template(world.found.templates[0], tolerance=Growing().tolerance)]
+
+
+#: By name of the file: what draws it, and whether its parts stand side by side.
+PICTURES = {
+    "hits": (hits, False),
+    "pose": (pose, True),
+    "relations": (relations, False),
+    "examples": (examples, False),
+    "template": (template, False),
+    "distance": (distance, False),
+    "annotation": (annotation, False),
+    "grown": (grown, False),
+}
+
+
+@house_style()
+def _matrices(
+    title: str,
+    panels: dict[str, mo.FeatureSequence],
+    *,
+    ids: Sequence[str] = FULL_BODY.ids,
+    width: float | None = None,
+) -> Figure:
+    """Relations of several recordings side by side, their names written once."""
+    chosen = [FULL_BODY.ids.index(i) for i in ids]
+    rows = [grid.feature_rows(FULL_BODY)[i] for i in chosen]
+    parts = grid.blocks(rows)
+    longest = max(one.duration_s for one in panels.values())
+    layout = Layout(
+        left=grid.name_room(rows),
+        width=width or longest * _INCHES_PER_S,
+        right=grid.group_room(rows),
+        heights=tuple((part.stop - part.start) * grid.ROW_HEIGHT for part in parts),
+        above=0.2,
+        n_stacks=len(panels),
+    )
+    figure, stacks = new_page(layout, title=title)
+    for axes, (name, one) in zip(stacks, panels.items(), strict=True):
+        cells = np.repeat(one.features[:, chosen, np.newaxis].astype(np.float64), 3, axis=2)
+        stop_s = len(one) / one.rate_hz
+        for ax, part in zip(axes, parts, strict=True):
+            grid.draw_grid(ax, cells[:, part], stop_s=stop_s)
+        axes[0].set_title(name, loc="left", pad=4.0)
+        if len(one) > 1:
+            mark_seconds(axes, stop_s)
+        for ax in axes if len(one) == 1 else ():
+            ax.set_xticks([])
+    for i, part in enumerate(parts):
+        grid.name_rows(stacks[0][i], rows[part])
+        grid.name_group(stacks[-1][i], rows[part][0].group)
+    add_legend(figure, [swatch("holds", WHITE), swatch("does not hold", BLACK)])
+    return figure
+
+
+def _titled(figure: Figure, title: str) -> Figure:
+    """A picture of the package under a title for this page."""
+    figure.texts[0].set_text(title)
+    return figure
+
+
+def compose(figures: Sequence[Figure], *, side_by_side: bool) -> Image.Image:
+    """Figures as one picture of few colours, so that it stays small."""
+    parts = [_rendered(figure) for figure in figures]
+    along, across = (0, 1) if side_by_side else (1, 0)
+    size, at = [0, 0], [0, 0]
+    size[along] = sum(p.size[along] for p in parts) + _GAP_PX * (len(parts) - 1)
+    size[across] = max(p.size[across] for p in parts)
+    page = Image.new("RGB", (size[0], size[1]), "white")
+    for part in parts:
+        page.paste(part, (at[0], at[1]))
+        at[along] += part.size[along] + _GAP_PX
+    return page.quantize(_COLOURS, kmeans=1, dither=Image.Dither.NONE)
+
+
+def _rendered(figure: Figure) -> Image.Image:
+    buffer = io.BytesIO()
+    with house_style():
+        figure.savefig(buffer, format="png")
+    return Image.open(buffer).convert("RGB")
+
+
+def main() -> None:
+    """Draw all pictures, or those named on the command line."""
+    folder = os.environ.get("MOTIONARY_DATA", "")
+    if not folder or not Path(folder, "hdm05").is_dir():
+        sys.exit("set MOTIONARY_DATA to the folder of the recordings; see the top of this file")
+    world = World(Path(folder))
+    for name in sys.argv[1:] or PICTURES:
+        draw, side_by_side = PICTURES[name]
+        with write_atomically(IMAGES / f"{name}.png") as beside:
+            picture = compose(draw(world), side_by_side=side_by_side)
+            picture.save(beside, format="png", optimize=True)
+
+
+if __name__ == "__main__":
+    main()
