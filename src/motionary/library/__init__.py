@@ -2,12 +2,22 @@
 
 from motionary.library.advice import Advice, advise
 from motionary.library.classes import ClassLibrary, MotionClass, Subclass
+from motionary.library.editing import (
+    find_clashes,
+    find_subclass,
+    merge_libraries,
+    remove_class,
+    rename_class,
+    replace_class,
+    replace_template,
+)
 from motionary.library.examples import Examples, ReadExamples, list_examples, read_examples
+from motionary.library.growing import add_examples, join_classes, keeps_examples
 from motionary.library.learning import learn
 from motionary.library.querying import QueriedLibrary, learn_queries
 from motionary.library.storage import load_library, save_library
 from motionary.library.teaching import Teaching, learn_classes
-from motionary.library.thresholds import Suggestion, suggest_thresholds
+from motionary.library.thresholds import Suggestion, apply_suggestions, suggest_thresholds
 
 __all__ = [
     "Advice",
@@ -19,13 +29,24 @@ __all__ = [
     "Subclass",
     "Suggestion",
     "Teaching",
+    "add_examples",
     "advise",
+    "apply_suggestions",
+    "find_clashes",
+    "find_subclass",
+    "join_classes",
+    "keeps_examples",
     "learn",
     "learn_classes",
     "learn_queries",
     "list_examples",
     "load_library",
+    "merge_libraries",
     "read_examples",
+    "remove_class",
+    "rename_class",
+    "replace_class",
+    "replace_template",
     "save_library",
     "suggest_thresholds",
 ]

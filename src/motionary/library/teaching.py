@@ -5,7 +5,7 @@ the background of frames that tells which relations are rare.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,8 @@ class Teaching:
     mirror : also learn the mirror image of every template, as a subclass
     by_surprise : whether relations that are rare among the examples weigh more; False
         weighs all alike, as published
+    keep_examples : keep the examples' words in the library, so that its classes can learn
+        from more later as if from all at once
     provenance, licence : written into the library
     """
 
@@ -43,6 +45,7 @@ class Teaching:
     tolerance: float = TOLERANCE
     mirror: bool = False
     by_surprise: bool = True
+    keep_examples: bool = False
     provenance: str = ""
     licence: str = ""
 
@@ -63,7 +66,9 @@ def learn_classes(
     """
     classes = []
     feature_set = find_feature_set(examples)
-    background = measure_background(examples, feature_set, teaching)
+    background: tuple[float, ...] = ()
+    if teaching.by_surprise:
+        background = measure_background(examples, feature_set, mirror=teaching.mirror)
     for name, subclasses in examples.items():
         classes.append(learn_class(name, subclasses, background=background, teaching=teaching))
         if on_done:
@@ -86,7 +91,12 @@ def learn_class(
     InvalidInput
         If a subclass has no example, or its examples have nothing in common.
     """
-    learned = [learn_subclass(key, items, learning=learning) for key, items in examples.items()]
+    learned = []
+    for key, items in examples.items():
+        subclass = learn_subclass(key, items, learning=learning)
+        learned.append(
+            replace(subclass, examples=tuple(items)) if teaching.keep_examples else subclass
+        )
     if teaching.mirror:
         first = next(iter(examples.values()))[0]
         learned += [mirror_subclass(subclass, first.feature_set) for subclass in learned]
@@ -99,16 +109,16 @@ def learn_class(
 
 
 def measure_background(
-    examples: Examples, feature_set: FeatureSet, teaching: Teaching
+    examples: Examples, feature_set: FeatureSet, *, mirror: bool
 ) -> tuple[float, ...]:
-    """Share of the examples' frames in which each relation holds; empty if all weigh alike."""
+    """Share of the examples' frames in which each relation holds; of mirror images, too."""
     sequences = [s for subclasses in examples.values() for i in subclasses.values() for s in i]
-    if not teaching.by_surprise or not sequences:
+    if not sequences:
         return ()
     words, known = [s.words for s in sequences], [s.known for s in sequences]
     corpus = concatenate(words, known, full=full_mask(1, len(feature_set))[0])
     ones = share_of_ones(corpus, len(feature_set))
-    if teaching.mirror:
+    if mirror:
         ones = (ones + ones[feature_set.mirror_order]) / 2
     return tuple(round(float(share), 6) for share in np.clip(ones, 1e-6, 1 - 1e-6))
 

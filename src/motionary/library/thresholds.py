@@ -9,7 +9,8 @@ decides between classes, in each part with thresholds chosen on the others.
 Conventions: frames are words at 30 Hz; seeded.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from motionary.batch import Failure, map_ordered
 from motionary.evaluation import Counts, pool_counts
 from motionary.features import WORD_HZ, FeatureSequence
+from motionary.library.classes import ClassLibrary
 from motionary.library.examples import Examples
 from motionary.library.holding_out import Fold, make_folds
 from motionary.library.teaching import Teaching
@@ -122,6 +124,22 @@ def suggest_thresholds(
         )
         for name, seen in promised.items()
     }
+
+
+def apply_suggestions(library: ClassLibrary, suggestions: Mapping[str, Suggestion]) -> ClassLibrary:
+    """Library whose classes have the suggested thresholds, and promise what was measured."""
+    classes = []
+    for one in library:
+        if one.name in suggestions:
+            suggested = suggestions[one.name]
+            one = replace(
+                one,
+                threshold=suggested.threshold,
+                promised_precision=round(suggested.precision, 3),
+                promised_recall=round(suggested.recall, 3),
+            )
+        classes.append(one)
+    return replace(library, classes=tuple(classes))
 
 
 def _frames_told_from(trials: Sequence[Trial]) -> dict[str, int]:

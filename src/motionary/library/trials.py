@@ -80,7 +80,10 @@ def run_trial(
     number, fold = numbered
     rng = np.random.default_rng([seed, number])
     stream = make_stream(fold.held_out, others, other_per_frame=other_per_frame, rng=rng)
-    background = measure_background(fold.learned, find_feature_set(fold.learned), teaching)
+    background: tuple[float, ...] = ()
+    if teaching.by_surprise:
+        feature_set = find_feature_set(fold.learned)
+        background = measure_background(fold.learned, feature_set, mirror=teaching.mirror)
     matches = {}
     for name, subclasses in fold.learned.items():
         try:
