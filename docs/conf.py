@@ -3,9 +3,12 @@
 import sys
 from pathlib import Path
 
+from sphinx.application import Sphinx
+
 import motionary
 
-sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "extensions"))
 
 project = "motionary"
 author = "motionary maintainers"
@@ -38,3 +41,18 @@ html_title = "motionary"
 html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["motionary.css"]
+
+
+def _only_what_there_is(app: Sphinx, page: str, text: list[str]) -> None:
+    if page == "index" and not any(HERE.glob("evidence/*.md")):
+        text[0] = text[0].partition("## Evidence")[0]
+
+
+def _outdated(*_: object) -> list[str]:
+    return ["index"]
+
+
+def setup(app: Sphinx) -> None:
+    """List the pages of evidence only where there are some."""
+    app.connect("source-read", _only_what_there_is)
+    app.connect("env-get-outdated", _outdated)
