@@ -10,12 +10,11 @@ from typing import Literal
 
 from motionary.errors import InvalidInput
 from motionary.library.classes import ClassLibrary, MotionClass, Subclass
+from motionary.library.teaching import MIRRORED, mirror_subclass
 from motionary.templates import MotionTemplate
 
 #: What becomes of a class whose name another library has, too.
 Clash = Literal["refuse", "first", "both"]
-
-MIRRORED = "Mirrored"
 
 
 def replace_class(library: ClassLibrary, name: str, changed: MotionClass) -> ClassLibrary:
@@ -78,38 +77,49 @@ def find_subclass(motion_class: MotionClass, name: str | None = None) -> Subclas
 
 
 def replace_template(
-    motion_class: MotionClass, template: MotionTemplate, *, subclass: str | None = None
-) -> MotionClass:
-    """Class in which a subclass has another template.
+    library: ClassLibrary, name: str, template: MotionTemplate, *, subclass: str | None = None
+) -> ClassLibrary:
+    """Library in which a class has another template, and its mirror image with it.
 
     Queries, kept examples and what was promised were of the template before, and go.
 
     Raises
     ------
     InvalidInput
-        If there is no such subclass, or the template is over other features or fixes
-        nothing.
+        If there is no such class or subclass, or the template is over other features or
+        fixes nothing.
     """
-    old = find_subclass(motion_class, subclass)
-    if template.feature_names != old.template.feature_names:
-        raise InvalidInput(
-            f"template {old.name!r} is over {old.template.feature_set!r}, the new one over "
-            f"{template.feature_set!r}; both need one feature set"
-        )
+    old = find_subclass(library[name], subclass)
     if template is old.template:
-        return motion_class
-    changed = with_subclasses(motion_class, [Subclass(old.name, template)])
-    changed.quantised()
-    return changed
+        return library
+    return replace_subclass(library, name, Subclass(old.name, template))
 
 
-def with_subclasses(motion_class: MotionClass, changed: Sequence[Subclass]) -> MotionClass:
-    """Class in which subclasses of the same names are others; it promises nothing any more."""
-    new = {one.name: one for one in changed}
-    subclasses = tuple(new.get(one.name, one) for one in motion_class.subclasses)
-    return replace(
-        motion_class, subclasses=subclasses, promised_precision=None, promised_recall=None
+def replace_subclass(library: ClassLibrary, name: str, changed: Subclass) -> ClassLibrary:
+    """Library in which a class has another subclass of the same name, and its mirror image.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such class, or the template is over other features or fixes nothing.
+    """
+    motion_class = library[name]
+    if changed.template.feature_names != library.feature_set.ids:
+        raise InvalidInput(
+            f"template {changed.name!r} is over {changed.template.feature_set!r}, the library over "
+            f"{library.feature_set.name!r}; both need one feature set"
+        )
+    new = {changed.name: changed}
+    if any(one.name == changed.name + MIRRORED for one in motion_class.subclasses):
+        new[changed.name + MIRRORED] = mirror_subclass(changed, library.feature_set)
+    replaced = replace(
+        motion_class,
+        subclasses=tuple(new.get(one.name, one) for one in motion_class.subclasses),
+        promised_precision=None,
+        promised_recall=None,
     )
+    replaced.quantised()
+    return replace_class(library, name, replaced)
 
 
 def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse") -> ClassLibrary:

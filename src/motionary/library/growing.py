@@ -12,13 +12,12 @@ from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence
 from motionary.library.classes import ClassLibrary, MotionClass, Subclass
 from motionary.library.editing import (
-    MIRRORED,
     find_subclass,
     remove_class,
     replace_class,
-    with_subclasses,
+    replace_subclass,
 )
-from motionary.library.teaching import learn_subclass, measure_background, mirror_subclass
+from motionary.library.teaching import MIRRORED, learn_subclass, measure_background, mirror_subclass
 from motionary.templates import join
 
 
@@ -55,8 +54,7 @@ def add_examples(
     InvalidInput
         If there is no such class or subclass, or an example is over other features.
     """
-    motion_class = library[name]
-    old = find_subclass(motion_class, subclass)
+    old = find_subclass(library[name], subclass)
     for example in examples:
         if example.feature_set.ids != library.feature_set.ids:
             raise InvalidInput(
@@ -67,10 +65,7 @@ def add_examples(
     new = [e for e in examples if (e.words.tobytes(), e.known.tobytes()) not in kept]
     if not new:
         return library
-    grown = _learn_more(old, new)
-    changed = with_subclasses(motion_class, [grown, *_mirror_of(motion_class, grown, library)])
-    changed.quantised()
-    return _weigh_again(replace_class(library, name, changed))
+    return _weigh_again(replace_subclass(library, name, _learn_more(old, new)))
 
 
 def join_classes(
@@ -128,12 +123,6 @@ def _learn_more(old: Subclass, new: Sequence[FeatureSequence]) -> Subclass:
     origin = old.template.provenance or "a template"
     how = f"{origin}, then averaged with {len(new)} more"
     return Subclass(old.name, replace(joined, provenance=how))
-
-
-def _mirror_of(motion_class: MotionClass, grown: Subclass, library: ClassLibrary) -> list[Subclass]:
-    """The mirror image of a subclass, if the class has one."""
-    mirrored = mirror_subclass(grown, library.feature_set)
-    return [mirrored] if any(s.name == mirrored.name for s in motion_class.subclasses) else []
 
 
 def _weigh_again(library: ClassLibrary) -> ClassLibrary:

@@ -25,6 +25,9 @@ from motionary.templates import Learning, learn_template
 from motionary.templates import mirror as mirror_template
 from motionary.words import full_mask
 
+#: Ends the name of a subclass that is the mirror image of another.
+MIRRORED = "Mirrored"
+
 
 @dataclass(frozen=True, slots=True)
 class Teaching:
@@ -152,4 +155,4 @@ def mirror_subclass(subclass: Subclass, feature_set: FeatureSet) -> Subclass:
     """The mirror image of a subclass, under its name with "Mirrored"."""
     template = mirror_template(subclass.template, feature_set.mirror_order)
     queries = tuple(mirror_query(query, feature_set) for query in subclass.queries)
-    return Subclass(f"{subclass.name}Mirrored", template, queries, subclass.votes)
+    return Subclass(subclass.name + MIRRORED, template, queries, subclass.votes)
