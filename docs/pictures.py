@@ -36,6 +36,7 @@ from motionary.plots import (
 )
 from motionary.plots.page import Layout, add_legend, mark_seconds, new_page, swatch
 from motionary.plots.style import BLACK, WHITE, house_style
+from motionary.samples import synthetic_motion, synthetic_stream
 from motionary.search import Growing, SearchResult
 
 IMAGES = Path(__file__).resolve().parent / "images"
@@ -197,6 +198,22 @@ def grown(world: World) -> list[Figure]:
     return [plot_template(world.found.templates[0], tolerance=Growing().tolerance)]
 
 
+def session(world: World) -> list[Figure]:
+    """Labels of the synthetic session of the page for biomechanists, with its gap."""
+    classes = ("squat", "kick_left", "kick_right")
+    library = mo.learn({n: [synthetic_motion(n, seed=i) for i in range(6)] for n in classes})
+    protocol = ["squat"] * 3 + ["kick_left"] * 2 + ["kick_right"] * 3
+    motion, truth = synthetic_stream(protocol, seed=12)
+    positions = motion.positions.copy()
+    positions[264:300, motion.names.index("rwrist")] = np.nan
+    positions[1140:1416] = np.nan
+    words = mo.compute_features(replace(motion, positions=positions, source="synthetic session"))
+    plan = mo.LabelTrack("plan", tuple(mo.Label(*stretch) for stretch in truth))
+    curves = {one.name: class_distance(words, one).modified for one in library}
+    figure = plot_annotation(mo.annotate(words, library), plan, distances=curves, classes=classes)
+    return [figure]
+
+
 #: By name of the file: what draws it, and whether its parts stand side by side.
 PICTURES = {
     "hits": (hits, False),
@@ -207,6 +224,7 @@ PICTURES = {
     "distance": (distance, False),
     "annotation": (annotation, False),
     "grown": (grown, False),
+    "session": (session, False),
 }
 
 
