@@ -1,7 +1,13 @@
 """Motion classes: what they are, how they are learned, how they lie on disk."""
 
 from motionary.library.advice import Advice, advise
-from motionary.library.classes import ClassLibrary, MotionClass, Subclass
+from motionary.library.classes import (
+    THRESHOLD,
+    TOLERANCE,
+    ClassLibrary,
+    MotionClass,
+    Subclass,
+)
 from motionary.library.editing import (
     find_clashes,
     find_subclass,
@@ -20,6 +26,8 @@ from motionary.library.teaching import Teaching, learn_classes
 from motionary.library.thresholds import Suggestion, apply_suggestions, suggest_thresholds
 
 __all__ = [
+    "THRESHOLD",
+    "TOLERANCE",
     "Advice",
     "ClassLibrary",
     "Examples",
