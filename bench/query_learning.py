@@ -41,7 +41,7 @@ def main() -> None:
         print(f"  {name}: {n_frames} frames, {len(problem.pool)} columns")
         time_runs(problem)
         time_evaluations(problem)
-    time_processes(problems["squat"])
+    time_processes(with_settings(problems["squat"], Breeding()))
 
 
 def read_clips(folder: Path) -> list[tuple[str, FeatureSequence]]:

@@ -43,9 +43,9 @@ from motionary.query_learning.simplifying import simplify
 from motionary.templates import MotionTemplate, learn_template, quantise
 
 #: Runs, and so queries that vote.
-RUNS = 20
+RUNS = 5
 #: Share of the queries that must agree.
-AGREEMENT = 0.7
+AGREEMENT = 0.6
 #: Seed of the optimisation of gaps, apart from those of the runs.
 _GAPS = 1 << 31
 
