@@ -137,7 +137,7 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
 def _line_of(path: Path, problem: str, *, place: str = "") -> str:
     """Where the key stands that an error of a class is about."""
     keys = (*CLASS_KEYS, *_PROMISES, *_TEMPLATE_KEYS, "query", "votes")
-    named = [key for key in keys if re.search(rf"\b{key}\b", problem)]
+    named = [key for key in keys if re.search(rf"\b(?:n_)?{key}\b", problem)]
     return next(filter(None, (tell_line(path, key, place=place) for key in named)), "")
 
 
