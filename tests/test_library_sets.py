@@ -208,7 +208,7 @@ def folder(tmp_path):
         ("squat.toml", "background = []", "background = [2]", r"background needs 40 .*\(line 7\)"),
         ("squat.toml", "v.npz", "w.npz", r"values means w.npz, which is missing \(line 8\)"),
         ("squat.toml", 'name = "squat"', 'name = "s"', r"name is 's', but the .*\(line 2\)"),
-        ("squat.toml", "examples = 2", "examples = 0", r"templates\[0\]: .*n_examples.*\(line 12\)"),
+        ("squat.toml", "examples = 2", "examples = 0", r"templates\[0\]: .*n_examples.*line 12"),
         ("squat.toml", 'name = "deep"\nexamples = 2', 'name = "deep"\nexamples = "two"',
          r"templates\[1\]\.examples must be a whole number, got 'two' \(line 18\)"),
         ("squat.toml", 'name = "deep"\nexamples = 2', 'name = "deep"\nexample = 2',
