@@ -1,8 +1,10 @@
 """How does a folder of examples become a library?"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from motionary.errors import InvalidInput
 from motionary.features import (
     FULL_BODY,
     FeatureSequence,
@@ -43,9 +45,12 @@ def learn(
     Raises
     ------
     InvalidInput, UnreadableFile
-        If there are no examples, or one of them cannot be read.
+        If there are no examples, examples of a class have nothing in common, or one of
+        them cannot be read.
     """
-    settings = teaching or Teaching(mirror=mirror)
+    settings = teaching or Teaching()
+    if mirror:
+        settings = replace(settings, mirror=True)
     if isinstance(examples, str | Path):
         read = read_examples(Path(examples), reading=reading, feature_set=feature_set, jobs=jobs)
         if read.failures:
@@ -53,6 +58,8 @@ def learn(
         nested = {name: dict(subclasses) for name, subclasses in read.classes.items()}
     else:
         nested = {name: {name: _sequences(items, feature_set)} for name, items in examples.items()}
+    if not nested:
+        raise InvalidInput("there are no examples to learn from; give at least one class")
     library = learn_classes(nested, teaching=settings)
     if suggest:
         suggestions = suggest_thresholds(nested, teaching=settings, jobs=jobs)
