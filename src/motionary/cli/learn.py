@@ -1,6 +1,6 @@
 """`motionary learn`: what do the examples of each class have in common?"""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -111,9 +111,14 @@ def learn(
     with screen.progress("reading", len(listed)) as done:
         read = read_examples(folder, reading=reading.reading(), jobs=jobs, on_done=done)
     complain_of_all((), read.failures)
+    problems: list[str] = []
     with screen.progress("learning", len(read.classes)) as done:
-        learned = learn_classes(read.classes, teaching=options.teaching(), on_done=done)
-    library, problems = _without_free(learned)
+        library = learn_classes(
+            read.classes,
+            teaching=options.teaching(),
+            on_done=done,
+            on_refused=lambda name, why: problems.append(f"class {name!r} is left out: {why}"),
+        )
     if options.queries is Queries.LEARNED:
         library = _with_queries(library, read.classes, runs=options.query_runs, jobs=jobs)
     lost = sorted({name for name, _, _ in listed} - set(read.classes))
@@ -128,19 +133,6 @@ def learn(
         draw_class(plot or "", motion_class, library=library)
     _say(library, as_json=as_json)
     return 1 if problems or read.failures else 0
-
-
-def _without_free(library: "ClassLibrary") -> "tuple[ClassLibrary, list[str]]":
-    """The library without classes that would match everything, and why they are left out."""
-    kept, problems = [], []
-    for motion_class in library:
-        try:
-            motion_class.quantised()
-        except InvalidInput as error:
-            problems.append(f"class {motion_class.name!r} is left out: {error}")
-        else:
-            kept.append(motion_class)
-    return replace(library, classes=tuple(kept)), problems
 
 
 def _with_queries(

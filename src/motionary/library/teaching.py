@@ -58,8 +58,15 @@ def learn_classes(
     *,
     teaching: Teaching,
     on_done: Callable[[], None] | None = None,
+    on_refused: Callable[[str, InvalidInput], None] | None = None,
 ) -> ClassLibrary:
     """Library learned from words: class -> subclass -> examples.
+
+    Parameters
+    ----------
+    on_done : called after each class
+    on_refused : called with a class that cannot be learned and why, and the class is left
+        out; without it the error is raised
 
     Raises
     ------
@@ -73,7 +80,14 @@ def learn_classes(
     if teaching.by_surprise:
         background = measure_background(examples, feature_set, mirror=teaching.mirror)
     for name, subclasses in examples.items():
-        classes.append(learn_class(name, subclasses, background=background, teaching=teaching))
+        try:
+            learned = learn_class(name, subclasses, background=background, teaching=teaching)
+        except InvalidInput as error:
+            if on_refused is None:
+                raise
+            on_refused(name, error)
+        else:
+            classes.append(learned)
         if on_done:
             on_done()
     return ClassLibrary(tuple(classes), feature_set, teaching.provenance, teaching.licence)

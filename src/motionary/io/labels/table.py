@@ -69,9 +69,7 @@ def write_labels(
         writer.writerow([recording, label.name, *own, *further])
     with write_atomically(path) as beside:
         # Names of files may hold bytes that are no text; they are shown as escapes.
-        beside.write_text(
-            text.getvalue(), encoding="utf-8", errors="backslashreplace", newline=""
-        )
+        beside.write_text(text.getvalue(), encoding="utf-8", errors="backslashreplace", newline="")
 
 
 def _as_tracks(
