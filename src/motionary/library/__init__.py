@@ -18,7 +18,7 @@ from motionary.library.editing import (
     replace_template,
 )
 from motionary.library.examples import Examples, ReadExamples, list_examples, read_examples
-from motionary.library.growing import add_examples, join_classes, keeps_examples
+from motionary.library.growing import add_examples, join_classes, keeps_examples, kept_examples
 from motionary.library.learning import learn
 from motionary.library.querying import QueriedLibrary, learn_queries
 from motionary.library.storage import load_library, save_library
@@ -44,6 +44,7 @@ __all__ = [
     "find_subclass",
     "join_classes",
     "keeps_examples",
+    "kept_examples",
     "learn",
     "learn_classes",
     "learn_queries",

@@ -17,6 +17,7 @@ from motionary.library.editing import (
     replace_class,
     replace_subclass,
 )
+from motionary.library.examples import Examples
 from motionary.library.teaching import MIRRORED, learn_subclass, measure_background, mirror_subclass
 from motionary.templates import join
 
@@ -24,6 +25,19 @@ from motionary.templates import join
 def keeps_examples(subclass: Subclass) -> bool:
     """Whether a subclass keeps every example that it was learned from."""
     return len(subclass.examples) == subclass.template.n_examples
+
+
+def kept_examples(library: ClassLibrary) -> Examples | None:
+    """Words of everything that a library was learned from; None unless it keeps them all."""
+    examples: dict[str, dict[str, Sequence[FeatureSequence]]] = {}
+    for motion_class in library:
+        for subclass in motion_class.subclasses:
+            if _is_mirror(subclass, motion_class):
+                continue
+            if not keeps_examples(subclass):
+                return None
+            examples.setdefault(motion_class.name, {})[subclass.name] = subclass.examples
+    return examples
 
 
 def add_examples(
@@ -126,11 +140,10 @@ def _learn_more(old: Subclass, new: Sequence[FeatureSequence]) -> Subclass:
 
 
 def _weigh_again(library: ClassLibrary) -> ClassLibrary:
-    """Library with the background of all examples, if all are kept and any is weighed by it."""
-    originals = [s for c in library for s in c.subclasses if not _is_mirror(s, c)]
-    if not all(keeps_examples(s) for s in originals) or not all(c.background for c in library):
+    """Library with the background of all examples, if all are kept and classes weigh by it."""
+    examples = kept_examples(library)
+    if examples is None or not all(c.background for c in library):
         return library
-    examples = {"all": {"all": [example for s in originals for example in s.examples]}}
     mirrored = any(_is_mirror(s, c) for c in library for s in c.subclasses)
     background = measure_background(examples, library.feature_set, mirror=mirrored)
     return replace(library, classes=tuple(replace(c, background=background) for c in library))

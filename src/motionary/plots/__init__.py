@@ -8,6 +8,7 @@ from motionary.plots.annotation import plot_annotation
 from motionary.plots.distance import plot_distance
 from motionary.plots.features import plot_features
 from motionary.plots.figures import BONES, plot_pose
+from motionary.plots.library import plot_library
 from motionary.plots.saving import save
 from motionary.plots.sheet import plot_sheet
 from motionary.plots.template import plot_template
@@ -17,6 +18,7 @@ __all__ = [
     "plot_annotation",
     "plot_distance",
     "plot_features",
+    "plot_library",
     "plot_pose",
     "plot_sheet",
     "plot_template",

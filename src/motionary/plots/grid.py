@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSet
+from motionary.features import FeatureSet, known_sets
 from motionary.plots.lettering import fit, text_width
 from motionary.plots.style import HATCH, RULE, UNKNOWN, UNKNOWN_HATCH
 
@@ -58,8 +58,7 @@ def named_rows(names: Sequence[str], *, feature_set: FeatureSet | None, of: str)
     feature_set : where to look them up; None: among the sets that are known by name
     of : name of the feature set that the names belong to
     """
-    known = {s.name: s for s in (FULL_BODY, FULL_BODY_2006)}
-    chosen = feature_set or known.get(of)
+    chosen = feature_set or known_sets().get(of)
     if chosen is None:
         return [Row("", name, "") for name in names]
     rows = feature_rows(chosen)
