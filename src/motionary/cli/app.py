@@ -21,8 +21,8 @@ from motionary.errors import MotionaryError
 
 #: Modules of this package, each with a function of its name, in the sequence of the help.
 COMMANDS = (
-    "search", "annotate", "learn", "cut", "index", "info", "convert", "features", "evaluate",
-    "demo",
+    "search", "annotate", "learn", "cut", "duplicates", "index", "info", "convert", "features",
+    "evaluate", "demo",
 )  # fmt: skip
 
 
