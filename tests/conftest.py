@@ -114,7 +114,7 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
             if status == "skipped":
                 if VARIABLE in str(report.longrepr):
                     skipped.add(report.nodeid)
-            elif report.when == "call":
+            elif getattr(report, "when", "") == "call":  # deselected tests have none
                 ran.add(report.nodeid)
     terminalreporter.write_line(
         f"real recordings: {len(ran)} tests used them, "
