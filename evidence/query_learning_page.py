@@ -55,7 +55,7 @@ are not remade by the script.
 
 **Before a template** (third part). A tenth of the frames is left, which is what the class
 itself takes of these clips; precision at .1 rises from .67 to .99; recall at .06 loses .029
-on mm and tr (.018 over all five, .010 on bd, bk, dg). The thesis' speed-up of 15 is *not*
+on mm and tr. The thesis' speed-up of 15 is *not*
 reached, nor one of 6: compiled matching takes half a millisecond to a millisecond for 42 586
 frames where the authors had seconds, so that five queries of 0.1 ms each are no longer small
 beside it. At 10^6 frames the factor is 2.6. Annotation, which searches the words without an
