@@ -8,7 +8,7 @@ import importlib
 import inspect
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 import typer
@@ -21,8 +21,8 @@ from motionary.errors import MotionaryError
 
 #: Modules of this package, each with a function of its name, in the sequence of the help.
 COMMANDS = (
-    "search", "annotate", "learn", "cut", "duplicates", "index", "info", "convert", "features",
-    "evaluate", "demo",
+    "search", "annotate", "learn", "library", "cut", "duplicates", "index", "info", "convert",
+    "features", "evaluate", "demo",
 )  # fmt: skip
 
 
@@ -45,10 +45,24 @@ def build_app() -> typer.Typer:
     )
     app.callback()(_start)
     for name in COMMANDS:
-        command = getattr(importlib.import_module(f"motionary.cli.{name}"), name)
+        module = importlib.import_module(f"motionary.cli.{name}")
+        command = getattr(module, name)
+        if hasattr(module, "SUBCOMMANDS"):
+            app.add_typer(_build_group(command, module.SUBCOMMANDS), name=name)
+            continue
         # The demonstration is the one command that needs nothing said.
         app.command(name, no_args_is_help=name != "demo")(_guarded(command))
     return app
+
+
+def _build_group(
+    described: Callable[..., Any], commands: Mapping[str, Callable[..., Any]]
+) -> typer.Typer:
+    """Commands below one, which only describes them."""
+    group = typer.Typer(help=_help_of(described), no_args_is_help=True, rich_markup_mode=None)
+    for name, command in commands.items():
+        group.command(name, no_args_is_help=True)(_guarded(command))
+    return group
 
 
 def _show_version(asked: bool) -> None:

@@ -18,7 +18,7 @@ import typer
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.features import Reading
+    from motionary.features import FeatureSet, Reading
 
 
 class LibraryDefault:
@@ -154,6 +154,35 @@ AsJson = Annotated[
     bool,
     typer.Option("--json", help="JSON on stdout, one object a line, and nothing else."),
 ]
+
+
+def _check_feature_set(value: str | None) -> str | None:
+    if value is not None:
+        find_feature_set(value)
+    return value
+
+
+FeatureSetName = Annotated[
+    str | None,
+    typer.Option(
+        "--features",
+        metavar="SET",
+        callback=_check_feature_set,
+        help="Relations to measure: full-body-40 (the usual), legs-14, three-levels-129 (how far "
+        "and how fast), full-body-39.",
+    ),
+]
+
+
+def find_feature_set(name: str | None) -> "FeatureSet":
+    """The set of relations of a name; the usual one without."""
+    from motionary.features import FULL_BODY, known_sets
+
+    if name is None:
+        return FULL_BODY
+    if name not in known_sets():
+        raise typer.BadParameter(f"no set {name!r}; choose one of {', '.join(known_sets())}")
+    return known_sets()[name]
 
 
 def expand_groups(

@@ -9,7 +9,7 @@ from motionary.cli.inputs import read_as_told
 
 if TYPE_CHECKING:
     from motionary.cli.example import Example
-    from motionary.features import FeatureSequence, Reading
+    from motionary.features import FeatureSequence, FeatureSet, Reading
     from motionary.labels import LabelTrack
     from motionary.library import ClassLibrary, MotionClass
     from motionary.motion import Floats, Motion
@@ -43,11 +43,24 @@ def draw_sheet(
         save(plot_sheet(rows[0], rows[1:]), path)
 
 
-def draw_template(path: str, template: "MotionTemplate", tolerance: float) -> None:
+def draw_template(
+    path: str,
+    template: "MotionTemplate",
+    tolerance: float,
+    *,
+    feature_set: "FeatureSet | None" = None,
+) -> None:
     """A template, and its fixed cells beside it."""
     from motionary.plots import plot_template, save
 
-    save(plot_template(template, tolerance=tolerance), path)
+    save(plot_template(template, tolerance=tolerance, feature_set=feature_set), path)
+
+
+def draw_library(path: str, library: "ClassLibrary", *, title: str) -> None:
+    """The classes of a library."""
+    from motionary.plots import plot_library, save
+
+    save(plot_library(library, title=title), path)
 
 
 def draw_annotation(
