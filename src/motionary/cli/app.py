@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from motionary import __version__
 from motionary.cli import STOPPED_BY_KEYBOARD
@@ -26,6 +27,14 @@ COMMANDS = (
 )  # fmt: skip
 
 
+class _InSequence(TyperGroup):
+    """Lists commands in their sequence; groups would come last."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the commands."""
+        return [name for name in COMMANDS if name in self.commands]
+
+
 def run_app() -> None:
     """Run the command that this process was called with, and exit."""
     prepare_streams()
@@ -35,6 +44,7 @@ def run_app() -> None:
 def build_app() -> typer.Typer:
     """All commands."""
     app = typer.Typer(
+        cls=_InSequence,
         help=_help_of(_start),
         add_completion=False,
         no_args_is_help=True,
