@@ -19,8 +19,11 @@ def share_of_ones(corpus: Corpus, n_relations: int) -> Floats:
     One frame of either value is added (Laplace), so that what never happens is rare and
     not impossible.
     """
-    ones = unpack(corpus.words & corpus.known, n_relations).sum(axis=0, dtype=np.int64)
-    seen = unpack(corpus.known, n_relations).sum(axis=0, dtype=np.int64) - len(corpus.blocked)
+    inside = np.ones(len(corpus.words), dtype=np.bool_)
+    inside[corpus.blocked] = False
+    words, known = corpus.words[inside], corpus.known[inside]
+    ones = unpack(words & known, n_relations).sum(axis=0, dtype=np.int64)
+    seen = unpack(known, n_relations).sum(axis=0, dtype=np.int64)
     return share_of_counts(ones, seen)
 
 
