@@ -195,11 +195,12 @@ class Index:
             for (name, _), item in zip(files, items, strict=True):
                 ready.append((name, item))
                 if len(ready) == _PORTION or _count_words(ready) >= _PORTION_WORDS:
-                    portion, ready = ready, []
-                    self._keep(portion, changes)
+                    self._keep(ready, changes)
+                    ready = []
         finally:
-            if ready:
-                self._keep(ready, changes)
+            # Keeping a portion may itself have been interrupted, before its end or after.
+            kept = self._shards[-1].names if self._shards else ()
+            self._keep([pair for pair in ready if pair[0] not in kept], changes)
         self._join_small()
         self._clean()
         return changes

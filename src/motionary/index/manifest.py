@@ -106,7 +106,7 @@ def read_manifest(folder: Path) -> Manifest | None:
     path = folder / FILE
     try:
         content = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (OSError, ValueError) as error:
         raise UnreadableFile(f"{path}: cannot be read as an index: {error}") from error
