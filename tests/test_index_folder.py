@@ -284,7 +284,7 @@ def test_an_interrupted_change_leaves_no_old_words(folder, place, tmp_path):
 def test_a_stopped_command_leaves_what_is_ready(tmp_path, place):
     folder = tmp_path / "recordings"
     fill(folder, ["0.bvh"])
-    for i in range(1, 200):
+    for i in range(1, 130):
         (folder / f"{i}.bvh").write_bytes((folder / "0.bvh").read_bytes())
     command = [sys.executable, "-m", "motionary.cli", "index", str(folder), "--index", str(place)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
@@ -295,10 +295,10 @@ def test_a_stopped_command_leaves_what_is_ready(tmp_path, place):
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 130, errors
     index = Index.open(folder, at=place)
-    assert 64 <= len(index) < 200
-    assert f"stopped: {len(index)} of 200 recordings are ready" in errors.decode()
+    assert 64 <= len(index) < 130
+    assert f"stopped: {len(index)} of 130 recordings are ready" in errors.decode()
     index, read = update(folder, place)
-    assert len(read) < 200
+    assert len(read) < 130
     assert_fresh(index, folder, tmp_path)
 
 
@@ -359,7 +359,7 @@ def edit(place, **values):
 def test_a_newer_index_is_refused(folder, place):
     update(folder, place)
     edit(place, version=99)
-    with pytest.raises(UnreadableFile, match="newer motionary .version 99.*update motionary"):
+    with pytest.raises(UnreadableFile, match=r"newer motionary \(version 99.*update motionary"):
         Index.open(folder, at=place)
 
 
@@ -412,7 +412,7 @@ def test_a_damaged_index_in_the_cache_is_made_anew(folder, tmp_path, monkeypatch
 def test_other_peoples_files_are_not_written_among(folder, place):
     place.mkdir()
     (place / "thesis.tex").write_text("")
-    with pytest.raises(UnwritableFile, match="holds files but no index .thesis.tex"):
+    with pytest.raises(UnwritableFile, match=r"holds files but no index \(thesis.tex"):
         update(folder, place)
     assert [path.name for path in place.iterdir()] == ["thesis.tex"]
 
@@ -427,8 +427,8 @@ def test_an_index_may_lie_among_the_recordings(folder, tmp_path):
 def test_a_missing_folder_is_told(tmp_path, place):
     with pytest.raises(UnreadableFile, match="cannot be searched: No such file"):
         update(tmp_path / "none", place)
+    (tmp_path / "file.bvh").touch()
     with pytest.raises(UnreadableFile, match="cannot be searched: Not a directory"):
-        (tmp_path / "file.bvh").touch()
         update(tmp_path / "file.bvh", place)
 
 
