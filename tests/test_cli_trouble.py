@@ -185,7 +185,8 @@ def test_a_class_of_one_example_is_learned_with_a_warning(motionary, world, tmp_
         path.unlink()
     ran = motionary("learn", tmp_path / "examples", "-o", tmp_path / "lib")
     assert ran.code == 0
-    assert "class 'squat' has one example" in ran.err
+    assert "class 'squat': one example: too few" in ran.err
+    assert "too little to choose its threshold by; it stays 0.06" in ran.err
     assert "100 %" in ran.out
 
 

@@ -1,82 +1,31 @@
 """`motionary learn`: what do the examples of each class have in common?"""
 
-from dataclasses import dataclass
-from enum import StrEnum
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_target, complain_of_all
-from motionary.cli.options import AsJson, Jobs, LibraryDefault, ReadingOptions
+from motionary.cli.inputs import check_target, complain_of_all, find_files
+from motionary.cli.learn_options import Queries, TeachingOptions, ThresholdOptions
+from motionary.cli.options import (
+    AsJson,
+    Jobs,
+    ReadingOptions,
+    find_feature_set,
+)
 from motionary.cli.pictures import draw_class
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
+    from motionary.features import FeatureSequence, Reading
     from motionary.library import ClassLibrary, Examples, Teaching
 
-_TEACHING = "motionary.library:Teaching"
-_COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed")
-
-
-class Queries(StrEnum):
-    """Where the keyframe queries of a class come from."""
-
-    NONE = "none"
-    LEARNED = "learned"
-
-
-@dataclass(frozen=True, kw_only=True)
-class TeachingOptions:
-    """How classes are learned."""
-
-    mirror: Annotated[
-        bool,
-        typer.Option("--mirror", help="Learn the mirror image of each class, too."),
-    ] = False
-    threshold: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            metavar="COST",
-            default_factory=LibraryDefault(_TEACHING, "threshold"),
-            help="Largest cost of a match of these classes.",
-        ),
-    ]
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=0.5,
-            metavar="SHARE",
-            default_factory=LibraryDefault(_TEACHING, "tolerance"),
-            help="A relation may differ in this share of the examples and still be asked for.",
-        ),
-    ]
-
-    queries: Annotated[
-        Queries,
-        typer.Option(
-            help="Breed keyframe queries from the examples, so that a class is looked for "
-            "around their hits only.",
-        ),
-    ] = Queries.NONE
-    query_runs: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            default_factory=LibraryDefault("motionary.query_learning:learn_query", "runs"),
-            help="Queries to breed for each class; most of them must agree on a hit.",
-        ),
-    ]
-
-    def teaching(self) -> "Teaching":
-        """The same for the library."""
-        from motionary.library import Teaching
-
-        return Teaching(threshold=self.threshold, tolerance=self.tolerance, mirror=self.mirror)
+_COLUMNS = (
+    "class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold", ">right",
+    ">found",
+)  # fmt: skip
 
 
 def learn(
@@ -88,6 +37,7 @@ def learn(
         str, typer.Option("--output", "-o", metavar="LIB", help="Folder to write the library to.")
     ],
     options: TeachingOptions,
+    thresholds: ThresholdOptions,
     plot: Annotated[str | None, typer.Option(metavar="FOLDER", help="Draw the templates.")] = None,
     as_json: AsJson = False,
     *,
@@ -99,6 +49,10 @@ def learn(
     The files in a folder are the examples of its class. Folders in it are ways of doing the
     same, each with a template of its own.
 
+    Of each class some examples are held out in turn to choose its threshold. "right" is the
+    share of labels that are right, "found" that of motions that are labelled, to be expected
+    of recordings never seen.
+
     motionary learn examples/ -o my-classes --mirror
     with examples/squat/one.bvh, examples/squat/two.bvh, examples/kick/one.bvh, ...
     """
@@ -109,15 +63,27 @@ def learn(
     folder = Path(examples)
     listed = list_examples(folder)
     with screen.progress("reading", len(listed)) as done:
-        read = read_examples(folder, reading=reading.reading(), jobs=jobs, on_done=done)
+        read = read_examples(
+            folder,
+            reading=reading.reading(),
+            feature_set=find_feature_set(options.features),
+            jobs=jobs,
+            on_done=done,
+        )
     complain_of_all((), read.failures)
-    problems: list[str] = []
+    others, problems = _read_others(thresholds, reading.reading(), options.features, jobs=jobs)
+    _advise(read.classes, tolerance=options.tolerance)
+    teaching = options.teaching(thresholds.threshold)
     with screen.progress("learning", len(read.classes)) as done:
         library = learn_classes(
             read.classes,
-            teaching=options.teaching(),
+            teaching=teaching,
             on_done=done,
             on_refused=lambda name, why: problems.append(f"class {name!r} is left out: {why}"),
+        )
+    if thresholds.wanted and library:
+        library = _with_thresholds(
+            library, read.classes, others, groups=thresholds.groups, teaching=teaching, jobs=jobs
         )
     if options.queries is Queries.LEARNED:
         library = _with_queries(library, read.classes, runs=options.query_runs, jobs=jobs)
@@ -133,6 +99,64 @@ def learn(
         draw_class(plot or "", motion_class, library=library)
     _say(library, as_json=as_json)
     return 1 if problems or read.failures else 0
+
+
+def _read_others(
+    thresholds: ThresholdOptions, reading: "Reading", features: str | None, *, jobs: int
+) -> "tuple[list[FeatureSequence], list[str]]":
+    """Words of recordings without the classes, and which of them could not be read."""
+    from motionary.batch import Failure
+    from motionary.features import read_features
+
+    if not thresholds.wanted or not thresholds.negatives:
+        return [], []
+    found = find_files(thresholds.negatives)
+    with screen.progress("reading others", len(found.files)) as done:
+        words = list(
+            read_features(
+                found.files.items(), reading=reading, feature_set=find_feature_set(features),
+                jobs=jobs, on_done=done,
+            )
+        )  # fmt: skip
+    problems = [str(error) for error in found.missing.values()]
+    problems += [
+        screen.name_error(*item.item, item.error) for item in words if isinstance(item, Failure)
+    ]
+    return [item for item in words if not isinstance(item, Failure)], problems
+
+
+def _advise(examples: "Examples", *, tolerance: float) -> None:
+    """Say what looks wrong with the examples; they are learned all the same."""
+    from motionary.library import advise
+
+    for advice in advise(examples, tolerance=tolerance):
+        screen.complain(str(advice))
+
+
+def _with_thresholds(
+    library: "ClassLibrary",
+    examples: "Examples",
+    others: "Sequence[FeatureSequence]",
+    *,
+    groups: str | None,
+    teaching: "Teaching",
+    jobs: int,
+) -> "ClassLibrary":
+    """The library with thresholds that were chosen on examples held out."""
+    from motionary.library import N_FOLDS, apply_suggestions, suggest_thresholds
+
+    learned = {name: examples[name] for name in library.names}
+    with screen.progress("choosing thresholds", N_FOLDS) as done:
+        suggestions = suggest_thresholds(
+            learned, groups=groups, negatives=others, teaching=teaching, jobs=jobs, on_done=done
+        )
+    for name in library.names:
+        if name not in suggestions:
+            screen.complain(
+                f"class {name!r}: too little to choose its threshold by; it stays "
+                f"{library[name].threshold:g}"
+            )
+    return apply_suggestions(library, suggestions)
 
 
 def _with_queries(
@@ -173,13 +197,11 @@ def _say(library: "ClassLibrary", *, as_json: bool) -> None:
                 "columns": template.n_columns,
                 "seconds": template.duration_s,
                 "fixed": quantised.n_fixed / quantised.fixed.size,
+                "threshold": motion_class.threshold,
+                "promised_precision": motion_class.promised_precision,
+                "promised_recall": motion_class.promised_recall,
             }
             rows.append(row)
-        if all(s.template.n_examples == 1 for s in motion_class.subclasses):
-            screen.complain(
-                f"class {motion_class.name!r} has one example: nothing may vary in it, so that "
-                "it will hardly match another person; add examples"
-            )
     if as_json:
         for row in rows:
             screen.say_json(row)
@@ -188,5 +210,11 @@ def _say(library: "ClassLibrary", *, as_json: bool) -> None:
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
-    shown = row | {"seconds": f"{row['seconds']:.2f}", "fixed": f"{100 * row['fixed']:.0f} %"}
+    shown = row | {
+        "seconds": f"{row['seconds']:.2f}",
+        "fixed": f"{100 * row['fixed']:.0f} %",
+        "threshold": f"{row['threshold']:.3g}",
+    }
+    for key in ("promised_precision", "promised_recall"):
+        shown[key] = "" if row[key] is None else f"{100 * row[key]:.0f} %"
     return [str(value) for value in shown.values()]

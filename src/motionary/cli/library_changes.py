@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from motionary.templates import MotionTemplate
 
 
-#: Parts in which examples are held out, for the bar.
-N_PARTS = 5
-
-
 @dataclass(frozen=True, kw_only=True)
 class Changes:
     """What becomes of a class."""
@@ -244,12 +240,18 @@ def _read_text(path: str) -> str:
 
 def _suggest(library: "ClassLibrary", names: set[str], *, jobs: int) -> "ClassLibrary":
     """The library with thresholds chosen anew for some classes, all examples being kept."""
-    from motionary.library import Teaching, apply_suggestions, kept_examples, suggest_thresholds
+    from motionary.library import (
+        N_FOLDS,
+        Teaching,
+        apply_suggestions,
+        kept_examples,
+        suggest_thresholds,
+    )
 
     one = library.classes[0]
     mirrored = any(s.name.endswith("Mirrored") for c in library for s in c.subclasses)
     teaching = Teaching(tolerance=one.tolerance, mirror=mirrored, by_surprise=bool(one.background))
-    with screen.progress("choosing thresholds", N_PARTS) as done:
+    with screen.progress("choosing thresholds", N_FOLDS) as done:
         suggestions = suggest_thresholds(
             kept_examples(library) or {}, teaching=teaching, jobs=jobs, on_done=done
         )

@@ -19,6 +19,7 @@ from motionary.library.editing import (
 )
 from motionary.library.examples import Examples, ReadExamples, list_examples, read_examples
 from motionary.library.growing import add_examples, join_classes, keeps_examples, kept_examples
+from motionary.library.holding_out import N_FOLDS
 from motionary.library.learning import learn
 from motionary.library.querying import QueriedLibrary, learn_queries
 from motionary.library.storage import load_library, save_library
@@ -26,6 +27,7 @@ from motionary.library.teaching import Teaching, learn_classes
 from motionary.library.thresholds import Suggestion, apply_suggestions, suggest_thresholds
 
 __all__ = [
+    "N_FOLDS",
     "THRESHOLD",
     "TOLERANCE",
     "Advice",

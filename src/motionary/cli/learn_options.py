@@ -1,0 +1,116 @@
+"""Which options has `motionary learn`?"""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motionary.cli.options import FeatureSetName, LibraryDefault
+
+if TYPE_CHECKING:
+    from motionary.library import Teaching
+
+_TEACHING = "motionary.library:Teaching"
+
+
+class Queries(StrEnum):
+    """Where the keyframe queries of a class come from."""
+
+    NONE = "none"
+    LEARNED = "learned"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeachingOptions:
+    """How classes are learned."""
+
+    mirror: Annotated[
+        bool,
+        typer.Option("--mirror", help="Learn the mirror image of each class, too."),
+    ] = False
+    features: FeatureSetName = None
+    keep_examples: Annotated[
+        bool,
+        typer.Option(
+            "--keep-examples",
+            help="Keep the examples' relations in the library, so that `library add` learns from "
+            "more as if from all at once.",
+        ),
+    ] = False
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=0.5,
+            metavar="SHARE",
+            default_factory=LibraryDefault(_TEACHING, "tolerance"),
+            help="A relation may differ in this share of the examples and still be asked for.",
+        ),
+    ]
+    queries: Annotated[
+        Queries,
+        typer.Option(
+            help="Breed keyframe queries from the examples, so that a class is looked for "
+            "around their hits only.",
+        ),
+    ] = Queries.NONE
+    query_runs: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            default_factory=LibraryDefault("motionary.query_learning:learn_query", "runs"),
+            help="Queries to breed for each class; most of them must agree on a hit.",
+        ),
+    ]
+
+    def teaching(self, threshold: float | None) -> "Teaching":
+        """The same for the library."""
+        from motionary.library import Teaching
+
+        taught = Teaching(
+            tolerance=self.tolerance, mirror=self.mirror, keep_examples=self.keep_examples
+        )
+        return taught if threshold is None else replace(taught, threshold=threshold)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThresholdOptions:
+    """Below which cost a match of a class is believed."""
+
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            metavar="COST",
+            help="Largest cost of a match of these classes; by default chosen for each.",
+        ),
+    ] = None
+    suggest: Annotated[
+        bool,
+        typer.Option(
+            "--suggest/--no-suggest",
+            help="Choose thresholds on examples that are held out, and say what they promise.",
+        ),
+    ] = True
+    groups: Annotated[
+        str | None,
+        typer.Option(
+            metavar="REGEX",
+            help="Hold examples out together whose names match the same, such as 'HDM_(..)_' "
+            "for actors: what is promised then holds for actors never seen.",
+        ),
+    ] = None
+    negatives: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH",
+            help="Other recordings, without any of these classes, to choose thresholds against.",
+        ),
+    ] = None
+
+    @property
+    def wanted(self) -> bool:
+        """Whether thresholds are to be chosen."""
+        return self.suggest and self.threshold is None
