@@ -172,7 +172,7 @@ def test_growing_frees_what_differs_between_the_example_and_its_hits():
     takes = [sequence(stream(e, seed=i)[0], source=f"take {i}") for i, e in enumerate(examples[1:])]
     example = sequence(examples[0], source="mine")
     plain = search(example, takes, growing=AS_IT_IS, limit=5)
-    grown = search(example, takes, growing=Growing(by_surprise=False), limit=5)
+    grown = search(example, takes, growing=Growing(hits=3, by_surprise=False), limit=5)
     assert max(hit.cost for hit in grown) < min(hit.cost for hit in plain)
     (template,) = grown.templates
     assert template.n_examples == 4
@@ -240,7 +240,7 @@ def test_rounds_search_anew():
     examples = varied(6)
     takes = [sequence(stream(e, seed=i)[0]) for i, e in enumerate(examples[1:])]
     once, twice = (
-        search(sequence(examples[0]), takes, growing=Growing(rounds=n), limit=5) for n in (1, 2)
+        search(sequence(examples[0]), takes, growing=Growing(hits=3, rounds=n), limit=5) for n in (1, 2)
     )
     assert twice.templates[0].n_examples == once.templates[0].n_examples == 4
     assert max(h.cost for h in twice) <= max(h.cost for h in once) + 0.02

@@ -16,7 +16,7 @@ from motionary.labels import Label, LabelTrack
 from motionary.library import ClassLibrary
 from motionary.motion import Motion
 from motionary.plots import plot_annotation, plot_sheet, plot_template, save
-from motionary.search import Hit, SearchResult
+from motionary.search import Growing, Hit, SearchResult
 
 
 def show_hits(
@@ -33,7 +33,7 @@ def show_hits(
     strips = [(hit_title(hit), cut(motions[hit.recording], hit)) for hit in others[:5]]
     save(plot_sheet((title, motion.generic_positions()), strips), folder / "hits.png")
     template = result.templates[0]
-    save(plot_template(template, tolerance=0.1), folder / "template.png")
+    save(plot_template(template, tolerance=Growing().tolerance), folder / "template.png")
     yield f"  pictures: {folder / 'hits.png'}, {folder / 'template.png'}"
 
 

@@ -28,14 +28,15 @@ class Growing:
         the example's words as they are
     rounds : how often the nearest hits are found anew
     most_cost : a nearest hit that costs more is too far to learn from
-    tolerance : a cell is fixed if at most this share of example and hits differs
+    tolerance : a cell is fixed if at most this share of example and hits differs; by
+        default one of the five hits may, as one of them may be wrong
     by_surprise : whether what is rare in the collection weighs more
     """
 
-    hits: int = 3
+    hits: int = 5
     rounds: int = 1
-    most_cost: float = 0.25
-    tolerance: float = 0.1
+    most_cost: float = 0.3
+    tolerance: float = 0.26
     by_surprise: bool = True
 
 
