@@ -57,7 +57,8 @@ def weigh(left: Signs, right: Signs, offset: int, rates: Floats) -> Evidence:
     total = np.concatenate([[0.0], np.cumsum(gain)])
     lowest = np.minimum.accumulate(total)
     stop = int(np.argmax(total - lowest))
-    start = int(np.argmin(total[: stop + 1]))
+    # The last of equal ones: what is still before the first shared change says nothing.
+    start = stop - int(np.argmin(total[stop::-1]))
     inside = slice(start, stop)
     n_changes = int(np.count_nonzero(a[inside]) + np.count_nonzero(b[inside]))
     n_met = int(np.count_nonzero(met_a[inside]) + np.count_nonzero(met_b[inside]))
