@@ -38,7 +38,7 @@ def cut(
     """
     from motionary.io import read_labels
 
-    check_target(output)
+    check_target(output, is_folder=True)
     tracks = read_labels(labels)
     if only:
         names = {label.name for track in tracks.values() for label in track}

@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from motionary.errors import InvalidInput
+
 if TYPE_CHECKING:
     from motionary.features import FeatureSet
     from motionary.index import Collection
@@ -13,22 +15,37 @@ if TYPE_CHECKING:
     from motionary.templates import MotionTemplate
 
 
+#: Shares of the frames that keyframes may leave: in a small collection of a few classes,
+#: a class is not rare.
+_MAY_BE_LEFT = (0.12, 0.25, 0.5, 1.0)
+
+
 def derive(
     templates: "Sequence[MotionTemplate]", collection: "Collection", tolerance: float
 ) -> "tuple[KeyframeQuery, ...]":
-    """Keyframes that templates suggest."""
+    """Keyframes that templates suggest.
+
+    Raises
+    ------
+    InvalidInput
+        If there are none.
+    """
     from motionary.search import Deriving, derive_queries
     from motionary.templates import quantise
 
     quantised = [quantise(template, tolerance=tolerance) for template in templates]
-    derived = [derive_queries(template, collection, Deriving()) for template in quantised]
-    return tuple(query for queries in derived for query in queries)
+    for share in _MAY_BE_LEFT:
+        deriving = Deriving(frames_left=share)
+        derived = [derive_queries(template, collection, deriving) for template in quantised]
+        if any(derived):
+            return tuple(query for queries in derived for query in queries)
+    raise InvalidInput("nothing in the template is rare enough to be a keyframe")
 
 
 def save_queries(
     queries: "Sequence[KeyframeQuery]", path: str, *, feature_set: "FeatureSet"
 ) -> None:
-    """Write keyframes as text; an empty file where there are none."""
+    """Write keyframes as text."""
     from motionary.io.text import write_text
     from motionary.keyframes import format_queries
 

@@ -146,8 +146,10 @@ def _check_use(query: QueryOptions, results: ResultOptions) -> None:
             raise wrong(option, "goes with --like FILE")
     check_picture("--sheet", results.sheet)
     check_picture("--template", results.template)
-    for path in (results.output, results.cut, results.save_query, results.save_class):
+    for path in (results.output, results.save_query):
         check_target(path)
+    for path in (results.cut, results.save_class):
+        check_target(path, is_folder=True)
 
 
 def _to_tracks(result: "SearchResult", name: str) -> "list[LabelTrack]":
