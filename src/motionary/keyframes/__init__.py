@@ -9,6 +9,7 @@ from motionary.keyframes.building import (
     mirror_query,
 )
 from motionary.keyframes.choosing import Choice, choose_keyframes
+from motionary.keyframes.choosing_query import Choosing, ChosenQuery, choose_query
 from motionary.keyframes.fitting import FittedHits, fit_hits
 from motionary.keyframes.query import (
     Gap,
@@ -34,6 +35,8 @@ from motionary.keyframes.word_index import WordIndex, index_words
 
 __all__ = [
     "Choice",
+    "Choosing",
+    "ChosenQuery",
     "FittedHits",
     "Gap",
     "HitRange",
@@ -46,6 +49,7 @@ __all__ = [
     "check_features",
     "check_votes",
     "choose_keyframes",
+    "choose_query",
     "columns_of_query",
     "extend",
     "fit_hits",
