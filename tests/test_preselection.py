@@ -35,7 +35,6 @@ from motionary.keyframes.ranges import HitRanges
 from motionary.library import ClassLibrary, MotionClass, Subclass, learn
 from motionary.matching import align, concatenate, distance_function, find_hits
 from motionary.search import Deriving, Growing, derive_queries, search
-from motionary.templates import quantise
 from motionary.words import full_mask
 from word_cases import N, random_rows, sequence, stream
 
@@ -329,7 +328,7 @@ def gestures():
 
 def test_derived_keyframes_are_shown_by_what_they_are_derived_from(gestures):
     sought = gesture(3)
-    queries = derive_queries(quantised(sought), gestures, Deriving())
+    queries = derive_queries(template_of(sought), gestures, Deriving())
     assert len(queries) > 1
     for query in queries:
         assert len(query) <= 2
@@ -359,14 +358,14 @@ def test_a_fast_search_finds_the_gesture(gestures):
 def test_nothing_rare_gives_no_keyframes():
     rows = np.zeros((60, N), dtype=bool)
     collection = Collection((sequence(rows, source="still"),))
-    assert derive_queries(quantised(rows[:20]), collection, Deriving()) == ()
+    assert derive_queries(template_of(rows[:20]), collection, Deriving()) == ()
     result = search(sequence(rows[:20]), collection, preselect=True)
     assert result.share_matched == 1
 
 
-def quantised(rows):
+def template_of(rows):
     library = learn({"it": [sequence(rows)]})
-    return quantise(library["it"].subclasses[0].template, tolerance=0.05)
+    return library["it"].subclasses[0].template
 
 
 # -- labels -------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ _MAY_BE_LEFT = (0.12, 0.25, 0.5, 1.0)
 
 
 def derive(
-    templates: "Sequence[MotionTemplate]", collection: "Collection", tolerance: float
+    templates: "Sequence[MotionTemplate]", collection: "Collection"
 ) -> "tuple[KeyframeQuery, ...]":
     """Keyframes that templates suggest.
 
@@ -31,12 +31,10 @@ def derive(
         If there are none.
     """
     from motionary.search import Deriving, derive_queries
-    from motionary.templates import quantise
 
-    quantised = [quantise(template, tolerance=tolerance) for template in templates]
     for share in _MAY_BE_LEFT:
         deriving = Deriving(frames_left=share)
-        derived = [derive_queries(template, collection, deriving) for template in quantised]
+        derived = [derive_queries(template, collection, deriving) for template in templates]
         if any(derived):
             return tuple(query for queries in derived for query in queries)
     raise InvalidInput("nothing in the template is rare enough to be a keyframe")

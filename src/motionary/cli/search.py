@@ -185,7 +185,7 @@ def _save(
     if results.save_query:
         from motionary.cli.saving import derive, save_queries
 
-        queries = result.queries or derive(result.templates, collection, growing.tolerance)
+        queries = result.queries or derive(result.templates, collection)
         save_queries(queries, results.save_query, feature_set=collection.feature_set)
     if results.save_class:
         from motionary.cli.saving import save_class

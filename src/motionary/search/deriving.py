@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from motionary.index import Collection
 from motionary.keyframes import KeyframeQuery, gap_of, select_in_index
 from motionary.matching import surprise
-from motionary.templates import QuantisedTemplate
+from motionary.templates import MotionTemplate, QuantisedTemplate, quantise
 from motionary.words import pack
 
 
@@ -32,6 +32,8 @@ class Deriving:
     stiffness : of its gaps
     apart : fewest columns between two keyframes
     shortest : fewest columns that a relation must keep its value to count
+    tolerance : a relation counts if at most this share of the template's examples differs;
+        a keyframe forgives nothing, so less than where the template is matched
     """
 
     queries: int = 4
@@ -41,6 +43,7 @@ class Deriving:
     stiffness: float = 0.5
     apart: int = 6
     shortest: int = 3
+    tolerance: float = 0.1
 
 
 class _Stretch(NamedTuple):
@@ -103,7 +106,7 @@ _STILL_OF_USE = 2.0
 
 
 def derive_queries(
-    template: QuantisedTemplate, collection: Collection, deriving: Deriving
+    template: MotionTemplate, collection: Collection, deriving: Deriving
 ) -> tuple[KeyframeQuery, ...]:
     """Queries around whose hits a template may be found; none if it has nothing rare.
 
@@ -113,7 +116,8 @@ def derive_queries(
     collection : says what is rare, and how much a query leaves
     deriving : settings
     """
-    left = _stretches(template, collection.share_of_ones, deriving.shortest)
+    quantised = quantise(template, tolerance=deriving.tolerance)
+    left = _stretches(quantised, collection.share_of_ones, deriving.shortest)
     queries: list[KeyframeQuery] = []
     while left and len(queries) < deriving.queries:
         draft, used, query, share = _Draft(), set(), None, 1.0
@@ -121,7 +125,7 @@ def derive_queries(
             if not draft.add(stretch, deriving):
                 continue
             used.add(stretch)
-            query = draft.query(template, deriving.stiffness)
+            query = draft.query(quantised, deriving.stiffness)
             share = _share_left(query, template.n_columns, collection)
             if share <= deriving.frames_left:
                 break

@@ -40,8 +40,8 @@ class Growing:
     by_surprise: bool = True
 
 
-#: Says where in a collection something is matched.
-Narrower = Callable[[Sought, Collection], Sought]
+#: Says where in a collection something of a template is matched.
+Narrower = Callable[[Sought, MotionTemplate, Collection], Sought]
 
 
 def grow(
@@ -71,7 +71,7 @@ def grow(
     for _ in range(growing.rounds if growing.hits else 0):
         sought = _seek(example, template, growing, ones)
         nearest = rank(
-            [narrow(sought, collection)],
+            [narrow(sought, template, collection)],
             collection,
             threshold=growing.most_cost,
             limit=growing.hits + 1,

@@ -141,19 +141,20 @@ def _seek(
             f"{type(query).__name__}"
         )
     narrow = _narrower(preselect)
-    return [narrow(item, collection) for item in sought], templates
+    pairs = zip(sought, templates, strict=True)
+    return [narrow(item, template, collection) for item, template in pairs], templates
 
 
 def _narrower(preselect: Preselection) -> Narrower:
     """Says where something is matched."""
 
-    def narrow(item: Sought, collection: Collection) -> Sought:
+    def narrow(item: Sought, template: MotionTemplate, collection: Collection) -> Sought:
         if preselect is None:
             return item
         if preselect is True and item.queries:
             return item
         if preselect is True:
-            queries = derive_queries(item.template, collection, Deriving())
+            queries = derive_queries(template, collection, Deriving())
         else:
             queries = _as_queries(preselect)
         return replace(item, queries=queries, votes=1)
