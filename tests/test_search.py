@@ -240,7 +240,8 @@ def test_rounds_search_anew():
     examples = varied(6)
     takes = [sequence(stream(e, seed=i)[0]) for i, e in enumerate(examples[1:])]
     once, twice = (
-        search(sequence(examples[0]), takes, growing=Growing(hits=3, rounds=n), limit=5) for n in (1, 2)
+        search(sequence(examples[0]), takes, growing=Growing(hits=3, rounds=n), limit=5)
+        for n in (1, 2)
     )
     assert twice.templates[0].n_examples == once.templates[0].n_examples == 4
     assert max(h.cost for h in twice) <= max(h.cost for h in once) + 0.02

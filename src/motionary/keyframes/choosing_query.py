@@ -210,7 +210,7 @@ def _candidates(trial: _Trial) -> list[tuple[int, Bits]]:
             fixed = moments.share[column] >= 1.0 - dissenters - 1e-9
             if np.count_nonzero(fixed) > n_fixed:
                 found.append((column, fixed))
-                n_fixed = np.count_nonzero(fixed)
+                n_fixed = int(np.count_nonzero(fixed))
     return found
 
 
