@@ -47,7 +47,7 @@ docs: $(VENV)/.docs
 docs-pictures: $(VENV)/.base
 	$(BIN)/python docs/pictures.py
 
-evidence: $(VENV)/.base
+evidence: $(VENV)/.bench
 	@test -f evidence/run.py || { echo "there are no evidence scripts yet"; exit 1; }
 	$(BIN)/python evidence/run.py
 
