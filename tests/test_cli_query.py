@@ -1,6 +1,7 @@
 """Searching by keyframes, by example with what it has grown, and from what is kept."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -96,6 +97,22 @@ def test_keyframes_choose_where_an_example_or_a_class_is_matched(motionary, worl
     ran = motionary("search", world / "examples", "--class", "kick_left", "--query", LOW,
                     "--library", world / "library", "--json")  # fmt: skip
     assert ran.code == 1
+
+
+def test_labels_lie_around_keyframes_unless_all_is_looked_at(motionary, world, tmp_path):
+    library = load_library(world / "library")
+    nowhere = parse_queries("body spread out on the floor")
+    classes = tuple(
+        replace(one, subclasses=tuple(replace(s, queries=nowhere) for s in one.subclasses))
+        for one in library
+    )
+    replace(library, classes=classes).save(tmp_path / "library")
+    label = ("annotate", world / "examples", "--threshold", 0.15, "--json", "--library")
+    with_keyframes = motionary(*label, tmp_path / "library")
+    assert not any(track["labels"] for track in json_lines(with_keyframes.out))
+    thorough = motionary(*label, tmp_path / "library", "--thorough")
+    assert thorough.out == motionary(*label, world / "library").out
+    assert any(track["labels"] for track in json_lines(thorough.out))
 
 
 # -- what has grown -----------------------------------------------------------------------

@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PUBLIC_NAMES = {
     "read", "write", "read_labels", "write_labels", "Motion", "Skeleton", "FeatureSet",
     "FeatureSequence", "compute_features", "MotionTemplate", "MotionClass", "ClassLibrary",
-    "learn", "annotate", "search", "Index", "Hit", "explain", "Label", "LabelTrack", "evaluate",
-    "MotionaryError",
+    "learn", "annotate", "search", "Index", "KeyframeQuery", "Hit", "explain", "Label",
+    "LabelTrack", "evaluate", "MotionaryError",
 }
 # fmt: on
 

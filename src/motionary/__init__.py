@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence, FeatureSet, compute_features
     from motionary.index import Index
     from motionary.io import read, read_labels, write, write_labels
+    from motionary.keyframes import KeyframeQuery
     from motionary.labels import Label, LabelTrack
     from motionary.library import ClassLibrary, MotionClass, learn
     from motionary.motion import Motion, Skeleton
@@ -31,6 +32,7 @@ __all__ = [
     "FeatureSet",
     "Hit",
     "Index",
+    "KeyframeQuery",
     "Label",
     "LabelTrack",
     "Motion",
@@ -58,6 +60,7 @@ _CONTENTS = {
     "features": ("FeatureSequence", "FeatureSet", "compute_features"),
     "index": ("Index",),
     "io": ("read", "read_labels", "write", "write_labels"),
+    "keyframes": ("KeyframeQuery",),
     "labels": ("Label", "LabelTrack"),
     "library": ("ClassLibrary", "MotionClass", "learn"),
     "motion": ("Motion", "Skeleton"),

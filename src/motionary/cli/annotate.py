@@ -38,6 +38,10 @@ class LabelOptions:
         str | None,
         typer.Option(metavar="FOLDER", help="Draw each recording's labels and distances."),
     ] = None
+    thorough: Annotated[
+        bool,
+        typer.Option("--thorough", help="Match everywhere, also where a class has keyframes."),
+    ] = False
     explain: Annotated[
         bool, typer.Option("--explain", help="Say of each label which relations held and failed.")
     ] = False
@@ -79,11 +83,18 @@ def annotate(
             if isinstance(words, Failure):
                 failures.append(words)
                 continue
-            track = annotate_recording(words, library, threshold=options.threshold)
+            track = annotate_recording(
+                words, library, threshold=options.threshold, preselect=not options.thorough
+            )
             tracks.append(track)
             if options.plot:
                 draw_annotation(
-                    options.plot, track, words=words, library=library, threshold=options.threshold
+                    options.plot,
+                    track,
+                    words=words,
+                    library=library,
+                    threshold=options.threshold,
+                    preselect=not options.thorough,
                 )
             if as_json:
                 screen.say_json(_to_json(track, explained=options.explain))

@@ -70,13 +70,15 @@ def draw_annotation(
     words: "FeatureSequence",
     library: "ClassLibrary",
     threshold: float | None,
+    preselect: bool = True,
 ) -> None:
     """Labels of a recording below the distances of the classes, into a folder."""
     from motionary.annotation import class_distance
     from motionary.plots import plot_annotation, save
 
     distances = {
-        one.name: class_distance(words, one, threshold=threshold).modified for one in library
+        one.name: class_distance(words, one, threshold=threshold, preselect=preselect).modified
+        for one in library
     }
     figure = plot_annotation(track, distances=distances, classes=library.names)
     save(figure, Path(folder, f"{_file_name(track.recording)}.png"))

@@ -20,6 +20,7 @@ from motionary.library.editing import (
 from motionary.library.examples import Examples, ReadExamples, list_examples, read_examples
 from motionary.library.growing import add_examples, join_classes, keeps_examples, kept_examples
 from motionary.library.holding_out import N_FOLDS
+from motionary.library.keyframe_classes import class_of_query
 from motionary.library.learning import learn
 from motionary.library.querying import QueriedLibrary, learn_queries
 from motionary.library.storage import load_library, save_library
@@ -42,6 +43,7 @@ __all__ = [
     "add_examples",
     "advise",
     "apply_suggestions",
+    "class_of_query",
     "find_clashes",
     "find_subclass",
     "join_classes",
