@@ -35,6 +35,7 @@ def index(
     motionary index recordings/ --jobs 4
     motionary index //server/recordings --index recordings-index
     """
+    from motionary.features import WORD_HZ
     from motionary.index import Index
 
     opened = Index.open(folder, at=place, reading=reading.reading())
@@ -42,7 +43,7 @@ def index(
     stopped = update_index(opened, changes, jobs=jobs)
     missing = list_missing(opened)
     complain_of_all(missing, opened.failures)
-    hours = opened.n_frames / 30 / 3600
+    hours = opened.n_frames / WORD_HZ / 3600
     if as_json:
         screen.say_json(
             {
