@@ -169,6 +169,24 @@ def test_two_classes_become_one(motionary, library):
     assert joined.n_fixed / joined.fixed.size < n_fixed
 
 
+def test_queries_of_a_template_that_changed_are_told_to_be_gone(motionary, library, tmp_path):
+    from dataclasses import replace
+
+    from motionary.keyframes import parse_query
+    from motionary.library import replace_class
+
+    loaded = load_library(library)
+    one = loaded["squat"]
+    asked = replace(one.subclasses[0], queries=(parse_query("right knee bent"),))
+    replace_class(loaded, "squat", replace(one, subclasses=(asked,))).save(library)
+    ran = motionary("library", "edit", library, "squat", "--rename", "knees")
+    assert (ran.code, ran.err) == (0, "")
+    (tmp_path / "t.txt").write_text("for 1 s: body low")
+    ran = motionary("library", "edit", library, "knees", "--text", tmp_path / "t.txt")
+    assert "class 'knees': its keyframe queries were of the template before, and are" in ran.err
+    assert load_library(library)["knees"].subclasses[0].queries == ()
+
+
 # -- merge ----------------------------------------------------------------------------------
 
 

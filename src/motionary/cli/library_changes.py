@@ -83,15 +83,16 @@ def edit(
         raise typer.BadParameter("needs --text, and nothing to remove or join", param_hint="--new")
     check_target(folder, is_folder=True)
     library = _load(folder, features, new=changes.new)
-    changed, name = _change(library, name, changes)
+    changed, called = _change(library, name, changes)
     changed.save(folder)
-    if name not in changed.names:
+    if called not in changed.names:
         screen.say(f"{name}: removed")
         return
-    screen.say(_tell(changed[name]))
+    _complain_of_lost(library, name, changed[called])
+    screen.say(_tell(changed[called]))
     if plot:
-        template = _find(changed[name], changes.template)
-        draw_template(plot, template, changed[name].tolerance, feature_set=changed.feature_set)
+        template = _find(changed[called], changes.template)
+        draw_template(plot, template, changed[called].tolerance, feature_set=changed.feature_set)
 
 
 def add(
@@ -150,6 +151,7 @@ def add(
             "its template stands for them, and its threshold stays"
         )
     grown.save(folder)
+    _complain_of_lost(library, name, grown[name])
     screen.say(_tell(grown[name]))
     if plot:
         shown = _find(grown[name], template)
@@ -257,6 +259,15 @@ def _suggest(library: "ClassLibrary", names: set[str], *, jobs: int) -> "ClassLi
         )
     chosen = {name: one for name, one in suggestions.items() if name in names}
     return apply_suggestions(library, chosen)
+
+
+def _complain_of_lost(before: "ClassLibrary", name: str, after: "MotionClass") -> None:
+    """Say that the queries of a template that changed are gone."""
+    had = name in before.names and any(s.queries for s in before[name].subclasses)
+    if had and not any(s.queries for s in after.subclasses):
+        screen.complain(
+            f"class {after.name!r}: its keyframe queries were of the template before, and are gone"
+        )
 
 
 def _find(motion_class: "MotionClass", name: str | None) -> "MotionTemplate":
