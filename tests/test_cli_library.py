@@ -187,6 +187,15 @@ def test_queries_of_a_template_that_changed_are_told_to_be_gone(motionary, libra
     assert load_library(library)["knees"].subclasses[0].queries == ()
 
 
+def test_a_joined_class_of_kept_examples_gets_a_threshold_of_its_own(motionary, world, tmp_path):
+    shutil.copytree(world / "kept", tmp_path / "library")
+    ran = motionary("library", "edit", tmp_path / "library", "squat", "--join", "wave_right")
+    assert ran.code == 0, ran.err
+    joined = load_library(tmp_path / "library")["squat"]
+    assert joined.subclasses[0].template.n_examples == 2 * EXAMPLES
+    assert joined.promised_recall is not None
+
+
 # -- merge ----------------------------------------------------------------------------------
 
 

@@ -84,6 +84,8 @@ def edit(
     check_target(folder, is_folder=True)
     library = _load(folder, features, new=changes.new)
     changed, called = _change(library, name, changes)
+    if changes.join is not None and changes.threshold is None:
+        changed = _suggest(changed, {called} if _is_suggested(library, name) else set())
     changed.save(folder)
     if called not in changed.names:
         screen.say(f"{name}: removed")
@@ -143,8 +145,7 @@ def add(
     if grown is library:
         screen.complain("no example is new; nothing was changed")
     elif kept_examples(grown) is not None:
-        suggested = {one.name for one in library if one.promised_recall is not None}
-        grown = _suggest(grown, suggested, jobs=jobs) if suggested else grown
+        grown = _suggest(grown, {n for n in library.names if _is_suggested(library, n)}, jobs=jobs)
     else:
         screen.complain(
             "the examples that the class was learned from were not kept (learn --keep-examples): "
@@ -240,8 +241,12 @@ def _read_text(path: str) -> str:
     return read_text(Path(path))
 
 
-def _suggest(library: "ClassLibrary", names: set[str], *, jobs: int) -> "ClassLibrary":
-    """The library with thresholds chosen anew for some classes, all examples being kept."""
+def _is_suggested(library: "ClassLibrary", name: str) -> bool:
+    return library[name].promised_recall is not None
+
+
+def _suggest(library: "ClassLibrary", names: set[str], *, jobs: int = 1) -> "ClassLibrary":
+    """The library with thresholds of some classes chosen anew, if all examples are kept."""
     from motionary.library import (
         N_FOLDS,
         Teaching,
@@ -250,15 +255,15 @@ def _suggest(library: "ClassLibrary", names: set[str], *, jobs: int) -> "ClassLi
         suggest_thresholds,
     )
 
+    examples = kept_examples(library)
+    if examples is None or not names:
+        return library
     one = library.classes[0]
     mirrored = any(s.name.endswith("Mirrored") for c in library for s in c.subclasses)
     teaching = Teaching(tolerance=one.tolerance, mirror=mirrored, by_surprise=bool(one.background))
     with screen.progress("choosing thresholds", N_FOLDS) as done:
-        suggestions = suggest_thresholds(
-            kept_examples(library) or {}, teaching=teaching, jobs=jobs, on_done=done
-        )
-    chosen = {name: one for name, one in suggestions.items() if name in names}
-    return apply_suggestions(library, chosen)
+        suggestions = suggest_thresholds(examples, teaching=teaching, jobs=jobs, on_done=done)
+    return apply_suggestions(library, {n: s for n, s in suggestions.items() if n in names})
 
 
 def _complain_of_lost(before: "ClassLibrary", name: str, after: "MotionClass") -> None:
