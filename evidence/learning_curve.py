@@ -36,8 +36,8 @@ POOLS = {
 }
 MEASURES = {
     "mean_average_precision": "mAP",
-    "precision": "P",
-    "recall": "R",
+    "precision": "precision",
+    "recall": "recall",
     "right_class": "right class",
 }
 TRIED = tuple(round(0.01 * step, 2) for step in range(1, 41))
