@@ -274,7 +274,7 @@ def _rotation_told(results: Results) -> str:
         "At τ = 0.04 each class's template finds none of the other's clips; the joined one "
         f"finds {both[first][at]} of {part['clips'][first]} and {both[second][at]} of "
         f"{part['clips'][second]}, with {share(rows['joined']['fixed'])} of its cells fixed "
-        f"against {share(rows[first]['fixed'])} and {share(rows[second]['fixed'])}. As in print: what "
+        f"against {share(rows[first]['fixed'])} and {share(rows[second]['fixed'])}. As in print: what "  # noqa: E501
         "separated the classes (whether the hands move forward, F1 and F2, while above or below "
         "the neck) is masked, and the joined template cannot tell them apart.",
     )
