@@ -14,6 +14,7 @@ SCRIPTS = (
     "distractors",
     "masking",
     "crafting",
+    "generation_metrics",
     "same_trial",
     "other_readers",
     "query_learning",
