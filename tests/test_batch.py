@@ -2,6 +2,8 @@
 
 import os
 import stat
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -63,6 +65,35 @@ def test_items_are_taken_as_they_are_needed():
     results = map_ordered(slow_square, items)
     assert next(results) == 0
     assert taken == [0]
+
+
+PULSE = """
+import sys, time
+from pathlib import Path
+from motionary.batch import map_ordered
+
+def beat(path):
+    while True:
+        Path(path).write_text(str(time.time()))
+        time.sleep(0.05)
+
+if __name__ == "__main__":
+    list(map_ordered(beat, sys.argv[1:], jobs=2))
+"""
+
+
+def test_workers_end_with_a_program_that_is_killed(tmp_path):
+    script, pulses = tmp_path / "pulse.py", [tmp_path / "one", tmp_path / "two"]
+    script.write_text(PULSE)
+    with subprocess.Popen([sys.executable, script, *pulses]) as program:
+        until = time.monotonic() + 20
+        while not all(pulse.exists() for pulse in pulses) and time.monotonic() < until:
+            time.sleep(0.05)
+        program.kill()
+    time.sleep(1)
+    last = [pulse.read_text() for pulse in pulses]
+    time.sleep(0.5)
+    assert [pulse.read_text() for pulse in pulses] == last
 
 
 def test_the_number_of_processes_is_checked_at_once():

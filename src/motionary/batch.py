@@ -7,6 +7,7 @@ file is a result among others, so that a batch finishes the rest.
 import os
 import signal
 import tempfile
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -98,7 +99,7 @@ def _map_in_pool(
 
     # Spawned everywhere, so that what works on one system works on the others.
     context = get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, _leave_stopping_to_parent) as pool:
+    with ProcessPoolExecutor(jobs, context, _follow_parent) as pool:
         waiting: deque[tuple[Item, Future[Result | Failure[Item]]]] = deque()
         try:
             for item in items:
@@ -112,9 +113,19 @@ def _map_in_pool(
                 future.cancel()
 
 
-def _leave_stopping_to_parent() -> None:
+def _follow_parent() -> None:
     # Ctrl-C reaches every process of a terminal; one of them is enough to say so.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _await(
