@@ -137,7 +137,7 @@ def test_the_template_is_told_in_words_above_the_hits(motionary, world):
 
 
 def test_a_lone_example_says_that_nothing_taught_it(motionary, world):
-    start, end = stretch_of(world, "bow")
+    start, end = stretch_of(world, "kick_left")
     take = world / "takes" / "take one.bvh"
     ran = motionary("search", take, "--like", take, "--from", start, "--to", end)
     assert "nothing was near enough to learn from" in ran.out

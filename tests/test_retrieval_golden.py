@@ -160,7 +160,7 @@ def test_without_limit_every_clip_is_ranked_by_its_smallest_cost(example_queries
     [
         pytest.param(Growing(hits=0, by_surprise=False), 0.887, 0.835, id="as it is"),
         pytest.param(
-            Growing(hits=3, tolerance=0.1, by_surprise=False), 0.951, 0.908, id="grown by 3"
+            Growing(hits=3, reach=np.inf, by_surprise=False), 0.951, 0.908, id="grown by 3"
         ),
         pytest.param(Growing(hits=0), 0.898, 0.852, id="by surprise"),
         pytest.param(None, 0.968, 0.943, id="default"),

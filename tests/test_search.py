@@ -11,7 +11,7 @@ from motionary.index import Collection, collect
 from motionary.io import read
 from motionary.library import MotionClass, Subclass, Teaching, learn, learn_classes
 from motionary.samples import synthetic_motion, synthetic_stream
-from motionary.search import Growing, search
+from motionary.search import Growing, Judged, search
 from motionary.templates import MotionTemplate
 from word_cases import N, random_rows, seconds, sequence, stream
 
@@ -172,7 +172,7 @@ def test_growing_frees_what_differs_between_the_example_and_its_hits():
     takes = [sequence(stream(e, seed=i)[0], source=f"take {i}") for i, e in enumerate(examples[1:])]
     example = sequence(examples[0], source="mine")
     plain = search(example, takes, growing=AS_IT_IS, limit=5)
-    grown = search(example, takes, growing=Growing(hits=3, by_surprise=False), limit=5)
+    grown = search(example, takes, growing=Growing(hits=3, reach=1.0, by_surprise=False), limit=5)
     assert max(hit.cost for hit in grown) < min(hit.cost for hit in plain)
     (template,) = grown.templates
     assert template.n_examples == 4
@@ -197,7 +197,7 @@ def test_an_example_teaches_itself_nothing(still, by_surprise):
     takes = [sequence(rows, source="own take")]
     takes += [sequence(stream(e, seed=i)[0]) for i, e in enumerate(examples[1:], start=1)]
     example = takes[0].part(start, start + len(own))
-    settings = Growing(hits=3, by_surprise=by_surprise)
+    settings = Growing(hits=3, reach=1.0, by_surprise=by_surprise)
     result = search(example, takes, growing=settings, limit=4)
     alone = search(example, takes[1:], growing=settings, limit=3)
     assert result.templates[0].n_examples == alone.templates[0].n_examples == 4
@@ -236,15 +236,81 @@ def test_what_is_rare_tells_more():
     assert weighed[1].cost > 2 * weighed[0].cost
 
 
-def test_rounds_search_anew():
+def test_what_the_first_hits_free_brings_the_next_ones_nearer():
+    """Each example differs from the one before in six relations more."""
+    rows = [STEP.copy() for _ in range(5)]
+    for i in range(5):
+        for relation in range(6 * i):
+            rows[i][:, relation] ^= True
+    takes = [sequence(stream(r, seed=i)[0], source=f"take {i}") for i, r in enumerate(rows[1:], 1)]
+    settings = Growing(hits=4, reach=2.0, by_surprise=False)
+    result = search(sequence(rows[0]), takes, growing=settings, limit=4)
+    assert [hit.recording for hit in result] == ["take 1", "take 2", "take 3", "take 4"]
+    # Differs in 6, 12, 18, 24 of 40 relations from the example, in 6 from the one before.
+    plain = search(sequence(rows[0]), takes, growing=AS_IT_IS, limit=4)
+    assert plain[2].cost > Growing().most_cost
+    # One differs from the example in 18 relations.
+    assert result.templates[0].n_examples == 4
+
+
+def test_hits_that_cost_more_than_the_nearest_did_teach_nothing():
+    near, far = flip(STEP, 2), flip(STEP, 8, seed=1)
+    takes = [sequence(stream(rows, seed=i)[0]) for i, rows in enumerate((near, far, far))]
+    result = search(sequence(STEP), takes, growing=Growing(by_surprise=False))
+    assert result.templates[0].n_examples == 2
+    assert result.templates[0].provenance == "grown from an example and 1 hits"
+
+
+# -- a person's yes and no ---------------------------------------------------------------
+
+
+def test_a_template_is_learned_from_the_hits_said_to_be_good():
     examples = varied(6)
-    takes = [sequence(stream(e, seed=i)[0]) for i, e in enumerate(examples[1:])]
-    once, twice = (
-        search(sequence(examples[0]), takes, growing=Growing(hits=3, rounds=n), limit=5)
-        for n in (1, 2)
-    )
-    assert twice.templates[0].n_examples == once.templates[0].n_examples == 4
-    assert max(h.cost for h in twice) <= max(h.cost for h in once) + 0.02
+    takes = [sequence(stream(e, seed=i)[0], source=f"take {i}") for i, e in enumerate(examples[1:])]
+    example = sequence(examples[0], source="mine")
+    first = search(example, takes, growing=AS_IT_IS, limit=5)
+    good = Judged(example, good=(first[3], first[1]))
+    result = search(good, takes, growing=Growing(by_surprise=False), limit=5)
+    assert result.templates[0].provenance == "grown from mine and 2 hits"
+    for hit in (first[3], first[1]):
+        (again,) = [h for h in result if h.recording == hit.recording]
+        # One of three may not differ.
+        assert again.cost < 0.01
+    words = tuple(hit.evidence.sequence.part(*frames(hit)) for hit in (first[3], first[1]))
+    same = search(Judged(example, good=words), takes, growing=Growing(by_surprise=False), limit=5)
+    assert [hit.cost for hit in same] == [hit.cost for hit in result]
+
+
+def frames(hit):
+    return hit.evidence.alignment.start, hit.evidence.alignment.end + 1
+
+
+@pytest.mark.parametrize("by_surprise", [False, True])
+def test_what_a_bad_hit_shows_tells_less(by_surprise):
+    wrong, right = STEP.copy(), STEP.copy()
+    # As near as each other: which relation matters, only a person knows.
+    wrong[:, 3] ^= True
+    right[:, 5] ^= True
+    takes = [sequence(stream(rows, seed=9)[0]) for rows in (wrong, right)]
+    takes = [
+        sequence(take.features, source=name)
+        for take, name in zip(takes, ("wrong", "right"), strict=True)
+    ]
+    settings = Growing(hits=0, by_surprise=by_surprise)
+    first = search(sequence(STEP), takes, growing=settings, limit=2)
+    (bad,) = [hit for hit in first if hit.recording == "wrong"]
+    result = search(Judged(sequence(STEP), bad=(bad,)), takes, growing=settings, limit=2)
+    assert [hit.recording for hit in result] == ["right", "wrong"]
+    assert result[1].cost > 1.5 * result[0].cost
+    # It shows all that is sought but for one relation: so that one tells most.
+    weights = result[0].evidence.pattern.entry_weights
+    assert (weights[:, 3].sum() > weights.sum(axis=0)[[i for i in range(N) if i != 3]]).all()
+
+
+def test_judgements_over_other_features():
+    other = sequence(STEP[:, :39], feature_set=FULL_BODY_2006)
+    with pytest.raises(InvalidInput, match="full-body-39"):
+        search(Judged(sequence(STEP), good=(other,)), [sequence(TURN)])
 
 
 # -- what was not seen -------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """`motionary search`: where in these recordings is a motion like this one?"""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,7 +12,15 @@ from motionary.cli.indexed import IndexOptions, open_recordings
 from motionary.cli.inputs import check_picture, check_target
 from motionary.cli.options import AsJson, Jobs, LibraryDefault, ReadingOptions
 from motionary.cli.pictures import draw_sheet, draw_template
-from motionary.cli.sought import QueryOptions, Wanted, check_query, read_wanted, wrong
+from motionary.cli.sought import (
+    QueryOptions,
+    Wanted,
+    check_query,
+    judge,
+    read_ranks,
+    read_wanted,
+    wrong,
+)
 
 if TYPE_CHECKING:
     from motionary.index import Collection
@@ -100,6 +109,7 @@ def search(
     it everywhere. What was read of a folder is kept for the next search.
 
     motionary search recordings/ --like take.bvh --from 1.2 --to 3.4 --sheet hits.png
+    motionary search recordings/ --like take.bvh --from 1.2 --to 3.4 --good 1,2,5 --bad 3
     motionary search recordings/ --class squat --library my-classes
     motionary search recordings/ --query "right hand fast, then within 0.5 s right hand low"
     """
@@ -107,18 +117,23 @@ def search(
     from motionary.search import search as search_for
 
     _check_use(query, results)
+    ranks = read_ranks(query)
     told = reading.reading()
     wanted = read_wanted(query, told)
     opened = open_recordings(folder, index, reading=told, feature_set=wanted.feature_set, jobs=jobs)
     growing = Growing(hits=query.grow)
-    result = search_for(
-        wanted.what,
-        opened.collection,
+    find = partial(
+        search_for,
+        recordings=opened.collection,
         threshold=which.threshold,
-        limit=which.limit or None,
         growing=growing,
         preselect=wanted.queries or which.fast,
     )
+    what = wanted.what
+    if wanted.example and any(ranks):
+        hits = find(what, limit=max(*ranks[0], *ranks[1], 1))
+        what = judge(wanted.example.words, hits, ranks)
+    result = find(what, limit=which.limit or None)
     if results.sheet:
         draw_sheet(results.sheet, result, example=wanted.example, files=opened.files, reading=told)
     if results.template:
@@ -127,7 +142,8 @@ def search(
     if as_json:
         _say_json(result)
     else:
-        _say(result, opened.collection, growing if wanted.example else None)
+        grown = growing if wanted.example else None
+        _say(result, opened.collection, grown, is_judged=any(ranks))
     is_cut = not results.cut or cut_labels(
         _to_tracks(result, wanted.name), opened.files, results.cut, reading=told, jobs=jobs
     )
@@ -200,14 +216,20 @@ def _say_json(result: "SearchResult") -> None:
         screen.complain(result.nearest)
 
 
-def _say(result: "SearchResult", collection: "Collection", growing: "Growing | None") -> None:
+def _say(
+    result: "SearchResult",
+    collection: "Collection",
+    growing: "Growing | None",
+    *,
+    is_judged: bool,
+) -> None:
     if growing:
         from motionary.cli.wording import describe_template
 
         lines = describe_template(
             result.templates[0], tolerance=growing.tolerance, feature_set=collection.feature_set
         )
-        if growing.hits and result.templates[0].n_examples == 1:
+        if growing.hits and result.templates[0].n_examples == 1 and not is_judged:
             lines.append("  nothing was near enough to learn from what may vary")
         screen.say(*lines, *_keyframe_lines(result, collection), "")
     rows = [

@@ -1,5 +1,6 @@
 """What does a search look for: an example, a class, keyframes?"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence, FeatureSet, Reading
     from motionary.keyframes import KeyframeQuery
     from motionary.library import MotionClass
+    from motionary.search import Hit, Judged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +41,18 @@ class QueryOptions:
             help="Learn from the example and its N nearest hits what may vary; 0: nothing may.",
         ),
     ]
+    good: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RANKS",
+            help="Hits that are right, as ranked without this option, such as 1,2,5: learn from "
+            "these and no others.",
+        ),
+    ] = None
+    bad: Annotated[
+        str | None,
+        typer.Option(metavar="RANKS", help="Hits that are wrong: what they show tells less."),
+    ] = None
     class_name: Annotated[
         str | None, typer.Option("--class", metavar="NAME", help="A class of the library.")
     ] = None
@@ -68,7 +82,7 @@ class Wanted:
     queries : keyframes around which to match, if they are told
     """
 
-    what: "FeatureSequence | MotionClass | tuple[KeyframeQuery, ...]"
+    what: "FeatureSequence | Judged | MotionClass | tuple[KeyframeQuery, ...]"
     feature_set: "FeatureSet"
     name: str
     example: Example | None = None
@@ -90,7 +104,11 @@ def check_query(options: QueryOptions) -> None:
         raise wrong("--class", "needs the library that the class is from: --library LIB")
     if options.class_name is None and options.library is not None:
         raise wrong("--library", "goes with --class NAME")
-    for option, value in {"--from": options.from_s, "--to": options.to_s}.items():
+    for_examples = {
+        "--from": options.from_s, "--to": options.to_s,
+        "--good": options.good, "--bad": options.bad,
+    }  # fmt: skip
+    for option, value in for_examples.items():
         if options.like is None and value is not None:
             raise wrong(option, "goes with --like FILE")
 
@@ -116,6 +134,48 @@ def read_wanted(options: QueryOptions, reading: "Reading") -> Wanted:
     path = Path(options.like)
     example = read_example(path, from_s=options.from_s, to_s=options.to_s, reading=reading)
     return Wanted(example.words, FULL_BODY, f"like {path.stem}", example, queries)
+
+
+def read_ranks(options: QueryOptions) -> tuple[list[int], list[int]]:
+    """Which hits are right and which are wrong, by rank.
+
+    Raises
+    ------
+    BadParameter
+    """
+    good, bad = _ranks("--good", options.good), _ranks("--bad", options.bad)
+    both = sorted(set(good) & set(bad))
+    if both:
+        raise wrong("--good, --bad", f"hit {both[0]} cannot be right and wrong")
+    return good, bad
+
+
+def judge(
+    words: "FeatureSequence", hits: "Sequence[Hit]", ranks: tuple[list[int], list[int]]
+) -> "Judged":
+    """An example with what is said of its hits.
+
+    Raises
+    ------
+    BadParameter
+        If there are not so many hits.
+    """
+    from motionary.search import Judged
+
+    most = max([*ranks[0], *ranks[1]])
+    if most > len(hits):
+        raise wrong("--good, --bad", f"there is no hit {most}: the search has {len(hits)}")
+    good, bad = (tuple(hits[rank - 1] for rank in some) for some in ranks)
+    return Judged(words, good, bad)
+
+
+def _ranks(option: str, told: str | None) -> list[int]:
+    if told is None:
+        return []
+    parts = [part.strip() for part in told.split(",")]
+    if not all(part.isascii() and part.isdigit() and int(part) > 0 for part in parts):
+        raise wrong(option, f"needs ranks of hits, such as 1,2,5, got {told!r}")
+    return sorted({int(part) for part in parts})
 
 
 def wrong(option: str, problem: str) -> typer.BadParameter:

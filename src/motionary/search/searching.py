@@ -20,7 +20,7 @@ from motionary.library import MotionClass
 from motionary.motion import Motion
 from motionary.search.by_query import explain_absence, rank_queries
 from motionary.search.deriving import Deriving, derive_queries
-from motionary.search.growing import Growing, Narrower, grow
+from motionary.search.growing import Growing, Judged, Narrower, grow
 from motionary.search.ranking import Sought, rank, share_matched
 from motionary.search.results import SearchResult
 from motionary.templates import MotionTemplate, pattern_of, quantise
@@ -29,6 +29,7 @@ from motionary.templates import MotionTemplate, pattern_of, quantise
 Wanted = (
     Motion
     | FeatureSequence
+    | Judged
     | MotionTemplate
     | MotionClass
     | KeyframeQuery
@@ -56,8 +57,8 @@ def search(
 
     Parameters
     ----------
-    query : an example (a motion or its words, cut to what is sought), a template, a class,
-        or keyframes alone, of which any may be found
+    query : an example (a motion or its words, cut to what is sought), one whose hits a
+        person has judged, a template, a class, or keyframes alone, of which any may be found
     recordings : a folder or files, motions, words, an index, or a collection of them
     threshold : largest cost; by default the class's own, otherwise none
     limit : most hits; None for all
@@ -130,9 +131,11 @@ def _seek(
         quantised = quantise(query, tolerance=growing.tolerance)
         sought = [Sought(query.provenance or "template", quantised, pattern_of(quantised))]
         templates = [query]
-    elif isinstance(query, Motion | FeatureSequence):
+    elif isinstance(query, Motion | FeatureSequence | Judged):
         if isinstance(query, Motion):
             query = compute_features(query, feature_set=collection.feature_set)
+        if isinstance(query, FeatureSequence):
+            query = Judged(query)
         template, grown = grow(query, collection, growing, narrow=_narrower(preselect))
         sought, templates = [grown], [template]
     else:
