@@ -264,8 +264,6 @@ def test_the_skeleton_may_be_named(tmp_path, small):
     np.testing.assert_array_equal(read(path, skeleton=str(asf)).positions, named.positions)
     with pytest.raises(InvalidInput, match="one of acclaim"):
         read(path, asf=asf, skeleton="horse")
-    with pytest.raises(InvalidInput, match="unit"):
-        read(path, asf=asf, unit="cm")
     with pytest.raises(UnreadableFile, match=r"nowhere\.asf"):
         read(path, asf=tmp_path / "nowhere.asf")
 

@@ -354,10 +354,10 @@ def test_packed_texts(others, name, tmp_path):
 @pytest.mark.parametrize(
     ("name", "option", "words"),
     [
-        ("a.amc", {"unit": "cm"}, "states its unit"),
         ("a.c3d", {"asf": "x.asf"}, "own skeleton"),
         ("a.bvh", {"body_model": "x.npz"}, "no motion of a body model"),
-        ("a.fbx", {"up": "z"}, "leave out up="),
+        ("a.fbx", {"up": "w"}, "up must be one of"),
+        ("a.amc", {"sides": "both"}, "sides must be one of"),
         ("a.trc", {"rate_hz": -1}, "rate_hz must be a positive number"),
     ],
 )

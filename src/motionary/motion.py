@@ -119,6 +119,8 @@ class Motion:
     first_frame : number that the file gives its first frame
     notes : what was assumed or noticed while reading, one sentence each
     events : moments that the file names, by time
+    in_place : whether the hips were kept above one point while the feet walk, so that speeds
+        of feet and body are unknown
     """
 
     names: tuple[str, ...]
@@ -131,6 +133,7 @@ class Motion:
     first_frame: int = 0
     notes: tuple[str, ...] = field(default=())
     events: tuple[Event, ...] = ()
+    in_place: bool = False
 
     def __post_init__(self) -> None:
         shape = self.positions.shape

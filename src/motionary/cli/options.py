@@ -85,6 +85,17 @@ def _check_up(value: str | None) -> str | None:
     return value
 
 
+def _check_sides(value: str | None) -> str | None:
+    if value is not None:
+        from motionary.io.motion.sides import check_sides
+
+        try:
+            check_sides(value)
+        except InvalidInput as error:
+            raise typer.BadParameter(str(error)) from error
+    return value
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReadingOptions:
     """What files do not say themselves."""
@@ -121,7 +132,6 @@ class ReadingOptions:
             help="m, cm, mm, inch or metres per unit, where the size of the body does not tell it.",
         ),
     ] = None
-
     up: Annotated[
         str | None,
         typer.Option(
@@ -130,13 +140,27 @@ class ReadingOptions:
             help="Axis that points up (y, z, -y ...), where the body does not tell it.",
         ),
     ] = None
+    sides: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOW",
+            callback=_check_sides,
+            help="named, swapped or mirrored, where the body contradicts the names of left and "
+            "right: keep them, exchange them, or take the axes for left-handed.",
+        ),
+    ] = None
 
     def reading(self) -> "Reading":
         """The same for the library."""
         from motionary.features import Reading
 
         return Reading(
-            asf=self.asf, rate_hz=self.rate, skeleton=self.skeleton, unit=self.unit, up=self.up
+            asf=self.asf,
+            rate_hz=self.rate,
+            skeleton=self.skeleton,
+            unit=self.unit,
+            up=self.up,
+            sides=self.sides,
         )
 
 

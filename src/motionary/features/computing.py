@@ -15,6 +15,7 @@ from motionary.features.catalogue import FULL_BODY
 from motionary.features.hysteresis import hysteresis
 from motionary.features.relations import FeatureSet, holds
 from motionary.features.sequence import FeatureSequence
+from motionary.features.travel import needs_travel
 from motionary.features.vectors import Floats
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, resample
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
@@ -71,6 +72,9 @@ def compute_features(
         )
     positions = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=MEASURE_HZ)
     features, known = relation_matrix(positions, feature_set)
+    if motion.in_place:
+        lost = [needs_travel(relation) for relation in feature_set.relations]
+        features[:, lost] = known[:, lost] = False
     return FeatureSequence(
         words=pack(features[::_STEP]),
         known=pack(known[::_STEP]),

@@ -30,6 +30,7 @@ class Reading:
     skeleton: str | None = None
     unit: float | str | None = None
     up: str | None = None
+    sides: str | None = None
 
     def of(self, path: Path) -> dict[str, Any]:
         """What is told of one file: a folder mixes formats, and not all take everything."""

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.motion.noticing import notice
+from motionary.io.motion.sides import check_sides, settle_sides
 from motionary.io.suffixes import format_suffix
 from motionary.motion import Motion
 from motionary.skeletons import named_mapping
@@ -21,19 +23,20 @@ class _Told:
     unit: float | str | None = None
     up: str | None = None
     body_model: str | Path | None = None
+    sides: str | None = None
 
 
 # Modules of formats are imported when a file of theirs is read.
 def _read_amc(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.acclaim import read_amc
 
-    return read_amc(path, asf=told.asf, rate_hz=told.rate_hz)
+    return read_amc(path, asf=told.asf, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
 
 
 def _read_bvh(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.bvh import read_bvh
 
-    return read_bvh(path, rate_hz=told.rate_hz, unit=told.unit)
+    return read_bvh(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
 
 
 def _read_c3d(path: Path, told: _Told) -> Motion:
@@ -86,7 +89,7 @@ def _read_pkl(path: Path, told: _Told) -> Motion:
 def _read_fbx(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.fbx import read_fbx
 
-    return read_fbx(path, rate_hz=told.rate_hz, unit=told.unit)
+    return read_fbx(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
 
 
 class _Format(NamedTuple):
@@ -99,14 +102,14 @@ class _Format(NamedTuple):
 _POINTS = frozenset({"rate_hz", "unit", "up"})
 
 _FORMATS: dict[str, _Format] = {
-    ".amc": _Format(_read_amc, frozenset({"asf", "rate_hz"})),
-    ".bvh": _Format(_read_bvh, frozenset({"rate_hz", "unit"})),
+    ".amc": _Format(_read_amc, _POINTS | {"asf"}),
+    ".bvh": _Format(_read_bvh, _POINTS),
     ".c3d": _Format(_read_c3d, _POINTS),
     ".trc": _Format(_read_trc, _POINTS),
     ".npz": _Format(_read_npz, _POINTS | {"body_model"}),
     ".npy": _Format(_read_npy, _POINTS),
     ".pkl": _Format(_read_pkl, _POINTS),
-    ".fbx": _Format(_read_fbx, frozenset({"rate_hz", "unit"})),
+    ".fbx": _Format(_read_fbx, _POINTS),
     ".sto": _Format(_read_opensim, _POINTS),
     ".mot": _Format(_read_opensim, _POINTS),
 }
@@ -121,9 +124,6 @@ MOTION_SUFFIXES = tuple(s for s in _READERS if s.removesuffix(".gz") not in _NAM
 
 _REFUSALS = {
     "asf": "has its own skeleton; leave out asf=",
-    "rate_hz": "has its own rate; leave out rate_hz=",
-    "unit": "states its unit in its skeleton; leave out unit=",
-    "up": "has y up by definition; leave out up=",
     "body_model": "is no motion of a body model; leave out body_model=",
 }
 
@@ -137,8 +137,12 @@ def read(
     unit: float | str | None = None,
     up: str | None = None,
     body_model: str | Path | None = None,
+    sides: str | None = None,
 ) -> Motion:
     """Read a recording; the suffix of its name says how.
+
+    What is told goes before what the file says; a unit or an axis that clearly contradicts the
+    body is refused, unless it is a number or ends in an exclamation mark ("y!").
 
     Parameters
     ----------
@@ -154,6 +158,8 @@ def read(
         tell it
     body_model : for motions of SMPL bodies (AMASS): the model's file, which gives the
         person's own proportions
+    sides : "named", "swapped" or "mirrored", where the body says that left and right are not
+        as named: keep them, exchange the names, or take the axes for left-handed
 
     Returns
     -------
@@ -164,7 +170,8 @@ def read(
     UnreadableFile
         If the file is missing, broken, or of an unknown format.
     InvalidInput
-        If an argument does not go with the format, or contradicts the file.
+        If an argument does not go with the format, or contradicts the file, or the caller, the
+        file and the body contradict each other.
     """
     path = Path(path)
     known = _READERS.get(format_suffix(path))
@@ -177,17 +184,19 @@ def read(
     if skeleton is not None and str(skeleton).lower().endswith(".asf"):
         asf, skeleton = skeleton, None
     name = None if skeleton is None else str(skeleton)
-    told = _Told(asf, rate_hz, name, unit, up, body_model)
+    if sides is not None:
+        check_sides(sides)
+    told = _Told(asf, rate_hz, name, unit, up, body_model, sides)
     for option, reason in _REFUSALS.items():
         if option not in known.takes and getattr(told, option) is not None:
             raise InvalidInput(f"{path.name}: this format {reason}")
     motion = known.read(path, told)
-    if name is None or (motion.mapping is not None and motion.mapping.name == name):
-        return motion
-    return replace(motion, mapping=named_mapping(name, motion.names))
+    if name is not None and (motion.mapping is None or motion.mapping.name != name):
+        motion = replace(motion, mapping=named_mapping(name, motion.names))
+    return notice(settle_sides(motion, sides))
 
 
 def options_of(path: str | Path) -> frozenset[str]:
     """Which options of `read` say something about a file, by its name."""
     known = _READERS.get(format_suffix(path))
-    return frozenset({"skeleton"}) | (known.takes if known else frozenset())
+    return frozenset({"skeleton", "sides"}) | (known.takes if known else frozenset())

@@ -6,6 +6,7 @@ Its first frame has the number that stands there, usually 1.
 
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from motionary.geometry import (
 from motionary.io.motion.asf import AcclaimSkeleton, Bone, read_asf
 from motionary.io.motion.frames import read_frames
 from motionary.io.motion.pose import place_joints
+from motionary.io.motion.settling import Claims, rescale, settle_claims, turn
 from motionary.io.suffixes import stem_of
 from motionary.io.text import read_text
 from motionary.motion import Motion
@@ -30,6 +32,7 @@ RATE_HZ = 120.0
 
 # The skeleton lies beside the motion or in one of this many folders above it.
 _FOLDERS_ABOVE = 2
+_CLAIMS = Claims(unit="m", by_definition=True)
 _KEYWORDS = {":degrees": True, ":radians": False}
 
 
@@ -49,7 +52,12 @@ class _Body(NamedTuple):
 
 
 def read_amc(
-    path: str | Path, *, asf: str | Path | None = None, rate_hz: float | None = None
+    path: str | Path,
+    *,
+    asf: str | Path | None = None,
+    rate_hz: float | None = None,
+    unit: float | str | None = None,
+    up: str | None = None,
 ) -> Motion:
     """Read an Acclaim motion.
 
@@ -58,6 +66,8 @@ def read_amc(
     path : the AMC file
     asf : its skeleton; by default it is looked for by name, see `find_asf`
     rate_hz : frames per second; by default 120, with a note
+    unit : of lengths in both files; by default what the skeleton says
+    up : axis that points up; by default by the body, y where it does not tell
 
     Returns
     -------
@@ -68,6 +78,8 @@ def read_amc(
     UnreadableFile
         If a file is missing or broken, or the skeleton is not found; the message names
         the line, or the names that were looked for.
+    InvalidInput
+        If the caller or the skeleton contradicts the body.
     """
     path = Path(path)
     body = _find_body(read_text(path), path.name)
@@ -77,7 +89,8 @@ def read_amc(
     if values is None:
         values = _read_lines(body, layout, path.name)
     numbers = values[:, 0]
-    return _to_motion(path.name, skeleton, layout, body, values[:, 1:], int(numbers[0]), rate_hz)
+    motion = _to_motion(path.name, skeleton, layout, body, values[:, 1:], int(numbers[0]), rate_hz)
+    return _settle(motion, skeleton.metres, unit, up)
 
 
 def list_asf(folder: Path) -> dict[str, Path]:
@@ -280,6 +293,17 @@ def _to_motion(
         first_frame=first_frame,
         notes=tuple(notes),
     )
+
+
+def _settle(motion: Motion, metres: float, unit: float | str | None, up: str | None) -> Motion:
+    """The motion with y up and, if told, in another unit than the skeleton says."""
+    if unit is not None:
+        motion = rescale(motion, 1 / metres)
+    # Lengths are inches or metres by definition; only what is noticed is worth a note.
+    settled = settle_claims(motion, _CLAIMS if unit is None else Claims(), unit=unit, up=up)
+    notes = settled.notes if unit is not None else settled.notes[1:]
+    motion = turn(rescale(motion, settled.metres), settled.up)
+    return replace(motion, notes=(*motion.notes, *notes))
 
 
 def _match(layout: _Layout, skeleton: AcclaimSkeleton, name: str) -> dict[str, dict[str, int]]:

@@ -1,8 +1,13 @@
 """Which way is up in a file, and how is a recording turned so that y is up?
 
-By the body: now and then in a recording the head (or what is seen of the trunk) is above
-the feet. A body that lies or crouches all the time does not tell.
+By the body over the whole recording. Now and then the head (or what is seen of the trunk) is
+above the feet: it stands along that axis. Who lies on the floor seems to stand along another
+one; then the floor tells: the lowest point of a body stays near it, whatever the body does,
+while the ends of a body along other axes wander. A body that lies still, or crouches all the
+time, does not tell.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,22 +28,62 @@ _TURNS: dict[str, tuple[tuple[int, int], ...]] = {
 }
 UPS = tuple(_TURNS)
 
+#: Ends an axis or unit that holds whatever the body says.
+INSISTS = "!"
+
 # Cosine: who stands along an axis has the head within 37 degrees of it, above the feet.
 _CLEAR = 0.8
 _NOW_AND_THEN = 0.1
-_HIGH = ("headtop", "head", "neck", "chest")
-_LOW = ("ltoes", "rtoes", "lankle", "rankle")
+_HARDLY_EVER = 0.02
+_MOSTLY = 0.5
+# A floor is clearly steadier than another if it moves half as much, and that other one by
+# this share of the way from feet to head.
+_HALF = 0.5
+_MOVES = 0.05
+_ENDS = (
+    (("headtop", "head", "neck", "chest"), ("ltoes", "rtoes", "lankle", "rankle")),
+    (("root", "lhip", "rhip"), ("ltoes", "rtoes", "lankle", "rankle")),
+    (("headtop", "head", "neck", "chest"), ("root", "lhip", "rhip", "belly")),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """How a body stands.
+
+    Attributes
+    ----------
+    shares : per axis, the share of frames in which the body stands along it
+    floors : per axis, how far the body's end on its side wanders, as a share of the body
+    """
+
+    shares: dict[str, float]
+    floors: dict[str, float]
+
+    def stands(self, axis: str) -> bool:
+        """Whether the body stands along an axis now and then."""
+        return self.shares[axis] >= _NOW_AND_THEN
+
+    def steadier(self, axis: str, other: str) -> bool:
+        """Whether there is a floor along one axis rather than along the other."""
+        return self.floors[axis] < _HALF * self.floors[other] and self.floors[other] > _MOVES
+
+    def refutes(self, axis: str) -> str | None:
+        """The axis along which the body clearly stands, if it clearly is not the given one."""
+        best = max(self.shares, key=lambda a: self.shares[a])
+        never = self.shares[axis] < _HARDLY_EVER and self.shares[best] > _MOSTLY
+        return best if never and self.steadier(best, axis) else None
 
 
 def check_up(up: str) -> str:
-    """The name of an axis, lower case, without a plus.
+    """The name of an axis, lower case, without a plus or an exclamation mark.
 
     Raises
     ------
     InvalidInput
         If it names none.
     """
-    axis = up.strip().lower().removeprefix("+")
+    axis = up.strip().lower().removeprefix("+").removesuffix(INSISTS)
     if axis not in _TURNS:
         raise InvalidInput(f"up must be one of {', '.join(UPS)}, got {up!r}")
     return axis
@@ -69,44 +114,65 @@ def turn_back(positions: Floats, up: str) -> Floats:
     return result
 
 
-def standing_shares(generic: Floats) -> dict[str, float]:
-    """Share of frames in which the body stands along each axis; empty if none is seen.
+def find_stance(generic: Floats) -> Stance | None:
+    """How the body stands; None if neither feet and trunk nor a trunk is seen.
 
     Parameters
     ----------
     generic : array, shape (frames, 24, 3), generic joints in any unit, NaN = not seen
     """
-    low = _mean_of(generic, _LOW)
-    for joints in (_HIGH, ("root", "lhip", "rhip")):
-        along = _mean_of(generic, joints) - low
-        along = along[~np.isnan(along).any(axis=1)]
-        if len(along):
+    for high, low in _ENDS:
+        along = _mean_of(generic, high) - _mean_of(generic, low)
+        seen = ~np.isnan(along).any(axis=1)
+        if seen.any():
             break
     else:
-        return {}
-    cosines = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    shares = {}
+        return None
+    along, bodies = along[seen], generic[seen]
+    lengths = np.linalg.norm(along, axis=1, keepdims=True)
+    cosines = along / np.maximum(lengths, 1e-12)
+    size = max(float(np.median(lengths)), 1e-12)
+    bodies = bodies[:, ~np.isnan(bodies).all(axis=(0, 2))]
+    shares, floors = {}, {}
     for i, letter in enumerate("xyz"):
         shares[letter] = float((cosines[:, i] > _CLEAR).mean())
         shares[f"-{letter}"] = float((cosines[:, i] < -_CLEAR).mean())
-    return shares
+        floors[letter] = _wandering(np.nanmin(bodies[:, :, i], axis=1)) / size
+        floors[f"-{letter}"] = _wandering(np.nanmax(bodies[:, :, i], axis=1)) / size
+    return Stance(shares, floors)
 
 
-def detect_up(generic: Floats, *, usual: str) -> str | None:
-    """The axis along which the body stands, or None if it does not tell.
+def detect_up(stance: Stance | None, *, usual: str) -> str | None:
+    """The axis that points up by the body, or None if it does not tell.
 
     Parameters
     ----------
-    generic : as in `standing_shares`
-    usual : axis of the format; it counts if the body stands along it now and then, as who
-        lies on the floor stands along another one
+    stance : see `find_stance`
+    usual : axis of the format; it counts if the body stands along it now and then, or has
+        its floor there, unless another axis has both and the steadier floor
     """
-    shares = standing_shares(generic)
-    if not shares or max(shares.values()) < _NOW_AND_THEN:
+    if stance is None:
         return None
-    if shares[usual] >= _NOW_AND_THEN:
-        return usual
-    return max(shares, key=lambda axis: shares[axis])
+    standing = [axis for axis in UPS if stance.stands(axis)]
+    if not standing:
+        return None
+    if usual in standing:
+        rivals = [axis for axis in standing if stance.steadier(axis, usual)]
+        return min(rivals, key=lambda axis: stance.floors[axis]) if rivals else usual
+    best = max(standing, key=lambda axis: stance.shares[axis])
+    return usual if stance.steadier(usual, best) else best
+
+
+def is_still(stance: Stance, *, usual: str, seen: str) -> bool:
+    """Whether a body along another axis than the usual one may as well be lying still."""
+    opposite = usual.removeprefix("-") == seen.removeprefix("-")
+    return not (seen == usual or opposite or stance.steadier(seen, usual))
+
+
+def _wandering(ends: Floats) -> float:
+    """Width of the middle four fifths."""
+    low, high = np.percentile(ends, (10, 90))
+    return float(high - low)
 
 
 def _mean_of(generic: Floats, joints: tuple[str, ...]) -> Floats:

@@ -18,7 +18,7 @@ from motionary.errors import UnreadableFile
 from motionary.geometry import Floats, euler_to_quaternions
 from motionary.io.motion.frames import read_frames
 from motionary.io.motion.pose import place_joints
-from motionary.io.motion.units import detect_unit, metres_per_unit
+from motionary.io.motion.settling import Claims, settle
 from motionary.io.text import read_text
 from motionary.motion import Motion, Skeleton
 from motionary.skeletons import find_mapping
@@ -33,9 +33,6 @@ _FRAME_TIME = re.compile(r"\s*Frame\s+Time\s*:\s*(\S+)[ \t]*$", re.MULTILINE | r
 _ROUNDING = 1.001e-3
 _VIDEO_HZ = (24, 30, 48, 60, 120)
 _MAX_RATE_HZ = 1e5
-# A first step this many times the longest step of the next second is a change of pose.
-_REST_POSE_JUMP = 5.0
-_REST_POSE_MIN_M = 0.02
 
 
 @dataclass(slots=True)
@@ -59,7 +56,11 @@ class _Table(NamedTuple):
 
 
 def read_bvh(
-    path: str | Path, *, rate_hz: float | None = None, unit: float | str | None = None
+    path: str | Path,
+    *,
+    rate_hz: float | None = None,
+    unit: float | str | None = None,
+    up: str | None = None,
 ) -> Motion:
     """Read a BVH file.
 
@@ -68,6 +69,7 @@ def read_bvh(
     path : the file
     rate_hz : frames per second; by default what the file says
     unit : a name of `units.METRES` or metres per file unit; by default by body size
+    up : axis that points up in the file; by default by the body, y where it does not tell
 
     Returns
     -------
@@ -77,6 +79,8 @@ def read_bvh(
     ------
     UnreadableFile
         If the file is missing or broken; the message names the line.
+    InvalidInput
+        If the caller contradicts the body.
     """
     path = Path(path)
     text = read_text(path)
@@ -88,7 +92,8 @@ def read_bvh(
     values = _read_values(table, sum(len(node.channels) for node in nodes), path.name)
     notes += _compare_length(table, len(values), path.name)
     rate = _rate(table, path.name) if rate_hz is None else rate_hz
-    return _to_motion(path.name, nodes, values, rate, unit, notes)
+    motion = _to_motion(path.name, nodes, values, rate, notes)
+    return settle(motion, Claims(), unit=unit, up=up)
 
 
 class _HierarchyReader:
@@ -285,31 +290,21 @@ def _to_motion(
     nodes: list[_Node],
     values: Floats,
     rate_hz: float,
-    unit: float | str | None,
     notes: list[str],
 ) -> Motion:
+    """The motion in the file's unit and axes."""
     names = tuple(node.name for node in nodes)
     parents = np.array([node.parent for node in nodes], dtype=np.intp)
     skeleton = Skeleton(names, parents, np.array([node.offset for node in nodes]))
     rotations, translations = _split_channels(nodes, values)
     origin = np.zeros((len(values), 3))
     positions = place_joints(skeleton, rotations, origin, translations=translations, source=name)
-    mapping = find_mapping(names)
-    if unit is None:
-        found = detect_unit(positions[:: 1 + len(positions) // 100], names, skeleton, mapping)
-        unit = found[0] if found else "m"
-        told_by = f"by {found[1]}" if found else "assumed"
-        notes = [f"unit {unit}, {told_by}", *notes]
-    metres = metres_per_unit(unit)
-    positions *= metres
-    if _starts_with_rest_pose(positions, rate_hz):
-        notes = [*notes, "the first frame looks like a rest pose"]
     return Motion(
         names=names,
         positions=positions,
         rate_hz=rate_hz,
-        mapping=mapping,
-        skeleton=Skeleton(names, parents, skeleton.offsets * metres),
+        mapping=find_mapping(names),
+        skeleton=skeleton,
         rotations=rotations,
         source=name,
         notes=tuple(notes),
@@ -338,13 +333,3 @@ def _split_channels(nodes: list[_Node], values: Floats) -> tuple[Floats, dict[in
             place = [moved.get(i, np.full(len(values), node.offset[i])) for i in range(3)]
             translations[joint] = np.stack(place, axis=1)
     return np.moveaxis(turns, -1, 0), translations
-
-
-def _starts_with_rest_pose(positions: Floats, rate_hz: float) -> bool:
-    """Whether the pose jumps after the first frame as it does not in the next second."""
-    start = positions[: 2 + max(2, round(rate_hz))]
-    if len(start) < 4:
-        return False
-    pose = start - start[:, :1]
-    steps = np.abs(np.diff(pose, axis=0)).max(axis=(1, 2))
-    return bool(steps[0] > max(_REST_POSE_MIN_M, _REST_POSE_JUMP * steps[1:].max()))

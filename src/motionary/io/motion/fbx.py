@@ -9,6 +9,7 @@ import importlib.util
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from motionary.geometry import (
 )
 from motionary.io.motion.numpy_files import Array, read_npz
 from motionary.io.motion.points import number_doubles
-from motionary.io.motion.units import metres_per_unit
+from motionary.io.motion.settling import Claims, rescale, settle_claims, turn
 from motionary.motion import Motion, Skeleton
 from motionary.skeletons import find_mapping
 
@@ -40,7 +41,11 @@ _RECIPE = (
 
 
 def read_fbx(
-    path: str | Path, *, rate_hz: float | None = None, unit: float | str | None = None
+    path: str | Path,
+    *,
+    rate_hz: float | None = None,
+    unit: float | str | None = None,
+    up: str | None = None,
 ) -> Motion:
     """Read the bones of an FBX file.
 
@@ -48,13 +53,16 @@ def read_fbx(
     ----------
     path : the file
     rate_hz : frames per second; by default what the file says
-    unit : of the lengths once they are metres by what the file says, if it says it wrong
+    unit, up : of the lengths and axes once they are metres with y up by what the file says,
+        if it says it wrong
 
     Raises
     ------
     UnreadableFile
         If the file is missing or damaged, crashes its reader, holds no bones, or ufbx is not
         installed; the message then has the line that converts the file with Blender.
+    InvalidInput
+        If the caller or the file contradicts the body.
     """
     path = Path(path)
     if not path.is_file():
@@ -66,10 +74,14 @@ def read_fbx(
             f"Blender: {recipe}"
         )
     arrays = _read_in_child(path)
-    notes = ["axes and unit as the file says"]
+    notes = [] if unit is not None or up is not None else ["axes and unit as the file says"]
     if int(arrays["n_takes"]) > 1:
         notes.append(f"the first of {int(arrays['n_takes'])} takes")
-    return _to_motion(arrays, path.name, rate_hz, unit, notes)
+    motion = _to_motion(arrays, path.name, rate_hz, notes)
+    settled = settle_claims(motion, Claims("m", "y"), unit=unit, up=up)
+    motion = turn(rescale(motion, settled.metres), settled.up)
+    told = [note for note in settled.notes if note.endswith("as told") or "; " in note]
+    return replace(motion, notes=(*motion.notes, *told))
 
 
 def _read_in_child(path: Path) -> dict[str, Array]:
@@ -95,7 +107,6 @@ def _to_motion(
     arrays: dict[str, Array],
     source: str,
     rate_hz: float | None,
-    unit: float | str | None,
     notes: list[str],
 ) -> Motion:
     names = tuple(number_doubles([str(name) for name in arrays["names"].tolist()]))
@@ -108,8 +119,6 @@ def _to_motion(
         raise UnreadableFile(f"{source}: its bones have impossible turns")
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     positions, world = _place(parents, turns, arrays["places"], arrays["scales"])
-    if unit is not None:
-        positions *= metres_per_unit(unit)
     if not (np.abs(positions) < _FARTHEST_M).all():
         raise UnreadableFile(f"{source}: has impossibly large numbers")
     offsets = positions[0].copy()

@@ -6,15 +6,17 @@ events also `event_names`, `event_sides` and `event_times_s`. Files of others: m
 SMPL bodies (AMASS), or positions under one of the usual names.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.batch import write_atomically
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import UnreadableFile
 from motionary.io.motion.arrays import array_to_motion, check_positions, name_joints
 from motionary.io.motion.numpy_files import Array, read_npz
+from motionary.io.motion.settling import Claims, rescale, settle_claims, turn
 from motionary.io.motion.smpl import is_smpl, read_smpl_arrays
 from motionary.motion import Event, Motion, Skeleton
 from motionary.skeletons import find_mapping, named_mapping
@@ -22,6 +24,7 @@ from motionary.skeletons import find_mapping, named_mapping
 Floats = NDArray[np.float64]
 
 _FORMAT = 1
+_OWN = Claims("m", "y")
 _POSITIONS = ("positions", "joints", "keypoints3d", "joints3d", "jtr", "xyz")
 _NAMES = ("names", "joint_names", "marker_names", "labels")
 RATES = ("rate_hz", "fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate")
@@ -49,14 +52,15 @@ def read_npz_motion(
     UnreadableFile
         If the file is missing, damaged, or holds no motion.
     InvalidInput
-        If rate or names are neither known nor told.
+        If rate or names are neither known nor told, or the body contradicts what is.
     """
     path = Path(path)
     arrays = read_npz(path)
     if "motionary_motion" in arrays:
-        if unit is not None or up is not None:
-            raise InvalidInput(f"{path.name}: is in metres with y up; leave out unit= and up=")
-        return _read_own(arrays, path.name, rate_hz)
+        motion = _read_own(arrays, path.name, rate_hz)
+        settled = settle_claims(motion, _OWN, unit=unit, up=up)
+        told = [note for note in settled.notes if note.endswith("as told")]
+        return replace(turn(rescale(motion, settled.metres), settled.up), notes=tuple(told))
     rate = rate_hz if rate_hz is not None else find_rate(arrays)
     if is_smpl(arrays):
         return read_smpl_arrays(

@@ -16,9 +16,8 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.motion.arrays import array_to_motion, check_positions, name_joints
-from motionary.io.motion.axes import check_up
 from motionary.io.motion.numpy_files import Array
-from motionary.io.motion.smpl import check_pose, pose_to_motion
+from motionary.io.motion.smpl import check_pose, find_up, pose_to_motion
 from motionary.io.motion.units import metres_per_unit
 from motionary.motion import Motion
 
@@ -150,13 +149,14 @@ def read_pickle(
         raise InvalidInput(f"{path.name}: has an SMPL body; leave out skeleton=")
     pose = check_pose(content["smpl_poses"], content["smpl_trans"], path.name)
     metres = _metres(content) if unit is None else metres_per_unit(unit)
-    axis = check_up("y" if up is None else up)
+    pose = pose._replace(root=pose.root * metres)
+    axis, note = find_up(pose, path.name, up=up, usual="y", whose="AIST++")
     return pose_to_motion(
-        pose._replace(root=pose.root * metres),
+        pose,
         path.name,
         rate_hz=rate,
         up=axis,
-        notes=(f"{axis} up, {'as AIST++ has' if up is None else 'as told'}", *notes),
+        notes=(note, *notes),
     )
 
 

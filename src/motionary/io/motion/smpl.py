@@ -20,9 +20,10 @@ from motionary.geometry import (
     multiply_quaternions,
     rotation_vectors_to_quaternions,
 )
-from motionary.io.motion.axes import check_up, turn_up
+from motionary.io.motion.axes import turn_up
 from motionary.io.motion.numpy_files import Array, read_npz
 from motionary.io.motion.pose import place_joints
+from motionary.io.motion.settling import Claims, settle_claims
 from motionary.io.motion.units import metres_per_unit
 from motionary.motion import Motion, Skeleton
 from motionary.skeletons import named_mapping
@@ -58,6 +59,10 @@ _MIRROR = np.array([-1.0, 1.0, 1.0])
 _MOST = 1e6
 # Where the pelvis of the model rests, below its origin.
 _PELVIS = (0.0, -0.13, 0.0)
+
+
+# Frames that suffice to see how a body stands.
+_LOOKED_AT = 500
 
 
 class Pose(NamedTuple):
@@ -98,9 +103,7 @@ def read_smpl_arrays(
         poses = np.concatenate((arrays["root_orient"], arrays["pose_body"]), axis=-1)
     pose = check_pose(poses, arrays["trans"], source)
     pose = pose._replace(root=pose.root * (1.0 if unit is None else metres_per_unit(unit)))
-    axis = check_up("z" if up is None else up)
-    told_by = "as told" if up is not None else "as AMASS has"
-    note = f"{axis} up, {told_by}"
+    axis, note = find_up(pose, source, up=up, usual="z", whose="AMASS")
     if body_model is None:
         return pose_to_motion(pose, source, rate_hz=rate_hz, up=axis, notes=(note,))
     betas = arrays.get("betas", np.zeros(0)).astype(np.float64).ravel()
@@ -131,6 +134,30 @@ def check_pose(poses: Array, trans: Array, source: str) -> Pose:
     if not ((np.abs(turns) < _MOST).all() and (np.abs(root) < _MOST).all()):
         raise UnreadableFile(f"{source}: poses and trans must be finite, and of possible size")
     return Pose(turns, root)
+
+
+def find_up(pose: Pose, source: str, *, up: str | None, usual: str, whose: str) -> tuple[str, str]:
+    """The axis that points up in a file, and a note on it.
+
+    Parameters
+    ----------
+    pose : as in the file
+    up : what the caller says, as in `read`
+    usual : axis that files of `whose` have
+
+    Raises
+    ------
+    InvalidInput
+        If the caller contradicts the body.
+    """
+    some = slice(None, None, 1 + len(pose.turns) // _LOOKED_AT)
+    sample = Pose(pose.turns[some], pose.root[some])
+    body = pose_to_motion(sample, source, rate_hz=1.0, up="y", notes=())
+    claims = Claims(unit="m", usual_up=usual, by_definition=True)
+    settled = settle_claims(body, claims, unit=None, up=up)
+    if up is None and settled.up == usual:
+        return usual, f"{usual} up, as {whose} has"
+    return settled.up, settled.notes[1]
 
 
 def pose_to_motion(

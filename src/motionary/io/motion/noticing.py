@@ -1,0 +1,129 @@
+"""What should one know of a recording that was read: a rest pose first, a walk on the spot?
+
+Exported clips are often kept in place: the hips stay above one point and the feet slide over
+the floor. How fast the body or a foot moves is unknown there.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.motion import GENERIC_JOINTS, Motion
+
+Floats = NDArray[np.float64]
+
+# A step this many times the longest step of the next second is a change of pose.
+_REST_POSE_JUMP = 5.0
+_REST_POSE_MIN_M = 0.02
+_STILL_M = 1e-3
+
+# Hips of people sway more than this share of a leg, those of a clip in place may not at all.
+_PINNED = 0.005
+_ON_THE_SPOT = 0.35
+# Legs a second at which the foot on the floor moves: of people who stay on the spot at most
+# .36 in all recordings at hand (a squat on the toes).
+_SLIDES = 0.5
+_STIRS = 0.1
+_FLOOR = 0.06
+_LOOKED_AT = 2000
+_AT_HZ = 30.0
+_FEET = list(GENERIC_JOINTS.index(j) for j in ("lankle", "rankle", "ltoes", "rtoes"))
+
+
+def notice(motion: Motion) -> Motion:
+    """The motion with notes on what was noticed, and marked if it is kept in place."""
+    notes = list(motion.notes)
+    n_rest = count_rest_frames(motion.positions, motion.rate_hz)
+    if n_rest:
+        which = "first frame looks" if n_rest == 1 else f"first {n_rest} frames look"
+        notes.append(f"the {which} like a rest pose")
+    in_place = is_in_place(motion)
+    if in_place:
+        notes.append(
+            "kept in place: the feet slide under hips that stay, so how fast feet and body move "
+            "is unknown"
+        )
+    return replace(motion, notes=tuple(notes), in_place=in_place)
+
+
+def count_rest_frames(positions: Floats, rate_hz: float) -> int:
+    """Frames at the start, within a second, after which the pose jumps; 0 if it does not.
+
+    Parameters
+    ----------
+    positions : array, shape (frames, joints, 3), metres
+    rate_hz : frames per second
+    """
+    within = max(2, round(rate_hz))
+    start = positions[: 2 + 2 * within]
+    start = start[:, ~np.isnan(start).any(axis=(0, 2))]
+    if len(start) < 4 or not start.shape[1]:
+        return 0
+    pose = start - start[:, :1]
+    steps = np.abs(np.diff(pose, axis=0)).max(axis=(1, 2))
+    jumps = np.flatnonzero(steps[:within] > _REST_POSE_MIN_M)
+    if not len(jumps):
+        return 0
+    jump = int(jumps[0])
+    after = steps[jump + 1 : jump + 1 + within]
+    still = not jump or steps[:jump].max() < _STILL_M
+    return jump + 1 if still and len(after) > 1 and _jumps(steps[jump], after) else 0
+
+
+def _jumps(step: float, after: Floats) -> bool:
+    return bool(step > _REST_POSE_JUMP * after.max())
+
+
+def is_in_place(motion: Motion) -> bool:
+    """Whether the hips stay above one point while the feet slide over the floor."""
+    step = max(1, round(motion.rate_hz / _AT_HZ))
+    if motion.mapping is None or motion.n_frames < 2 * step + 1:
+        return False
+    first = np.arange(0, motion.n_frames - step, max(1, motion.n_frames // _LOOKED_AT))
+    now, then = (_body(motion, frames) for frames in (first, first + step))
+    leg, root = _leg(now), now[:, GENERIC_JOINTS.index("root")][:, [0, 2]]
+    root = root[np.isfinite(root).all(axis=1)]
+    if not leg > 0 or not len(root):
+        return False
+    sways = float(np.ptp(root, axis=0).max()) / leg
+    if sways > _ON_THE_SPOT:
+        return False
+    slides = _sliding(now, then, leg) * motion.rate_hz / step
+    if not len(slides):
+        return False
+    median, most = np.percentile(slides, (50, 95))
+    return bool(median > _SLIDES or (sways < _PINNED and most > _STIRS))
+
+
+def _body(motion: Motion, frames: NDArray[np.intp]) -> Floats:
+    some = replace(motion, positions=motion.positions[frames], rotations=None)
+    return some.generic_positions()
+
+
+def _sliding(now: Floats, then: Floats, leg: float) -> Floats:
+    """How far the lowest foot moves to the next frame while it is on the floor, in legs."""
+    now, then = now[:, _FEET], then[:, _FEET]
+    seen = np.isfinite(now + then).all(axis=2)
+    some = seen.any(axis=1)
+    now, then, seen = now[some], then[some], seen[some]
+    if not len(now):
+        return np.empty(0)
+    heights = np.where(seen, now[:, :, 1], np.inf)
+    lowest = heights.min(axis=1)
+    on_floor = lowest < np.percentile(lowest, 20) + _FLOOR * leg
+    foot = heights.argmin(axis=1)
+    steps = np.linalg.norm((then - now)[:, :, [0, 2]], axis=2)
+    moved: Floats = steps[np.arange(len(steps)), foot][on_floor] / leg
+    return moved
+
+
+def _leg(body: Floats) -> float:
+    """Median length from hip to knee to ankle."""
+    hip, knee, ankle = (
+        body[:, [GENERIC_JOINTS.index(side + joint) for side in "lr"]]
+        for joint in ("hip", "knee", "ankle")
+    )
+    lengths = np.linalg.norm(hip - knee, axis=2) + np.linalg.norm(knee - ankle, axis=2)
+    lengths = lengths[np.isfinite(lengths)]
+    return float(np.median(lengths)) if len(lengths) else np.nan
