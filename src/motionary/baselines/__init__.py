@@ -1,0 +1,27 @@
+"""What motion templates are compared with: one example by DTW, and frames one by one."""
+
+from motionary.baselines.dtw import Matches, match_costs
+from motionary.baselines.examples import BASELINES, Baseline, find_example
+from motionary.baselines.frame_classifier import (
+    FrameClassifier,
+    FrameTraining,
+    train_frame_classifier,
+)
+from motionary.baselines.frames import position_frames, relation_frames, rotation_frames
+from motionary.baselines.windows import Window, position_windows
+
+__all__ = [
+    "BASELINES",
+    "Baseline",
+    "FrameClassifier",
+    "FrameTraining",
+    "Matches",
+    "Window",
+    "find_example",
+    "match_costs",
+    "position_frames",
+    "position_windows",
+    "relation_frames",
+    "rotation_frames",
+    "train_frame_classifier",
+]
