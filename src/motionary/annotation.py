@@ -9,7 +9,7 @@ infinite elsewhere (section 5).
 Conventions: frames are words at 30 Hz, 0-based; ties go to the earlier class.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -178,13 +178,14 @@ def _align(
     windows: Sequence[tuple[int, int]],
     ends: NDArray[np.intp],
     skip_weight: float,
-) -> Iterator[Alignment]:
+) -> list[Alignment]:
     """Matches that end at some frames, each within the window of its end."""
-    for start, stop in windows:
-        inside = ends[(ends >= start) & (ends < stop)] - start
-        words, known = sequence.words[start:stop], sequence.known[start:stop]
-        for found in align(pattern, words, known, inside, skip_weight=skip_weight):
-            yield found.shifted(start)
+    if len(ends) == 0:
+        return []
+    starts = np.array([start for start, _ in windows])
+    since = starts[np.searchsorted(starts, ends, side="right") - 1]
+    words, known = sequence.words, sequence.known
+    return align(pattern, words, known, ends, skip_weight=skip_weight, since=since)
 
 
 def unassessed(sequence: FeatureSequence) -> tuple[tuple[float, float], ...]:

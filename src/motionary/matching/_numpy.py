@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.matching.pattern import Floats, Pattern
+from motionary.matching.pattern import Floats, Pattern, byte_tables
 from motionary.words import Words, count, unpack
 
 Single = NDArray[np.float32]
@@ -147,12 +147,8 @@ class _WeighedCosts:
 
     def _tables(self, weights: Floats) -> Floats:
         """Weight of each value of each used byte, shape (K, bytes, 256)."""
-        by_byte = weights.reshape(len(weights), -1, 8)[:, self._used]
-        tables = np.zeros((*by_byte.shape[:2], 256))
-        for bit in range(8):
-            half = 1 << bit
-            tables[..., half : 2 * half] = tables[..., :half] + by_byte[..., bit, np.newaxis]
-        return tables
+        relations = (8 * self._used[:, np.newaxis] + np.arange(8)).reshape(-1)
+        return byte_tables(weights[:, relations])
 
     def _bytes(self, words: Words) -> NDArray[np.intp]:
         """Used bytes, shape (bytes, frames)."""

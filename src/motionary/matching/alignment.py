@@ -51,6 +51,7 @@ def align(
     ends: ArrayLike,
     *,
     skip_weight: float = SKIP_WEIGHT,
+    since: ArrayLike = 0,
 ) -> list[Alignment]:
     """Best matches that end at given frames of one document.
 
@@ -59,6 +60,7 @@ def align(
     pattern : Pattern
     words, known : arrays, shape (frames, n_words); known may be None
     ends : frames at which the distance function is finite
+    since : frame before which no match may begin, or one for each end
 
     Returns
     -------
@@ -71,15 +73,19 @@ def align(
     """
     check_document(pattern, words, known)
     check_skip_weight(skip_weight)
+    if known is not None and pattern.fully_seen(known):
+        known = None
     frames = np.asarray(ends, dtype=np.intp)
     if len(frames) and not 0 <= frames.min() <= frames.max() < len(words):
         raise InvalidInput(
             f"ends must be frames of the document (0 to {len(words) - 1}), got "
             f"{frames.min()} to {frames.max()}"
         )
+    begin = np.broadcast_to(np.maximum(np.asarray(since, dtype=np.intp), 0), frames.shape)
     result: list[Alignment] = []
     for first in range(0, len(frames), _BATCH):
-        result += _align_batch(pattern, words, known, frames[first : first + _BATCH], skip_weight)
+        batch = slice(first, first + _BATCH)
+        result += _align_batch(pattern, words, known, frames[batch], begin[batch], skip_weight)
     return result
 
 
@@ -88,11 +94,12 @@ def _align_batch(
     words: Words,
     known: Words | None,
     ends: NDArray[np.intp],
+    begin: NDArray[np.intp],
     skip_weight: float,
 ) -> list[Alignment]:
     width = 2 * len(pattern) - 1
     at = ends[:, np.newaxis] + np.arange(1 - width, 1)
-    outside = at < 0
+    outside = at < begin[:, np.newaxis]
     frames = np.maximum(at, 0)
     mask = ~np.zeros(words.shape[1], dtype=np.uint64) if known is None else known[frames]
     total, steps = _accumulate(pattern, words[frames], mask, outside, skip_weight)
@@ -112,27 +119,38 @@ def _accumulate(
     outside: NDArray[np.bool_],
     skip_weight: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-    """Costs at the last frame of each window, and the step into every cell."""
+    """Costs at the last frame of each window, and the step into every cell.
+
+    Only cells from which steps lead to the last frame are computed.
+    """
     n_windows, width = outside.shape
     steps = np.zeros((len(pattern), n_windows, width), dtype=np.int8)
     padded = np.full((3, n_windows, width + 2), np.inf)
     for k in range(len(pattern)):
-        cost = cell_costs(pattern, k, words, known)
-        row, before, skipped = padded[k % 3], padded[(k - 1) % 3], padded[(k - 2) % 3]
-        if k == 0:
-            row[:, 2:] = cost
-        else:
-            best = before[:, 1:-1] + cost
-            candidates = [before[:, :-2] + cost]
+        left = len(pattern) - 1 - k
+        here = slice(width - 1 - 2 * left, width - (left + 1) // 2)
+        cost = cell_costs(pattern, k, words[:, here], known if known.ndim < 3 else known[:, here])
+        row, before, skipped = (padded[(k - back) % 3] for back in range(3))
+        if k > 0:
+            one = before[:, here.start + 1 : here.stop + 1]
+            candidates = [before[:, here.start : here.stop] + cost]
             if k > 1:
-                candidates.append(skipped[:, 1:-1] + skip_weight * cost)
-            for number, other in enumerate(candidates, start=1):
-                better = other < best - _EQUAL
-                steps[k][better] = number
-                best = np.where(better, other, best)
-            row[:, 2:] = best
-        row[:, 2:][outside] = np.inf
+                candidates.append(skipped[:, here.start + 1 : here.stop + 1] + skip_weight * cost)
+            cost = _cheapest(one + cost, candidates, steps[k, :, here])
+        cost[outside[:, here]] = np.inf
+        row[:, here.start + 2 : here.stop + 2] = cost
     return padded[(len(pattern) - 1) % 3][:, -1], steps
+
+
+def _cheapest(
+    best: NDArray[np.float64], candidates: list[NDArray[np.float64]], steps: NDArray[np.int8]
+) -> NDArray[np.float64]:
+    """Least cost; which of the candidates has it, counted from 1, is written to `steps`."""
+    for number, other in enumerate(candidates, start=1):
+        better = other < best - _EQUAL
+        steps[better] = number
+        best = np.where(better, other, best)
+    return best
 
 
 def _backtrack(steps: NDArray[np.int8], end: int, cost: float) -> Alignment:

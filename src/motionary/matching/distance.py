@@ -116,7 +116,7 @@ def _distance(
 ) -> Single:
     check_skip_weight(skip_weight)
     again = np.float32(skip_weight - 1)
-    if known is not None and not (~known & np.bitwise_or.reduce(pattern.fixed, axis=0)).any():
+    if known is not None and pattern.fully_seen(known):
         known = None
     result = np.empty(len(words), dtype=np.float32)
     kernel = _compiled_kernel(engine, len(pattern) * len(words))

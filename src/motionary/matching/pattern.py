@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.words import Words, count, count_words, pack, unpack
+from motionary.words import Words, count, count_words, pack
 
 Floats = NDArray[np.float64]
 
@@ -59,6 +59,10 @@ class Pattern:
         """Factor of each column's cells, shape (K,)."""
         return (self.weights + 1.0) / 2.0
 
+    def fully_seen(self, known: Words) -> bool:
+        """Whether every relation that a column fixes is known in all frames."""
+        return not (~known & np.bitwise_or.reduce(self.fixed, axis=0)).any()
+
 
 def cell_costs(pattern: Pattern, column: int, words: Words, known: Words) -> Floats:
     """Costs of one column against frames of any leading shape.
@@ -78,12 +82,30 @@ def cell_costs(pattern: Pattern, column: int, words: Words, known: Words) -> Flo
     if pattern.entry_weights is None:
         share = count(wrong) / np.maximum(n_seen, 1)
     else:
-        entries = pattern.entry_weights[column]
-        seen_weight = _weigh(seen, entries)
-        share = _weigh(wrong, entries) / np.where(seen_weight > 0, seen_weight, 1.0)
+        tables = byte_tables(pattern.entry_weights[column : column + 1])[0]
+        seen_weight = _weigh(seen, tables)
+        share = _weigh(wrong, tables) / np.where(seen_weight > 0, seen_weight, 1.0)
     unseen = 2 * n_seen < pattern.n_fixed[column]
     costs: Floats = np.where(unseen, 1.0, share) * pattern.column_weights[column]
     return costs
+
+
+def byte_tables(weights: Floats) -> Floats:
+    """Weight of each value of each byte of relations, shape (K, bytes, 256).
+
+    Parameters
+    ----------
+    weights : array, shape (K, relations)
+    """
+    n_bytes = -(-weights.shape[1] // 8)
+    by_byte = np.zeros((len(weights), n_bytes * 8))
+    by_byte[:, : weights.shape[1]] = weights
+    by_byte = by_byte.reshape(len(weights), n_bytes, 8)
+    tables = np.zeros((len(weights), n_bytes, 256))
+    for bit in range(8):
+        half = 1 << bit
+        tables[..., half : 2 * half] = tables[..., :half] + by_byte[..., bit, np.newaxis]
+    return tables
 
 
 def check_document(pattern: Pattern, words: Words, known: Words | None) -> None:
@@ -142,8 +164,10 @@ def _check_entries(entries: Floats, fixed: Words) -> Floats:
     return entries
 
 
-def _weigh(words: Words, entries: Floats) -> Floats:
-    bits = unpack(words.reshape(-1, words.shape[-1]), len(entries))
-    # Not a product of matrices: there, a frame's sum may depend on the frames beside it.
-    total: Floats = np.einsum("ij,j->i", bits, entries)
-    return total.reshape(words.shape[:-1])
+def _weigh(words: Words, tables: Floats) -> Floats:
+    """Sum of the weights of what is set, in the order of bytes whatever stands beside."""
+    as_bytes = np.ascontiguousarray(words, dtype="<u8").view(np.uint8)
+    total = np.zeros(words.shape[:-1])
+    for i, table in enumerate(tables):
+        total += table.take(as_bytes[..., i])
+    return total
