@@ -13,6 +13,7 @@ SCRIPTS = (
     "classification",
     "distractors",
     "masking",
+    "growing_choice",
     "crafting",
     "generation_metrics",
     "same_trial",

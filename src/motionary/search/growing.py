@@ -32,7 +32,7 @@ _PRIOR = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Growing:
-    """How an example becomes a template; defaults: docs/evidence/find_by_example.md.
+    """How an example becomes a template; defaults: docs/evidence/growing_choice.md.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Growing:
     by_surprise : whether what is rare in the collection weighs more
     """
 
-    hits: int = 8
+    hits: int = 3
     most_cost: float = 0.35
     reach: float = 0.6
     tolerance: float = 0.1

@@ -1,0 +1,153 @@
+"""How does one example rank recordings, whatever it is compared by?
+
+A recording's cost is the smallest along it; it counts once.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evidence.common.ranking import clip_costs, corpus_of
+from evidence.common.recordings import Clip
+from motionary.baselines import BASELINES, match_costs
+from motionary.evaluation import compute_average_precision, compute_r_precision
+from motionary.features import FeatureSequence
+from motionary.index import Collection
+from motionary.matching import Corpus, Pattern
+from motionary.search import Growing, Judged, SearchResult, search
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: No path leads over so many frames that nothing was seen in.
+_BREAK = 2
+SHUFFLES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Recordings that are searched."""
+
+    sequences: tuple[FeatureSequence, ...]
+
+    @cached_property
+    def collection(self) -> Collection:
+        """As `search` takes them."""
+        return Collection(self.sequences)
+
+    @cached_property
+    def corpus(self) -> Corpus:
+        """As one stretch of words."""
+        return corpus_of(self.sequences)
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """An example, what is searched, and which recordings are of its kind."""
+
+    name: str
+    example: FeatureSequence
+    pool: Pool
+    relevant: Bools
+
+    def costs(self, growing: Growing | None, *, judged: Judged | None = None) -> Floats:
+        """Cost of every recording."""
+        result = self.hits(growing, judged=judged, limit=1)
+        return self.costs_of(result[0].evidence.pattern)
+
+    def costs_of(self, pattern: Pattern) -> Floats:
+        """Cost of every recording for what is sought."""
+        return np.asarray(clip_costs({"": pattern}, self.pool.corpus)[:, 0], dtype=np.float64)
+
+    def hits(
+        self, growing: Growing | None, *, judged: Judged | None = None, limit: int
+    ) -> SearchResult:
+        """The first hits."""
+        return search(judged or self.example, self.pool.collection, limit=limit, growing=growing)
+
+    def judge(self, hits: SearchResult) -> tuple[Judged, Bools]:
+        """What a person who knows the truth says of hits, and which recordings are left."""
+        numbers = {id(s): i for i, s in enumerate(self.pool.collection.sequences)}
+        at = [numbers[id(hit.evidence.sequence)] for hit in hits]
+        good = tuple(hit for hit, i in zip(hits, at, strict=True) if self.relevant[i])
+        bad = tuple(hit for hit, i in zip(hits, at, strict=True) if not self.relevant[i])
+        left = np.ones(len(self.relevant), dtype=np.bool_)
+        left[at] = False
+        return Judged(self.example, good, bad), left
+
+
+def others_of(clips: Sequence[Clip], queries: Sequence[Clip]) -> list[Query]:
+    """Each clip, sought among those of the other actors."""
+    pools = {
+        actor: [clip for clip in clips if clip.actor != actor]
+        for actor in {query.actor for query in queries}
+    }
+    made = {actor: Pool(tuple(c.words for c in pool)) for actor, pool in pools.items()}
+    return [
+        Query(
+            query.name.split("/")[-1],
+            query.words,
+            made[query.actor],
+            np.array([c.motion_class == query.motion_class for c in pools[query.actor]]),
+        )
+        for query in queries
+    ]
+
+
+def score(costs: Floats, relevant: Bools) -> tuple[float, float]:
+    """Average precision and R-precision."""
+    return compute_average_precision(costs, relevant), compute_r_precision(costs, relevant)
+
+
+def score_all(queries: Sequence[Query], growing: Growing) -> list[tuple[float, float]]:
+    """Both of each query."""
+    return [score(query.costs(growing), query.relevant) for query in queries]
+
+
+def mean(scores: Sequence[tuple[float, float]]) -> dict[str, float]:
+    """Means of both; queries without anything relevant do not count."""
+    average, first = np.nanmean(np.array(scores), axis=0)
+    return {"average_precision": float(average), "r_precision": float(first)}
+
+
+def chance(relevant: Bools, *, seed: int) -> tuple[float, float]:
+    """Both of recordings in random order, the mean of many."""
+    rng = np.random.default_rng(seed)
+    shuffled = [score(rng.random(len(relevant)), relevant) for _ in range(SHUFFLES)]
+    return float(np.mean([s[0] for s in shuffled])), float(np.mean([s[1] for s in shuffled]))
+
+
+def position_costs_of(
+    example: Floats, documents: Sequence[Floats], *, baseline: str = "positions"
+) -> Floats:
+    """Smallest cost of an example's joint positions in each document, shape (documents,).
+
+    All documents are compared at once, as words are.
+    """
+    gap = np.full((_BREAK, *example.shape[1:]), np.nan)
+    joined = np.concatenate([part for document in documents for part in (document, gap)])
+    distance = match_costs(BASELINES[baseline].costs(example, joined)).distance
+    starts = np.cumsum([0, *(len(document) + _BREAK for document in documents[:-1])])
+    return np.asarray(np.minimum.reduceat(distance, starts))
+
+
+def timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    """A result, and the seconds of processor time that it took."""
+    began = time.process_time()
+    return call(), time.process_time() - began
+
+
+def rows_of(
+    queries: Sequence[Query], ways: Mapping[str, Sequence[tuple[float, float]]]
+) -> list[dict[str, Any]]:
+    """Per query, what each way scored."""
+    return [
+        {"query": query.name, "relevant": int(query.relevant.sum())}
+        | {way: list(scores[i]) for way, scores in ways.items()}
+        for i, query in enumerate(queries)
+    ]
