@@ -13,6 +13,7 @@ SCRIPTS = (
     "classification",
     "distractors",
     "masking",
+    "baselines_2006",
     "growing_choice",
     "crafting",
     "generation_metrics",

@@ -1,0 +1,178 @@
+"""Frames classified one by one, beside labels by templates.
+
+Documents are clips of two people that nobody learned from, and motion of CMU that holds
+none of the classes. Both ways label every frame with a class or none.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evidence.common.example_queries import Frames, smallest
+from evidence.common.ranking import TOLERANCE_2006, clip_costs, corpus_of, patterns_of, templates_of
+from evidence.common.recordings import ACTORS, Clip, Recordings, examples
+from evidence.common.streams import AMC_STRETCHES, CHOOSING, REPORTING
+from motionary.annotation import annotate
+from motionary.baselines import FrameClassifier, position_windows, train_frame_classifier
+from motionary.evaluation import score_classification
+from motionary.features import FeatureSequence
+from motionary.library import Teaching, learn_classes
+
+Floats = NDArray[np.float64]
+Codes = NDArray[np.intp]
+
+NONE = -1
+COSTS = (0.05, 0.07, 0.09, 0.12, 0.15, 0.2)
+SCORES = tuple(np.round(np.arange(-1.0, 1.0, 0.1), 1).tolist())
+
+
+class Document(NamedTuple):
+    """Words and windows of a recording; `label` is its class, or empty."""
+
+    label: str
+    words: FeatureSequence
+    windows: Floats
+
+
+def windows_of(recordings: Recordings) -> dict[str, Floats]:
+    """Windows of all clips by name."""
+    return {c.name: position_windows(recordings.motion(c.name)) for c in recordings.clips}
+
+
+def train(clips: Sequence[Clip], windows: Mapping[str, Floats]) -> FrameClassifier:
+    """A machine of some clips."""
+    taught: dict[str, list[Any]] = {}
+    for clip in clips:
+        taught.setdefault(clip.motion_class, []).append(windows[clip.name])
+    return train_frame_classifier(taught)
+
+
+def judge_clips(
+    machine: FrameClassifier, clips: Sequence[Clip], windows: Mapping[str, Floats]
+) -> dict[str, float]:
+    """Share of frames, and of clips by their mean score, that get the right class."""
+    right = frames = clips_right = 0
+    for clip in clips:
+        scores = machine.scores(windows[clip.name])
+        code = machine.names.index(clip.motion_class)
+        right += int((scores.argmax(axis=1) == code).sum())
+        frames += len(scores)
+        clips_right += int(scores.mean(axis=0).argmax() == code)
+    return {"frames": right / frames, "clips": clips_right / len(clips)}
+
+
+def label_among_others(recordings: Recordings, windows: Mapping[str, Floats]) -> dict[str, Any]:
+    """F of frames at the threshold chosen on half of the pairs of people, by way."""
+    others = _others(recordings)
+    found: dict[str, list[dict[str, list[Floats]]]] = {"frames": [], "templates": []}
+    for pair in (*CHOOSING, *REPORTING):
+        learned = recordings.of(actors=set(ACTORS) - set(pair))
+        documents = others + [
+            Document(c.motion_class, c.words, windows[c.name]) for c in recordings.of(actors=pair)
+        ]
+        names = recordings.classes
+        found["frames"].append(_by_frames(train(learned, windows), documents, names))
+        found["templates"].append(_by_templates(learned, documents, names))
+    return {way: _chosen(rows, way) for way, rows in found.items()} | {
+        "minutes of others": sum(len(d.words) for d in others) / 1800
+    }
+
+
+def _others(recordings: Recordings) -> list[Document]:
+    documents = []
+    for name, start_s, end_s, _ in AMC_STRETCHES:
+        words = recordings.others[name]
+        first, stop = round(start_s * 30), min(round(end_s * 30), len(words))
+        windows = position_windows(recordings.motion(name))[first:stop]
+        documents.append(Document("", words.part(first, stop), windows))
+    return documents
+
+
+def _by_frames(
+    machine: FrameClassifier, documents: Sequence[Document], names: Sequence[str]
+) -> dict[str, list[Floats]]:
+    """Counts at each threshold: rows (right, predicted, true, segments, true segments)."""
+    scores = [machine.scores(document.windows) for document in documents]
+    rows = []
+    for threshold in SCORES:
+        labels = [np.where(s.max(axis=1) > threshold, s.argmax(axis=1), NONE) for s in scores]
+        rows.append(_count(labels, documents, names))
+    return {"counts": rows}
+
+
+def _by_templates(
+    clips: Sequence[Clip], documents: Sequence[Document], names: Sequence[str]
+) -> dict[str, list[Floats]]:
+    library = learn_classes(examples(clips), teaching=Teaching(mirror=False))
+    rows = []
+    for threshold in COSTS:
+        labels = []
+        for document in documents:
+            label = np.full(len(document.words), NONE)
+            for one in annotate(document.words, library, threshold=threshold, preselect=False):
+                label[round(one.start_s * 30) : round(one.end_s * 30)] = names.index(one.name)
+            labels.append(label)
+        rows.append(_count(labels, documents, names))
+    return {"counts": rows}
+
+
+def _count(labels: Sequence[Codes], documents: Sequence[Document], names: Sequence[str]) -> Floats:
+    total = np.zeros(5)
+    for label, document in zip(labels, documents, strict=True):
+        true = names.index(document.label) if document.label else NONE
+        n_runs = int((np.diff(label, prepend=NONE - 1) != 0)[label != NONE].sum())
+        total += [
+            ((label == true) & (label != NONE)).sum(),
+            (label != NONE).sum(),
+            len(label) if true != NONE else 0,
+            n_runs,
+            true != NONE,
+        ]
+    return total
+
+
+def _chosen(rows: Sequence[Mapping[str, Sequence[Floats]]], way: str) -> dict[str, float]:
+    """Measures on the reporting pairs, at the threshold that is best on the choosing ones."""
+    counts = np.array([row["counts"] for row in rows])
+    choosing = counts[: len(CHOOSING)].sum(axis=0)
+    best = int(np.argmax([_measures(one)["f"] for one in choosing]))
+    threshold = (SCORES if way == "frames" else COSTS)[best]
+    return _measures(counts[len(CHOOSING) :, best].sum(axis=0)) | {"threshold": threshold}
+
+
+def _measures(counts: Floats) -> dict[str, float]:
+    right, predicted, true, runs, clips = counts.tolist()
+    precision, recall = right / max(predicted, 1), right / true
+    return {
+        "precision": precision,
+        "recall": recall,
+        "f": 2 * right / (predicted + true),
+        "labels a clip": runs / clips,
+    }
+
+
+def right_class(
+    recordings: Recordings,
+    learned: Sequence[Clip],
+    tested: Sequence[Clip],
+    windows: Mapping[str, Floats],
+) -> dict[str, float]:
+    """Share of clips that get their class: nearest template, nearest example, frames."""
+    names = recordings.classes
+    truth = [clip.motion_class for clip in tested]
+    patterns = patterns_of(templates_of(learned), tolerance=TOLERANCE_2006)
+    costs = clip_costs(patterns, corpus_of([c.words for c in tested]))
+    result = {"MT": score_classification(costs, truth, names=names).accuracy}
+    for way in ("RF", "3D heading"):
+        frames = Frames(recordings, [*learned, *tested], way)
+        among = frames.join(tested)
+        nearest = np.full((len(tested), len(names)), np.inf)
+        for query in learned:
+            column = names.index(query.motion_class)
+            cost = smallest(frames.distance(query, among), tested)
+            nearest[:, column] = np.minimum(nearest[:, column], cost)
+        result[f"{way} all"] = score_classification(nearest, truth, names=names).accuracy
+    judged = judge_clips(train(learned, windows), tested, windows)
+    return result | {"frames: clips": judged["clips"], "frames: frames": judged["frames"]}
