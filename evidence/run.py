@@ -13,7 +13,7 @@ SCRIPTS = (
     "classification",
     "distractors",
     "masking",
-    "baselines_2006",
+    "keyframe_choice",
     "growing_choice",
     "crafting",
     "generation_metrics",
