@@ -138,7 +138,9 @@ def table(P, rate_hz=120):
     def lowest(t, without=()):
         seen = [P[j][t][1] for j in GENERIC_JOINTS if j not in without]
         seen = [y for y in seen if not math.isnan(y)]
-        return min(seen) if seen else NAN
+        feet = [P[j][t][1] for j in ("lankle", "rankle", "ltoes", "rtoes")]
+        # Feet stand lowest: without any of them the lowest joint is not known.
+        return min(seen) if seen and not all(math.isnan(y) for y in feet) else NAN
 
     def highest(t):
         seen = [P[j][t][1] for j in GENERIC_JOINTS if not math.isnan(P[j][t][1])]

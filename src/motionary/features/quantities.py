@@ -17,6 +17,7 @@ from motionary.features.body import Body
 from motionary.features.vectors import Floats, angle_between, dot, norm
 from motionary.motion import GENERIC_JOINTS
 
+FEET = ("lankle", "rankle", "ltoes", "rtoes")
 EXTREMITIES = ("lankle", "rankle", "lwrist", "rwrist", "headtop", "root")
 
 # -- distances --------------------------------------------------------------------------
@@ -67,8 +68,15 @@ def extent_aside(body: Body, window_s: float, *joints: str) -> Floats:
 
 
 def _lowest(body: Body, joints: Sequence[str]) -> Floats:
-    # Unlike np.minimum, np.fmin passes over what is not seen.
-    return body.kept(("lowest", *joints), lambda: reduce(np.fmin, [body.height(j) for j in joints]))
+    """Height of the lowest seen joint; unknown while no foot is seen, as feet stand lowest."""
+
+    def compute() -> Floats:
+        # Unlike np.minimum, np.fmin passes over what is not seen.
+        lowest: Floats = reduce(np.fmin, [body.height(j) for j in joints])
+        footless = np.isnan(reduce(np.fmin, [body.height(j) for j in FEET]))
+        return np.where(footless, np.nan, lowest)
+
+    return body.kept(("lowest", *joints), compute)
 
 
 def _highest(body: Body, joints: Sequence[str]) -> Floats:

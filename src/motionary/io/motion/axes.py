@@ -40,10 +40,19 @@ _MOSTLY = 0.5
 # this share of the way from feet to head.
 _HALF = 0.5
 _MOVES = 0.05
+# Who jumps leaves the floor by less than this share of the body, who crawls goes further.
+_CRAWLS = 0.5
+# Who walks goes at least half a body's length, mostly in the direction of the face.
+_SOME_WAY = 0.5
+_FACING = 0.6
+_HIGH = ("headtop", "head", "neck", "chest")
+_LOW = ("ltoes", "rtoes", "lankle", "rankle")
+# Hips of who breathes stir less than this share of the body.
+_STIRS = 0.03
 _ENDS = (
-    (("headtop", "head", "neck", "chest"), ("ltoes", "rtoes", "lankle", "rankle")),
-    (("root", "lhip", "rhip"), ("ltoes", "rtoes", "lankle", "rankle")),
-    (("headtop", "head", "neck", "chest"), ("root", "lhip", "rhip", "belly")),
+    (_HIGH, _LOW),
+    (("root", "lhip", "rhip"), _LOW),
+    (_HIGH, ("root", "lhip", "rhip", "belly")),
 )
 
 
@@ -54,11 +63,16 @@ class Stance:
     Attributes
     ----------
     shares : per axis, the share of frames in which the body stands along it
-    floors : per axis, how far the body's end on its side wanders, as a share of the body
+    floors : per axis, how far the body's end on its side wanders, as a share of the body; 0
+        where no foot is seen, as there is no floor to tell of
+    walks : whether it goes some way, and in the direction that it faces
+    is_planted : whether a foot stays where it is while the hips move, as of who stands
     """
 
     shares: dict[str, float]
     floors: dict[str, float]
+    walks: bool
+    is_planted: bool
 
     def stands(self, axis: str) -> bool:
         """Whether the body stands along an axis now and then."""
@@ -122,6 +136,7 @@ def find_stance(generic: Floats) -> Stance | None:
     generic : array, shape (frames, 24, 3), generic joints in any unit, NaN = not seen
     """
     for high, low in _ENDS:
+        has_feet = low == _LOW
         along = _mean_of(generic, high) - _mean_of(generic, low)
         seen = ~np.isnan(along).any(axis=1)
         if seen.any():
@@ -137,9 +152,12 @@ def find_stance(generic: Floats) -> Stance | None:
     for i, letter in enumerate("xyz"):
         shares[letter] = float((cosines[:, i] > _CLEAR).mean())
         shares[f"-{letter}"] = float((cosines[:, i] < -_CLEAR).mean())
-        floors[letter] = _wandering(np.nanmin(bodies[:, :, i], axis=1)) / size
-        floors[f"-{letter}"] = _wandering(np.nanmax(bodies[:, :, i], axis=1)) / size
-    return Stance(shares, floors)
+        ends = np.nanmin(bodies[:, :, i], axis=1), np.nanmax(bodies[:, :, i], axis=1)
+        floors[letter], floors[f"-{letter}"] = (
+            _wandering(end) / size if has_feet else 0.0 for end in ends
+        )
+    walks, is_planted = _walks(generic[seen], along, size), _is_planted(generic[seen], size)
+    return Stance(shares, floors, walks, is_planted)
 
 
 def detect_up(stance: Stance | None, *, usual: str) -> str | None:
@@ -156,17 +174,46 @@ def detect_up(stance: Stance | None, *, usual: str) -> str | None:
     standing = [axis for axis in UPS if stance.stands(axis)]
     if not standing:
         return None
+    best = usual if usual in standing else max(standing, key=lambda axis: stance.shares[axis])
+    rivals = [axis for axis in standing if stance.steadier(axis, best)]
+    best = min(rivals, key=lambda axis: stance.floors[axis]) if rivals else best
     if usual in standing:
-        rivals = [axis for axis in standing if stance.steadier(axis, usual)]
-        return min(rivals, key=lambda axis: stance.floors[axis]) if rivals else usual
-    best = max(standing, key=lambda axis: stance.shares[axis])
-    return usual if stance.steadier(usual, best) else best
+        return best
+    crawls = stance.steadier(usual, best) and stance.floors[best] > _CRAWLS and not stance.walks
+    return usual if crawls else best
 
 
 def is_still(stance: Stance, *, usual: str, seen: str) -> bool:
     """Whether a body along another axis than the usual one may as well be lying still."""
     opposite = usual.removeprefix("-") == seen.removeprefix("-")
-    return not (seen == usual or opposite or stance.steadier(seen, usual))
+    sure = stance.walks or stance.is_planted or stance.steadier(seen, usual)
+    return not (seen == usual or opposite or sure)
+
+
+def _walks(bodies: Floats, along: Floats, size: float) -> bool:
+    """Whether a body goes where it faces, forward or backward, across its own axis."""
+    root = bodies[:, GENERIC_JOINTS.index("root")]
+    sides = [_mean_of(bodies, (f"{side}hip", f"{side}shoulder")) for side in "lr"]
+    facing = np.cross(sides[0] - sides[1], along)
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
+    steps = np.diff(root, axis=0)
+    seen = ~np.isnan(steps + facing[:-1]).any(axis=1)
+    steps, facing = steps[seen], facing[:-1][seen]
+    way = float(np.linalg.norm(steps, axis=1).sum())
+    ahead = abs(float((steps * facing).sum()))
+    return way > 0 and ahead > _SOME_WAY * size and ahead > _FACING * way
+
+
+def _is_planted(bodies: Floats, size: float) -> bool:
+    """Whether a foot stays where it is while the hips move."""
+    wanders = []
+    for joints in (("root",), _LOW):
+        tracks = [bodies[:, GENERIC_JOINTS.index(joint)] for joint in joints]
+        tracks = [track[~np.isnan(track).any(axis=1)] for track in tracks]
+        widths = [max(_wandering(track[:, i]) for i in range(3)) for track in tracks if len(track)]
+        wanders.append(min(widths, default=np.nan))
+    root, foot = wanders
+    return root > _STIRS * size and foot < _HALF * root
 
 
 def _wandering(ends: Floats) -> float:

@@ -177,7 +177,7 @@ def _settle_up(
     if still:
         if claims.up is not None or claims.by_definition:
             told_by = "as the file says" if claims.up is not None else "by definition"
-            return usual, f"{usual} up, {told_by}; the body lies along {seen}"
+            return usual, f"{usual} up, {told_by}; the body lies along {seen}, or stands still"
         if rest not in (None, seen):
             raise InvalidInput(
                 f"{source}: its body stands along {seen}, or lies still where {usual} points up; "
