@@ -99,7 +99,7 @@ def test_every_bvh_at_hand_is_read(data):
         ("cmu/neutral_16_000.bvh", 120, "cmu_bvh", "unit 1/0.45 inch, by legs"),
         ("bandai/bow_old_001.bvh", 30, "bandai", "unit cm, by legs"),
         ("cmu/iclone_07_01.bvh", 60, "character_creator", "unit cm, by legs"),
-        ("sensors/neura/S02-Trial-Walk-1.bvh", 100, None, "unit mm, by a longest span"),
+        ("sensors/neura/S02-Trial-Walk-1.bvh", 100, "xsens", "unit mm, by legs"),
     ],
 )
 def test_rate_skeleton_and_unit_are_told(data, name, rate_hz, mapping, unit):

@@ -368,5 +368,9 @@ def test_two_subjects_in_a_file_are_told(tmp_path):
     groups = {"SUBJECTS": {"NAMES": ["A", "B"], "USED": np.int16(2)}}
     names = [f"{person}:{n}" for person in "AB" for n in PLUG_IN_GAIT]
     motion = read(put(tmp_path, some_points(4, len(names)), names, groups=groups))
-    assert "2 subjects in the file; relations are those of the first" in motion.notes
-    assert all(name.startswith("A:") for w in motion.mapping.weights.values() for name in w)
+    assert "2 subjects in the file" in motion.notes
+    # Whose relations are meant cannot be known, unless it is told.
+    assert motion.mapping is None
+    assert "2 people in one file (A, B): save one file for each" in " ".join(motion.notes)
+    told = read(tmp_path / "a.c3d", skeleton="plug_in_gait")
+    assert all(name.startswith("A:") for w in told.mapping.weights.values() for name in w)

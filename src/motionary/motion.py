@@ -22,6 +22,9 @@ GENERIC_JOINTS = (
     "rclavicle", "rshoulder", "relbow", "rwrist", "rfingers",
 )  # fmt: skip
 
+#: Start of the note that says why joints are not mapped.
+NO_RELATIONS = "no relations: "
+
 Floats = NDArray[np.float64]
 
 
@@ -167,10 +170,12 @@ class Motion:
             If the mapping is unknown.
         """
         if self.mapping is None:
-            raise InvalidInput(
-                f"{self.source or 'motion'}: no known skeleton has the joints "
-                f"{', '.join(self.names[:6])}, ...; pass skeleton= with a known name"
+            why = next(
+                (note for note in self.notes if note.startswith(NO_RELATIONS)),
+                f"no known skeleton has the joints {', '.join(self.names[:6])}, ...; "
+                "pass skeleton= with a known name",
             )
+            raise InvalidInput(f"{self.source or 'motion'}: {why}")
         index = {name: i for i, name in enumerate(self.names)}
         result = np.full((self.n_frames, len(GENERIC_JOINTS), 3), np.nan)
         for g, joint in enumerate(GENERIC_JOINTS):

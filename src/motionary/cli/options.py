@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, UnreadableFile
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet, Reading
@@ -54,7 +54,14 @@ def _check_rate(value: float | None) -> float | None:
 
 
 def _check_skeleton(value: str | None) -> str | None:
-    if value is not None and not value.lower().endswith(".asf"):
+    if value is not None and value.lower().endswith(".toml"):
+        from motionary.io.skeleton_files import find_skeleton
+
+        try:
+            find_skeleton(value)
+        except (InvalidInput, UnreadableFile) as error:
+            raise typer.BadParameter(str(error)) from error
+    elif value is not None and not value.lower().endswith(".asf"):
         from motionary.skeletons import known_mappings
 
         if value not in known_mappings():
@@ -119,9 +126,10 @@ class ReadingOptions:
     skeleton: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME",
+            metavar="NAME|TOML",
             callback=_check_skeleton,
-            help="A known skeleton, where joint names do not tell it.",
+            help="A known skeleton, where joint names do not tell it, or a .toml file that maps "
+            "them (`motionary info FILE --save-mapping RIG.toml` writes one).",
         ),
     ] = None
     unit: Annotated[

@@ -8,9 +8,10 @@ from typing import NamedTuple
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.motion.noticing import notice
 from motionary.io.motion.sides import check_sides, settle_sides
+from motionary.io.skeleton_files import find_skeleton
 from motionary.io.suffixes import format_suffix
-from motionary.motion import Motion
-from motionary.skeletons import named_mapping
+from motionary.motion import NO_RELATIONS, Motion
+from motionary.skeletons import SkeletonTable, say_why_unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +20,7 @@ class _Told:
 
     asf: str | Path | None = None
     rate_hz: float | None = None
-    skeleton: str | None = None
+    skeleton: SkeletonTable | None = None
     unit: float | str | None = None
     up: str | None = None
     body_model: str | Path | None = None
@@ -30,31 +31,40 @@ class _Told:
 def _read_amc(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.acclaim import read_amc
 
-    return read_amc(path, asf=told.asf, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+    return read_amc(
+        path,
+        asf=told.asf,
+        rate_hz=told.rate_hz,
+        skeleton=told.skeleton,
+        unit=told.unit,
+        up=told.up,
+    )
 
 
 def _read_bvh(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.bvh import read_bvh
 
-    return read_bvh(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+    return read_bvh(path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up)
 
 
 def _read_c3d(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.c3d import read_c3d
 
-    return read_c3d(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+    return read_c3d(path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up)
 
 
 def _read_trc(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.trc import read_trc
 
-    return read_trc(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+    return read_trc(path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up)
 
 
 def _read_opensim(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.opensim import read_opensim
 
-    return read_opensim(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+    return read_opensim(
+        path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up
+    )
 
 
 def _read_npz(path: Path, told: _Told) -> Motion:
@@ -89,7 +99,7 @@ def _read_pkl(path: Path, told: _Told) -> Motion:
 def _read_fbx(path: Path, told: _Told) -> Motion:
     from motionary.io.motion.fbx import read_fbx
 
-    return read_fbx(path, rate_hz=told.rate_hz, unit=told.unit, up=told.up)
+    return read_fbx(path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up)
 
 
 class _Format(NamedTuple):
@@ -150,8 +160,8 @@ def read(
     asf : skeleton file of an Acclaim motion; by default looked for by name
     rate_hz : frames per second, where the file does not say it or says it wrong
     skeleton : name of a known skeleton, where the joint names do not tell it, or there are
-        none and the order of the joints matters; of an Acclaim motion also the path of its
-        skeleton file
+        none and the order of the joints matters; or a .toml file that says which joint is
+        which; of an Acclaim motion also the path of its skeleton file
     unit : "m", "cm", "mm", "inch" or metres per unit of the file, where the size of
         the body does not tell it
     up : axis that points up in the file ("y", "z", "-y", ...), where the body does not
@@ -183,17 +193,33 @@ def read(
         raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
     if skeleton is not None and str(skeleton).lower().endswith(".asf"):
         asf, skeleton = skeleton, None
-    name = None if skeleton is None else str(skeleton)
+    table = None if skeleton is None else find_skeleton(skeleton)
     if sides is not None:
         check_sides(sides)
-    told = _Told(asf, rate_hz, name, unit, up, body_model, sides)
+    told = _Told(asf, rate_hz, table, unit, up, body_model, sides)
     for option, reason in _REFUSALS.items():
         if option not in known.takes and getattr(told, option) is not None:
             raise InvalidInput(f"{path.name}: this format {reason}")
     motion = known.read(path, told)
-    if name is not None and (motion.mapping is None or motion.mapping.name != name):
-        motion = replace(motion, mapping=named_mapping(name, motion.names))
-    return notice(settle_sides(motion, sides))
+    return notice(settle_sides(_map_joints(motion, table), sides))
+
+
+def _map_joints(motion: Motion, table: SkeletonTable | None) -> Motion:
+    """The motion with its joints mapped as told, and a note if they cannot be mapped."""
+    if table is not None:
+        if motion.mapping is None or motion.mapping.name != table.name:
+            motion = replace(motion, mapping=table.resolve(motion.names))
+        names = set(motion.names)
+        weights = {} if motion.mapping is None else motion.mapping.weights
+        if not any(names.issuperset(source) for source in weights.values()):
+            raise InvalidInput(
+                f"{motion.source}: has none of the joints of skeleton {table.name}; its joints "
+                f"are {', '.join(motion.names[:6])}, ..."
+            )
+    if motion.mapping is not None:
+        return motion
+    why = say_why_unknown(motion.names, motion.skeleton, motion.positions)
+    return replace(motion, notes=(*motion.notes, f"{NO_RELATIONS}{why}"))
 
 
 def options_of(path: str | Path) -> frozenset[str]:

@@ -1,5 +1,21 @@
-"""Known skeletons: how the names of a file give the 24 generic joints."""
+"""Skeletons: how the names of a file, and the shape of its tree, give the 24 generic joints."""
 
-from motionary.skeletons.mapping import find_mapping, known_mappings, named_mapping
+from motionary.skeletons.mapping import (
+    find_mapping,
+    known_mappings,
+    named_mapping,
+    named_table,
+    say_why_unknown,
+)
+from motionary.skeletons.table_files import SkeletonTable, format_table, parse_table
 
-__all__ = ["find_mapping", "known_mappings", "named_mapping"]
+__all__ = [
+    "SkeletonTable",
+    "find_mapping",
+    "format_table",
+    "known_mappings",
+    "named_mapping",
+    "named_table",
+    "parse_table",
+    "say_why_unknown",
+]

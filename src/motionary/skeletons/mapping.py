@@ -1,45 +1,49 @@
-"""Which known skeleton do these joint names belong to?
+"""Which known skeleton do these joint names belong to, or how else are they mapped?
 
-The skeletons are tables in `tables/*.toml`, one a file, for people to read and extend:
-`[joints]` gives for a generic joint the name in the file, a weighted sum of names
-(`{ Spine = 0.4, Neck = 0.6 }`), or a list of alternatives of which the first one that
-is there counts. A table may call joints `substituted` and say why in `note`, and give
-the usual `order` of the points for formats that have them without names. `[normals]` adds
-a step away from the plane of three points: `lhip = { points = ["A", "B", "C"], share = 0.4 }`,
-see `Normal`. `enough` is the share of its joints that must be there, where partial bodies
-are usual.
+The known skeletons are tables in `tables/*.toml`, one a file, for people to read and extend;
+how they are written stands in `table_files`. Joints that no table knows are mapped by the
+shape of their tree, by sides and by names, and the mapping says so.
 """
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.motion import GENERIC_JOINTS, JointMapping, Normal
+from motionary.motion import GENERIC_JOINTS, JointMapping, Skeleton
+from motionary.skeletons.bodies import count_people, find_people, is_four_legged
+from motionary.skeletons.guessing import guess_from_names, guess_from_tree
+from motionary.skeletons.table_files import SkeletonTable, parse_table
+from motionary.skeletons.words import is_animal
 
-# A table fits if this share of its joints is there: hands and toes are often cut off.
-ENOUGH = 0.6
+Floats = NDArray[np.float64]
 
-Source = dict[str, float]
-
-
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """A table as written: per generic joint its alternatives, best first."""
-
-    name: str
-    joints: dict[str, tuple[Source, ...]]
-    substituted: tuple[str, ...]
-    note: str
-    order: tuple[str, ...]
-    normals: dict[str, Normal]
-    enough: float
+# Poses that suffice to see how a body is built.
+_LOOKED_AT = 50
 
 
 def known_mappings() -> tuple[str, ...]:
     """Names of the known skeletons, sorted."""
     return tuple(sorted(_tables()))
+
+
+def named_table(name: str) -> SkeletonTable:
+    """The table of a known skeleton.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none of this name.
+    """
+    tables = _tables()
+    if name not in tables:
+        raise InvalidInput(
+            f"skeleton must be one of {', '.join(sorted(tables))}, got {name!r}; "
+            "choose one of these or leave it out to let the names decide"
+        )
+    return tables[name]
 
 
 def named_mapping(name: str, names: Iterable[str] = ()) -> JointMapping:
@@ -56,31 +60,116 @@ def named_mapping(name: str, names: Iterable[str] = ()) -> JointMapping:
     InvalidInput
         If no table has this name.
     """
-    tables = _tables()
-    if name not in tables:
-        raise InvalidInput(
-            f"skeleton must be one of {', '.join(sorted(tables))}, got {name!r}; "
-            "choose one of these or leave it out to let the names decide"
-        )
-    return _resolve(tables[name], tuple(names))
+    return named_table(name).resolve(tuple(names))
 
 
-def find_mapping(names: Iterable[str]) -> JointMapping | None:
-    """The mapping of the known skeleton that fits joint names best.
+def find_mapping(
+    names: Iterable[str],
+    skeleton: Skeleton | None = None,
+    positions: Floats | None = None,
+    *,
+    told: SkeletonTable | None = None,
+    without: Collection[str] = (),
+) -> JointMapping | None:
+    """The mapping of the known skeleton that fits joint names best, else a guess.
+
+    Parameters
+    ----------
+    names : the file's joint names
+    skeleton, positions : the file's tree of joints and where they are, shape (frames,
+        joints, 3), in any unit and axes; a guess needs them, unless names say enough
+    told : the table that the caller names, whatever fits
+    without : tables to pass over
 
     Returns
     -------
-    JointMapping, or None if no table finds enough of its joints among the names (60 %)
+    JointMapping, or None if no table finds enough of its joints among the names (60 %) and
+    nothing can be guessed, or several people or an animal are in the file
     """
     names = tuple(names)
+    if told is not None:
+        return told.resolve(names)
+    if count_people(names, _fits) > 1 or (skeleton is not None and len(_bodies(skeleton)) > 1):
+        return None
+    some = None if positions is None else _some(positions)
+    mapping = _fitting(names, without)
+    if mapping is None and skeleton is not None and some is not None:
+        mapping = guess_from_tree(skeleton, some)
+    if mapping is None:
+        mapping = guess_from_names(names)
+    if mapping is not None and some is not None and is_four_legged(mapping, names, some):
+        return None
+    return mapping
+
+
+def say_why_unknown(
+    names: Iterable[str], skeleton: Skeleton | None = None, positions: Floats | None = None
+) -> str:
+    """Why `find_mapping` finds none, as a sentence that says what to do."""
+    names = tuple(names)
+    people = find_people(names, _fits)
+    n_people = max(len(people), 0 if skeleton is None else len(_bodies(skeleton)))
+    if n_people > 1:
+        called = f" ({', '.join(filter(None, people))})" if any(people) else ""
+        return (
+            f"{n_people} people in one file{called}: save one file for each, or take the first "
+            "with --skeleton NAME (skeleton=...)"
+        )
+    some = None if positions is None else _some(positions)
+    guess = _fitting(names, ())
+    if guess is None and skeleton is not None and some is not None:
+        guess = guess_from_tree(skeleton, some)
+    guess = guess or guess_from_names(names)
+    animal = any(is_animal(name) for name in names)
+    if animal or guess is not None:
+        return "an animal on four legs: the relations are those of people"
+    few = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+    return (
+        f"no known skeleton has the joints {few}, and neither legs nor arms were found among them: "
+        "a prop, or a rig whose joints you must map: --skeleton RIG.toml (skeleton=...)"
+    )
+
+
+def _some(positions: Floats) -> Floats:
+    return positions[:: 1 + len(positions) // _LOOKED_AT]
+
+
+def _fits(names: tuple[str, ...]) -> bool:
+    """Whether joints of these names are a body."""
+    return (_fitting(names, ()) or guess_from_names(names)) is not None
+
+
+def _bodies(skeleton: Skeleton) -> list[tuple[str, ...]]:
+    """Names of each tree that is a body, of a file with several trees."""
+    roots = np.flatnonzero(skeleton.parents < 0)
+    if len(roots) < 2:
+        return [skeleton.names]
+    tree = np.arange(len(skeleton.names))
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        if parent >= 0:
+            tree[joint] = tree[parent]
+    trees = [
+        tuple(skeleton.names[joint].partition(" (")[0] for joint in np.flatnonzero(tree == root))
+        for root in roots.tolist()
+    ]
+    return [names for names in trees if _fits(names)]
+
+
+def _fitting(names: tuple[str, ...], without: Collection[str]) -> JointMapping | None:
     there = frozenset(names)
-    fitting = []
+    best: tuple[bool, float, int] | None = None
+    result = None
     for table in _tables().values():
-        mapping = _resolve(table, names)
+        if table.name in without:
+            continue
+        mapping = table.resolve(names)
         share = _share(mapping, there)
-        if share >= table.enough:
-            fitting.append((share, mapping))
-    return max(fitting, key=lambda pair: pair[0])[1] if fitting else None
+        # Of tables that fit alike, the one whose own names are there, not their substitutes.
+        marked = bool(table.marks) and there.issuperset(table.marks)
+        fit = (marked, share, -_compromises(table, mapping))
+        if share >= table.enough and (best is None or fit > best):
+            best, result = fit, mapping
+    return result
 
 
 def _share(mapping: JointMapping, names: Collection[str]) -> float:
@@ -88,56 +177,20 @@ def _share(mapping: JointMapping, names: Collection[str]) -> float:
     return found / len(GENERIC_JOINTS)
 
 
-def _resolve(table: _Table, names: tuple[str, ...]) -> JointMapping:
-    # `Daniel:LSHO`, `mixamorig:Hips`: what stands before the last colon is a person or rig.
-    full = {name.rpartition(":")[2]: name for name in reversed(names)}
-    full |= {name: name for name in names}
-    weights = {}
+def _compromises(table: SkeletonTable, mapping: JointMapping) -> int:
+    """How many alternatives are missing before those that were taken."""
+    total = 0
     for joint, alternatives in table.joints.items():
-        there = (source for source in alternatives if all(n in full for n in source))
-        chosen = next(there, alternatives[0])
-        weights[joint] = {full.get(n, n): w for n, w in chosen.items()}
-    normals = {
-        # A joint centre that the file gives itself needs no step.
-        joint: normal.renamed(full)
-        for joint, normal in table.normals.items()
-        if set(weights[joint]) == {full.get(n, n) for n in table.joints[joint][-1]}
-    }
-    return JointMapping(table.name, weights, table.substituted, table.note, table.order, normals)
+        taken = {name.rpartition(":")[2] for name in mapping.weights[joint]}
+        total += next((i for i, source in enumerate(alternatives) if set(source) == taken), 0)
+    return total
 
 
 @cache
-def _tables() -> dict[str, _Table]:
+def _tables() -> dict[str, SkeletonTable]:
     # Imported late: reading tables costs more than reading most of what they are for.
     from importlib import resources
 
     folder = resources.files("motionary.skeletons") / "tables"
     files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    return {f.name[:-5]: _parse(f.name[:-5], f.read_text("utf-8")) for f in files}
-
-
-def _parse(name: str, text: str) -> _Table:
-    import tomllib
-
-    content = tomllib.loads(text)
-    joints = {}
-    for joint, source in content["joints"].items():
-        alternatives = source if isinstance(source, list) else [source]
-        joints[joint] = tuple({s: 1.0} if isinstance(s, str) else dict(s) for s in alternatives)
-    unknown = set(joints) - set(GENERIC_JOINTS)
-    if unknown:
-        raise InvalidInput(f"table {name}: {sorted(unknown)} are no generic joints")
-    return _Table(
-        name,
-        joints,
-        tuple(content.get("substituted", ())),
-        content.get("note", ""),
-        tuple(content.get("order", ())),
-        {joint: _parse_normal(normal) for joint, normal in content.get("normals", {}).items()},
-        content.get("enough", ENOUGH),
-    )
-
-
-def _parse_normal(content: dict[str, Any]) -> Normal:
-    a, b, c = content["points"]
-    return Normal(a, b, c, content["share"])
+    return {f.name[:-5]: parse_table(f.name[:-5], f.read_text("utf-8")) for f in files}

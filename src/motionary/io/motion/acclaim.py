@@ -26,7 +26,7 @@ from motionary.io.motion.settling import Claims, rescale, settle_claims, turn
 from motionary.io.suffixes import stem_of
 from motionary.io.text import read_text
 from motionary.motion import Motion
-from motionary.skeletons import find_mapping
+from motionary.skeletons import SkeletonTable, find_mapping
 
 RATE_HZ = 120.0
 
@@ -56,6 +56,7 @@ def read_amc(
     *,
     asf: str | Path | None = None,
     rate_hz: float | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
 ) -> Motion:
@@ -66,6 +67,7 @@ def read_amc(
     path : the AMC file
     asf : its skeleton; by default it is looked for by name, see `find_asf`
     rate_hz : frames per second; by default 120, with a note
+    skeleton : what the joints are; by default what their names and tree tell
     unit : of lengths in both files; by default what the skeleton says
     up : axis that points up; by default by the body, y where it does not tell
 
@@ -83,14 +85,16 @@ def read_amc(
     """
     path = Path(path)
     body = _find_body(read_text(path), path.name)
-    skeleton = read_asf(asf if asf is not None else find_asf(path))
+    acclaim = read_asf(asf if asf is not None else find_asf(path))
     layout = _read_layout(body, path.name)
     values = _read_block(body, layout)
     if values is None:
         values = _read_lines(body, layout, path.name)
     numbers = values[:, 0]
-    motion = _to_motion(path.name, skeleton, layout, body, values[:, 1:], int(numbers[0]), rate_hz)
-    return _settle(motion, skeleton.metres, unit, up)
+    motion = _to_motion(path.name, acclaim, layout, body, values[:, 1:], int(numbers[0]), rate_hz)
+    names, tree, positions = motion.names, motion.skeleton, motion.positions
+    motion = replace(motion, mapping=find_mapping(names, tree, positions, told=skeleton))
+    return _settle(motion, acclaim.metres, unit, up)
 
 
 def list_asf(folder: Path) -> dict[str, Path]:
@@ -286,7 +290,6 @@ def _to_motion(
         names=skeleton.names,
         positions=place_joints(skeleton, rotations, root, translations={}, source=name),
         rate_hz=RATE_HZ if rate_hz is None else rate_hz,
-        mapping=find_mapping(skeleton.names),
         skeleton=skeleton,
         rotations=rotations,
         source=name,

@@ -15,7 +15,7 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.motion.numpy_files import Array, read_npy
 from motionary.io.motion.points import FARTHEST, Points, number_doubles, to_motion
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
-from motionary.skeletons import find_mapping, known_mappings, named_mapping
+from motionary.skeletons import SkeletonTable, find_mapping, known_mappings, named_mapping
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def read_array(
     path: str | Path,
     *,
     rate_hz: float | None = None,
-    skeleton: str | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
 ) -> Motion:
@@ -53,7 +53,7 @@ def read_array(
     path : the file
     rate_hz : frames per second; a .npy file does not hold it, and 20 is assumed for the 22
         joints of HumanML3D only
-    skeleton : name of a known skeleton with a usual order of joints
+    skeleton : a known skeleton, or one told, with a usual order of joints
     unit, up : as in `read`
 
     Raises
@@ -130,7 +130,11 @@ def check_positions(array: Array, source: str) -> Floats:
 
 
 def name_joints(
-    positions: Floats, source: str, *, skeleton: str | None, names: list[str] | None = None
+    positions: Floats,
+    source: str,
+    *,
+    skeleton: SkeletonTable | None,
+    names: list[str] | None = None,
 ) -> Joints:
     """Which joint is which.
 
@@ -150,14 +154,15 @@ def name_joints(
     if names is not None:
         if len(names) != n_joints:
             raise InvalidInput(f"{source}: has {len(names)} names for {n_joints} joints")
-        return Joints(number_doubles(names), find_mapping(names), ())
+        unique = number_doubles(names)
+        return Joints(unique, find_mapping(unique, None, positions, told=skeleton), ())
     if skeleton is not None:
-        mapping = named_mapping(skeleton)
+        mapping = skeleton.resolve(())
         if len(mapping.order) != n_joints:
             raise InvalidInput(
                 f"{source}: has {n_joints} joints; "
-                + (f"{skeleton} has {len(mapping.order)}" if mapping.order else "")
-                + ("" if mapping.order else f"those of {skeleton} have no usual order")
+                + (f"{skeleton.name} has {len(mapping.order)}" if mapping.order else "")
+                + ("" if mapping.order else f"those of {skeleton.name} have no usual order")
             )
         return Joints(list(mapping.order), mapping, ())
     return _guess_order(positions, source)

@@ -21,7 +21,7 @@ from motionary.io.motion.pose import place_joints
 from motionary.io.motion.settling import Claims, settle
 from motionary.io.text import read_text
 from motionary.motion import Motion, Skeleton
-from motionary.skeletons import find_mapping
+from motionary.skeletons import SkeletonTable, find_mapping
 
 _CHANNELS = {f"{axis}{kind}": axis.upper() for axis in "xyz" for kind in ("position", "rotation")}
 _MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
@@ -59,6 +59,7 @@ def read_bvh(
     path: str | Path,
     *,
     rate_hz: float | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
 ) -> Motion:
@@ -68,6 +69,7 @@ def read_bvh(
     ----------
     path : the file
     rate_hz : frames per second; by default what the file says
+    skeleton : what the joints are; by default what their names and tree tell
     unit : a name of `units.METRES` or metres per file unit; by default by body size
     up : axis that points up in the file; by default by the body, y where it does not tell
 
@@ -92,7 +94,7 @@ def read_bvh(
     values = _read_values(table, sum(len(node.channels) for node in nodes), path.name)
     notes += _compare_length(table, len(values), path.name)
     rate = _rate(table, path.name) if rate_hz is None else rate_hz
-    motion = _to_motion(path.name, nodes, values, rate, notes)
+    motion = _to_motion(path.name, nodes, values, rate, skeleton, notes)
     return settle(motion, Claims(), unit=unit, up=up)
 
 
@@ -290,6 +292,7 @@ def _to_motion(
     nodes: list[_Node],
     values: Floats,
     rate_hz: float,
+    told: SkeletonTable | None,
     notes: list[str],
 ) -> Motion:
     """The motion in the file's unit and axes."""
@@ -303,7 +306,7 @@ def _to_motion(
         names=names,
         positions=positions,
         rate_hz=rate_hz,
-        mapping=find_mapping(names),
+        mapping=find_mapping(names, skeleton, positions, told=told),
         skeleton=skeleton,
         rotations=rotations,
         source=name,

@@ -35,6 +35,7 @@ from motionary.io.motion.c3d_head import (
 from motionary.io.motion.points import Points, number_doubles, to_motion
 from motionary.io.motion.units import NAMES_OF_UNITS
 from motionary.motion import Event, Motion
+from motionary.skeletons import SkeletonTable
 
 # Enough for header and parameters of any file: a parameter section has at most 255 blocks.
 _LONGEST_HEAD = 600 * BLOCK
@@ -79,6 +80,7 @@ def read_c3d(
     path: str | Path,
     *,
     rate_hz: float | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
 ) -> Motion:
@@ -88,6 +90,7 @@ def read_c3d(
     ----------
     path : the file
     rate_hz : frames per second; by default what the file says
+    skeleton : what the points are; by default what their names tell
     unit : as in `read`; by default what the file says, else the body
     up : axis of the file that points up; by default what the file says, else the body
 
@@ -114,6 +117,7 @@ def read_c3d(
         positions=positions,
         rate_hz=rate,
         source=path.name,
+        skeleton=skeleton,
         first_frame=layout.first_frame,
         unit=NAMES_OF_UNITS.get(units[0].lower()) if units else None,
         up=_stated_up(head),
@@ -276,7 +280,7 @@ def _note_subjects(head: Head) -> list[str]:
     subjects = head.texts("SUBJECTS", "NAMES")
     n_used = head.count("SUBJECTS", "USED", len(subjects))
     if n_used > 1:
-        return [f"{n_used} subjects in the file; relations are those of the first"]
+        return [f"{n_used} subjects in the file"]
     return []
 
 

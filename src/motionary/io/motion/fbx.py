@@ -25,7 +25,7 @@ from motionary.io.motion.numpy_files import Array, read_npz
 from motionary.io.motion.points import number_doubles
 from motionary.io.motion.settling import Claims, rescale, settle_claims, turn
 from motionary.motion import Motion, Skeleton
-from motionary.skeletons import find_mapping
+from motionary.skeletons import SkeletonTable, find_mapping
 
 Floats = NDArray[np.float64]
 
@@ -44,6 +44,7 @@ def read_fbx(
     path: str | Path,
     *,
     rate_hz: float | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
 ) -> Motion:
@@ -53,6 +54,7 @@ def read_fbx(
     ----------
     path : the file
     rate_hz : frames per second; by default what the file says
+    skeleton : what the joints are; by default what their names and tree tell
     unit, up : of the lengths and axes once they are metres with y up by what the file says,
         if it says it wrong
 
@@ -77,7 +79,7 @@ def read_fbx(
     notes = [] if unit is not None or up is not None else ["axes and unit as the file says"]
     if int(arrays["n_takes"]) > 1:
         notes.append(f"the first of {int(arrays['n_takes'])} takes")
-    motion = _to_motion(arrays, path.name, rate_hz, notes)
+    motion = _to_motion(arrays, path.name, rate_hz, skeleton, notes)
     settled = settle_claims(motion, Claims("m", "y"), unit=unit, up=up)
     motion = turn(rescale(motion, settled.metres), settled.up)
     told = [note for note in settled.notes if note.endswith("as told") or "; " in note]
@@ -107,6 +109,7 @@ def _to_motion(
     arrays: dict[str, Array],
     source: str,
     rate_hz: float | None,
+    told: SkeletonTable | None,
     notes: list[str],
 ) -> Motion:
     names = tuple(number_doubles([str(name) for name in arrays["names"].tolist()]))
@@ -126,12 +129,13 @@ def _to_motion(
         if parent >= 0:
             away = positions[0, joint] - positions[0, parent]
             offsets[joint] = rotate(conjugate_quaternions(world[0, parent]), away)
+    skeleton = Skeleton(names, parents, offsets)
     return Motion(
         names=names,
         positions=positions,
         rate_hz=float(arrays["rate_hz"]) if rate_hz is None else rate_hz,
-        mapping=find_mapping(names),
-        skeleton=Skeleton(names, parents, offsets),
+        mapping=find_mapping(names, skeleton, positions, told=told),
+        skeleton=skeleton,
         rotations=turns,
         source=source,
         notes=tuple(notes),

@@ -1,9 +1,10 @@
 """How does a motion go into a .npz file and out of it, with all that it holds?
 
 A file of ours holds `positions` (frames, joints, 3) in metres with y up, `names`, `rate_hz`,
-`first_frame`, of rigs also `parents`, `offsets`, `ends` and `rotations`, of recordings with
-events also `event_names`, `event_sides` and `event_times_s`. Files of others: motions of
-SMPL bodies (AMASS), or positions under one of the usual names.
+`first_frame` and what its joints are, of rigs also `parents`, `offsets`, `ends` and
+`rotations`, of recordings with events also `event_names`, `event_sides` and
+`event_times_s`. Files of others: motions of SMPL bodies (AMASS), or positions under one of
+the usual names.
 """
 
 from dataclasses import replace
@@ -18,8 +19,15 @@ from motionary.io.motion.arrays import array_to_motion, check_positions, name_jo
 from motionary.io.motion.numpy_files import Array, read_npz
 from motionary.io.motion.settling import Claims, rescale, settle_claims, turn
 from motionary.io.motion.smpl import is_smpl, read_smpl_arrays
-from motionary.motion import Event, Motion, Skeleton
-from motionary.skeletons import find_mapping, named_mapping
+from motionary.motion import Event, JointMapping, Motion, Skeleton
+from motionary.skeletons import (
+    SkeletonTable,
+    find_mapping,
+    format_table,
+    known_mappings,
+    named_mapping,
+    parse_table,
+)
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +42,7 @@ def read_npz_motion(
     path: str | Path,
     *,
     rate_hz: float | None = None,
-    skeleton: str | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
     body_model: str | Path | None = None,
@@ -57,7 +65,7 @@ def read_npz_motion(
     path = Path(path)
     arrays = read_npz(path)
     if "motionary_motion" in arrays:
-        motion = _read_own(arrays, path.name, rate_hz)
+        motion = _read_own(arrays, path.name, rate_hz, skeleton)
         settled = settle_claims(motion, _OWN, unit=unit, up=up)
         told = [note for note in settled.notes if note.endswith("as told")]
         return replace(turn(rescale(motion, settled.metres), settled.up), notes=tuple(told))
@@ -94,7 +102,9 @@ def _find_names(arrays: dict[str, Array]) -> list[str] | None:
     return [n.decode("latin-1") if isinstance(n, bytes) else n for n in arrays[key].tolist()]
 
 
-def _read_own(arrays: dict[str, Array], source: str, rate_hz: float | None) -> Motion:
+def _read_own(
+    arrays: dict[str, Array], source: str, rate_hz: float | None, told: SkeletonTable | None
+) -> Motion:
     try:
         if int(arrays["motionary_motion"]) > _FORMAT:
             raise UnreadableFile(f"{source}: was written by a newer version; update motionary")
@@ -109,12 +119,11 @@ def _read_own(arrays: dict[str, Array], source: str, rate_hz: float | None) -> M
                 np.array(arrays["offsets"], dtype=np.float64),
                 ends=bool(arrays["ends"]),
             )
-        known = str(arrays["skeleton"]) if "skeleton" in arrays else ""
         return Motion(
             names=names,
             positions=positions,
             rate_hz=float(arrays["rate_hz"]) if rate_hz is None else rate_hz,
-            mapping=named_mapping(known, names) if known else find_mapping(names),
+            mapping=_mapping(arrays, names, skeleton, told),
             skeleton=skeleton,
             rotations=_rotations(arrays, positions.shape[:2]),
             source=source,
@@ -123,6 +132,21 @@ def _read_own(arrays: dict[str, Array], source: str, rate_hz: float | None) -> M
         )
     except (KeyError, ValueError, TypeError, OverflowError) as error:
         raise UnreadableFile(f"{source}: is no whole motion: {error}") from error
+
+
+def _mapping(
+    arrays: dict[str, Array],
+    names: tuple[str, ...],
+    skeleton: Skeleton | None,
+    told: SkeletonTable | None,
+) -> JointMapping | None:
+    if told is None and "skeleton" in arrays:
+        name = str(arrays["skeleton"])
+        if "skeleton_table" in arrays:
+            return parse_table(name, str(arrays["skeleton_table"])).resolve(names)
+        return named_mapping(name, names)
+    positions = np.array(arrays["positions"], dtype=np.float64)
+    return find_mapping(names, skeleton, positions, told=told)
 
 
 def _rotations(arrays: dict[str, Array], shape: tuple[int, ...]) -> Floats | None:
@@ -160,6 +184,9 @@ def write_npz(motion: Motion, path: str | Path) -> None:
     }
     if motion.mapping is not None:
         arrays["skeleton"] = np.array(motion.mapping.name)
+        if motion.mapping.name not in known_mappings():
+            table = format_table(motion.mapping, about=motion.mapping.name)
+            arrays["skeleton_table"] = np.array(table)
     if motion.skeleton is not None:
         arrays["parents"] = motion.skeleton.parents.astype(np.int64)
         arrays["offsets"] = motion.skeleton.offsets

@@ -19,6 +19,7 @@ from motionary.errors import UnreadableFile
 from motionary.io.motion.points import Points, number_doubles, to_motion
 from motionary.io.text import read_text
 from motionary.motion import Motion
+from motionary.skeletons import SkeletonTable
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +42,7 @@ def read_opensim(
     path: str | Path,
     *,
     rate_hz: float | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
 ) -> Motion:
@@ -49,6 +51,7 @@ def read_opensim(
     Parameters
     ----------
     path : the file
+    skeleton : what the points are; by default what their names tell
     rate_hz, unit, up : as in `read`; by default what OpenSim has: its times, metres, y up
 
     Raises
@@ -71,6 +74,7 @@ def read_opensim(
         positions=places,
         rate_hz=_rate(times, path.name) if rate_hz is None else rate_hz,
         source=path.name,
+        skeleton=skeleton,
         usual_unit="m",
         usual_up="y",
     )

@@ -20,6 +20,7 @@ from motionary.io.motion.numpy_files import Array
 from motionary.io.motion.smpl import check_pose, find_up, pose_to_motion
 from motionary.io.motion.units import metres_per_unit
 from motionary.motion import Motion
+from motionary.skeletons import SkeletonTable
 
 RATE_HZ = 60.0
 _KEYPOINTS = ("keypoints3d_optim", "keypoints3d")
@@ -113,7 +114,7 @@ def read_pickle(
     path: str | Path,
     *,
     rate_hz: float | None = None,
-    skeleton: str | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
 ) -> Motion:

@@ -3,7 +3,7 @@
 Shared by the formats that hold points without a tree of joints.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from motionary.errors import UnreadableFile
 from motionary.io.motion.settling import Claims, settle
 from motionary.motion import Event, JointMapping, Motion
-from motionary.skeletons import find_mapping
+from motionary.skeletons import SkeletonTable, find_mapping
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class Points:
     rate_hz, source, first_frame, events, notes : as in `Motion`
     unit, up : what the file says; None where it does not
     usual_unit, usual_up : what the format usually is, where the body does not tell either
-    mapping : None where the names decide
+    mapping, skeleton : None where the names decide
     """
 
     names: list[str]
@@ -46,7 +46,8 @@ class Points:
     usual_up: str = "z"
     events: tuple[Event, ...] = ()
     notes: tuple[str, ...] = ()
-    mapping: JointMapping | None = field(default=None)
+    mapping: JointMapping | None = None
+    skeleton: SkeletonTable | None = None
 
 
 def to_motion(points: Points, *, unit: float | str | None, up: str | None) -> Motion:
@@ -76,7 +77,7 @@ def to_motion(points: Points, *, unit: float | str | None, up: str | None) -> Mo
         names=names,
         positions=positions,
         rate_hz=points.rate_hz,
-        mapping=points.mapping or find_mapping(names),
+        mapping=points.mapping or find_mapping(names, None, positions, told=points.skeleton),
         source=points.source,
         first_frame=points.first_frame,
         events=points.events,

@@ -20,6 +20,7 @@ from motionary.io.motion.units import NAMES_OF_UNITS
 from motionary.io.suffixes import PACKED
 from motionary.io.text import read_text, write_text
 from motionary.motion import Motion
+from motionary.skeletons import SkeletonTable
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +44,7 @@ def read_trc(
     path: str | Path,
     *,
     rate_hz: float | None = None,
+    skeleton: SkeletonTable | None = None,
     unit: float | str | None = None,
     up: str | None = None,
 ) -> Motion:
@@ -51,6 +53,7 @@ def read_trc(
     Parameters
     ----------
     path : the file
+    skeleton : what the markers are; by default what their names tell
     rate_hz, unit, up : as in `read`; by default what the file, else what the body says
 
     Raises
@@ -77,6 +80,7 @@ def read_trc(
         positions=places,
         rate_hz=rate,
         source=path.name,
+        skeleton=skeleton,
         first_frame=int(first) if np.isfinite(first) and abs(first) < 1e15 else 0,
         unit=NAMES_OF_UNITS.get(head.values.get("Units", "").lower()),
         usual_up="y",
