@@ -19,6 +19,7 @@ SCRIPTS = (
     "generation_metrics",
     "same_trial",
     "other_readers",
+    "variants",
     "query_learning",
 )
 
