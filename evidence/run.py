@@ -13,6 +13,8 @@ SCRIPTS = (
     "classification",
     "distractors",
     "masking",
+    "baselines_2006",
+    "figures_2006",
     "keyframe_choice",
     "growing_choice",
     "crafting",
