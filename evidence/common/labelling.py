@@ -9,13 +9,34 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evidence.common.recordings import Clip, examples
 from motionary.annotation import ClassDistance, class_distance
-from motionary.evaluation import Segment
-from motionary.features import FeatureSequence
+from motionary.evaluation import (
+    Segment,
+    compute_mean_average_precision,
+    compute_rates,
+    count_false,
+    count_frames,
+    count_overlaps,
+    interval,
+    pool_counts,
+)
+from motionary.features import FULL_BODY, FeatureSequence
 from motionary.library import MotionClass, Teaching, learn_classes
-from motionary.matching import SKIP_WEIGHT, annotate_distances, find_runs, modify
+from motionary.library.teaching import measure_background
+from motionary.matching import (
+    SKIP_WEIGHT,
+    Alignment,
+    annotate_distances,
+    distance_function,
+    find_runs,
+    modify,
+)
+
+#: Overlap at which average precision is told.
+IOU = 0.5
 
 
 class Setting(NamedTuple):
@@ -28,34 +49,56 @@ class Setting(NamedTuple):
     mirrored : with the mirror images of the templates
     skip_weight : how often the cell after a (2, 1) step counts
     extended : whether labels are extended while the class's own distance does not rise
+    to_plateau_end : whether a match goes on as long as it costs the same
     """
 
     by_surprise: bool = True
     tolerance: float = 0.05
-    mirrored: bool = True
+    mirrored: bool = False
     skip_weight: float = SKIP_WEIGHT
     extended: bool = True
+    to_plateau_end: bool = False
 
 
 class Sought(NamedTuple):
     """Matches of several classes in one recording, up to a large cost."""
 
-    names: tuple[str, ...]
-    distances: tuple[ClassDistance, ...]
+    matches: Mapping[str, Sequence[Alignment]]
     n_frames: int
 
 
+class Labelled(NamedTuple):
+    """Labels of a recording, what is true, and its length."""
+
+    predicted: Sequence[Segment]
+    truth: Sequence[Segment]
+    seconds: float
+
+
 def learn_all(clips: Iterable[Clip]) -> tuple[MotionClass, ...]:
-    """Classes with mirror images, weighed by surprise; see `with_setting`."""
+    """Classes with mirror images; what is asked of them is said by `with_setting`."""
     return learn_classes(examples(clips), teaching=Teaching(mirror=True)).classes
 
 
-def with_setting(classes: Sequence[MotionClass], setting: Setting) -> tuple[MotionClass, ...]:
-    """The same classes as they would have been learned under another setting."""
+def with_setting(
+    classes: Sequence[MotionClass], setting: Setting, clips: Sequence[Clip]
+) -> tuple[MotionClass, ...]:
+    """Classes as they would have been learned under another setting.
+
+    Parameters
+    ----------
+    classes : from `learn_all`, or some of them
+    clips : the examples; what is rare is measured on those of `classes` alone
+    """
+    names = {one.name for one in classes}
+    background: tuple[float, ...] = ()
+    if setting.by_surprise:
+        known = examples(clip for clip in clips if clip.motion_class in names)
+        background = measure_background(known, FULL_BODY, mirror=setting.mirrored)
     return tuple(
         replace(
             one,
-            background=one.background if setting.by_surprise else (),
+            background=background,
             tolerance=setting.tolerance,
             subclasses=one.subclasses if setting.mirrored else one.subclasses[:1],
         )
@@ -64,18 +107,38 @@ def with_setting(classes: Sequence[MotionClass], setting: Setting) -> tuple[Moti
 
 
 def seek(
-    words: FeatureSequence,
-    classes: Sequence[MotionClass],
-    *,
-    most: float,
-    setting: Setting,
+    words: FeatureSequence, classes: Sequence[MotionClass], *, most: float, setting: Setting
 ) -> Sought:
     """Matches of classes that a setting was given, up to a cost of `most`."""
-    distances = [
-        class_distance(words, one, threshold=most, skip_weight=setting.skip_weight)
-        for one in classes
-    ]
-    return Sought(tuple(one.name for one in classes), tuple(distances), len(words))
+    matches = {}
+    for one in classes:
+        found = class_distance(words, one, threshold=most, skip_weight=setting.skip_weight)
+        matches[one.name] = (
+            _to_plateau_ends(words, found, setting)
+            if setting.to_plateau_end
+            else [match.alignment for match in found.matches]
+        )
+    return Sought(matches, len(words))
+
+
+def _to_plateau_ends(
+    words: FeatureSequence, found: ClassDistance, setting: Setting
+) -> list[Alignment]:
+    """Matches, each to the last frame at which it costs no more."""
+    curves: dict[int, NDArray[np.float32]] = {}
+    longer = []
+    for match in found.matches:
+        curve = curves.get(id(match.pattern))
+        if curve is None:
+            curve = distance_function(
+                match.pattern, words.words, words.known, skip_weight=setting.skip_weight
+            )
+            curves[id(match.pattern)] = curve
+        end = match.alignment.end
+        other = np.flatnonzero(curve[end:] != curve[end])
+        last = end + int(other[0]) - 1 if len(other) else len(curve) - 1
+        longer.append(match.alignment._replace(end=last))
+    return longer
 
 
 def labels_at(
@@ -86,28 +149,62 @@ def labels_at(
     extended: bool = True,
 ) -> list[Segment]:
     """Labels with one threshold, or one per class; of some classes only."""
-    chosen = [
-        (name, distance)
-        for name, distance in zip(sought.names, sought.distances, strict=True)
-        if names is None or name in names
-    ]
+    chosen = [name for name in sought.matches if names is None or name in names]
     modified = []
-    for name, distance in chosen:
+    for name in chosen:
         most = thresholds if isinstance(thresholds, int | float) else thresholds[name]
-        matches = [m.alignment for m in distance.matches if m.alignment.cost <= most]
+        matches = [match for match in sought.matches[name] if match.cost <= most]
         modified.append(modify(matches, n_frames=sought.n_frames)[0])
-    stretches: list[tuple[int, int, int]] = (
-        [tuple(segment) for segment in annotate_distances(modified)]
+    stretches = (
+        [(s.class_index, s.start, s.stop) for s in annotate_distances(modified)]
         if extended
         else _not_extended(modified)
     )
     return [
-        Segment(chosen[index][0], start / 30, stop / 30, float(modified[index][start:stop].min()))
+        Segment(chosen[index], start / 30, stop / 30, float(modified[index][start:stop].min()))
         for index, start, stop in stretches
     ]
 
 
-def _not_extended(modified: Sequence[Any]) -> list[tuple[int, int, int]]:
+def _not_extended(modified: Sequence[NDArray[np.float64]]) -> list[tuple[int, int, int]]:
     matrix = np.array(modified)
     best = np.where(np.isfinite(matrix.min(axis=0)), matrix.argmin(axis=0), -1)
     return [run for run in find_runs(best) if run[0] >= 0]
+
+
+def measure(labelled: Sequence[Labelled]) -> dict[str, float]:
+    """The measures that are drawn against the threshold, over all recordings."""
+    pairs = [(list(one.predicted), list(one.truth)) for one in labelled]
+    frames = compute_rates(pool_counts(c for pair in pairs for c in count_frames(*pair).values()))
+    segments = compute_rates(
+        pool_counts(c for pair in pairs for c in count_overlaps(*pair).values())
+    )
+    minutes = sum(one.seconds for one in labelled) / 60
+    average = compute_mean_average_precision(
+        [one.predicted for one in labelled], [one.truth for one in labelled], ious=(IOU,)
+    )
+    return {
+        "P1": frames.precision, "R1": frames.recall, "F1": frames.f,
+        "P2": segments.precision, "R2": segments.recall, "F2": segments.f,
+        "mean_average_precision": float(average[0]),
+        "false_per_minute": sum(count_false(*pair) for pair in pairs) / minutes,
+    }  # fmt: skip
+
+
+def best_of(curve: Mapping[float, Mapping[str, float]]) -> float:
+    """Threshold with the best mean of F1 and F2; of equal ones the least."""
+    return max(sorted(curve), key=lambda threshold: merit(curve[threshold]))
+
+
+def merit(scores: Mapping[str, float]) -> float:
+    """Mean of F1 and F2."""
+    return (scores["F1"] + scores["F2"]) / 2
+
+
+def interval_over_actors(values: Mapping[tuple[str, str], Sequence[float]]) -> dict[str, Any]:
+    """Mean of values by pair of actors, with limits; a value counts for both actors."""
+    by_actor: dict[str, list[float]] = {}
+    for pair, own in values.items():
+        for actor in pair:
+            by_actor.setdefault(actor, []).extend(own)
+    return interval(by_actor, seed=0)._asdict()

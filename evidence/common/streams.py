@@ -8,7 +8,7 @@ Conventions: frames are words at 30 Hz; segments in seconds, half-open; seeded.
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +38,8 @@ AMC_STRETCHES: tuple[tuple[str, float, float, str], ...] = (
 )
 #: Files of Bandai Namco that are used as a whole: names that begin so.
 BVH_KINDS = ("bow_", "bye", "guide", "call", "respond", "dataset-2_wave")
+#: Files that are in no stream, and hold none of the classes either: to choose thresholds by.
+NEGATIVE_KINDS = ("walk", "punch", "slash", "dance-short", "dataset-2_raise", "dataset-2_walk")
 #: Stretches are cut to at most so much.
 LONGEST_S = 6.0
 KINDS = ("amc", "bvh")
@@ -74,9 +76,13 @@ class Part(NamedTuple):
     words: FeatureSequence
 
 
-def make_streams(recordings: Recordings, pair: tuple[str, str], *, seed: int) -> dict[str, Stream]:
-    """Stream of each kind: as many clips, class by class and actor by actor in turn, as fit
-    into the length of the other motion; no clip is in both.
+def make_streams(
+    recordings: Recordings, pair: tuple[str, str], *, seed: int, without: Collection[str] = ()
+) -> dict[str, Stream]:
+    """Stream of each kind, whose other motion is of no recording in `without`.
+
+    As many clips, class by class and actor by actor in turn, as fit into the length of the
+    other motion; no clip is in both streams.
     """
     rng = np.random.default_rng([seed, *(ACTORS.index(actor) for actor in pair)])
     pool: dict[tuple[str, str], list[Clip]] = {}
@@ -85,7 +91,7 @@ def make_streams(recordings: Recordings, pair: tuple[str, str], *, seed: int) ->
     pool = {key: [own[i] for i in rng.permutation(len(own))] for key, own in pool.items()}
     streams = {}
     for kind in KINDS:
-        others = other_motion(recordings, kind)
+        others = other_motion(recordings, kind, without=without)
         room = sum(len(part.words) for part in others)
         clips = _take(pool, room, rng)
         streams[kind] = _join(
@@ -104,22 +110,33 @@ def clips_alone(recordings: Recordings, pair: tuple[str, str], *, seed: int) -> 
     return {"clips": _join(shuffled, [], f"{'+'.join(pair)}, clips")}
 
 
-def other_motion(recordings: Recordings, kind: str) -> list[Part]:
+def other_motion(recordings: Recordings, kind: str, *, without: Collection[str] = ()) -> list[Part]:
     """Motion without the classes, in pieces."""
     if kind == "bvh":
-        return [
-            Part(name, words)
-            for name, words in sorted(recordings.others.items())
-            if name.startswith("bandai/") and name.split("/")[1].startswith(BVH_KINDS)
-        ]
+        return _bandai(recordings, BVH_KINDS)
     pieces = []
     for name, start_s, end_s, _ in AMC_STRETCHES:
+        if name in without:
+            continue
         words = recordings.others[name]
         first, stop = round(start_s * 30), min(round(end_s * 30), len(words))
         n_pieces = int(np.ceil((stop - first) / 30 / LONGEST_S))
         edges = np.linspace(first, stop, n_pieces + 1).astype(int).tolist()
         pieces += [Part(name, words.part(a, b)) for a, b in itertools.pairwise(edges)]
     return pieces
+
+
+def negatives(recordings: Recordings) -> list[FeatureSequence]:
+    """Recordings that are in no stream, without the classes."""
+    return [part.words for part in _bandai(recordings, NEGATIVE_KINDS)]
+
+
+def _bandai(recordings: Recordings, kinds: tuple[str, ...]) -> list[Part]:
+    return [
+        Part(name, words)
+        for name, words in sorted(recordings.others.items())
+        if name.startswith("bandai/") and name.split("/")[1].startswith(kinds)
+    ]
 
 
 def _take(
@@ -150,7 +167,9 @@ def _join(clips: Sequence[Part], others: Sequence[Part], source: str) -> Stream:
     for i, gap in enumerate(gaps):
         parts += [(clip, True) for clip in gap]
         parts += [(other, False) for other in others[i : i + 1]]
-    truth, between, at = [], [], 0
+    truth: list[Segment] = []
+    between: list[Segment] = []
+    at = 0
     for part, is_clip in parts:
         segment = Segment(part.name, at / 30, (at + len(part.words)) / 30)
         (truth if is_clip else between).append(segment)
