@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from cli_cases import EXAMPLES, run, write_bvh, write_examples, write_stream
+from motionary.features import FULL_BODY
 from motionary.index import CACHE_VARIABLE, Index
 from motionary.io import read_labels
 from motionary.keyframes import parse_queries
@@ -113,6 +114,72 @@ def test_labels_lie_around_keyframes_unless_all_is_looked_at(motionary, world, t
     thorough = motionary(*label, tmp_path / "library", "--thorough")
     assert thorough.out == motionary(*label, world / "library").out
     assert any(track["labels"] for track in json_lines(thorough.out))
+
+
+# -- collections of queries ---------------------------------------------------------------
+
+
+def collection(patterns):
+    """The form in which the published queries are passed on: body low, and not."""
+    (low,) = (r for r in FULL_BODY.relations if r.name == "body low")
+    group = [r for r in FULL_BODY.relations if r.group == low.group]
+    n = len(patterns)
+    return {
+        "keyframes": ["*" * group.index(low) + sign for sign in patterns],
+        "groups": [low.group] * n,
+        "positions": [1 + 10 * k for k in range(n)],
+        "distances": [10] * (n - 1),
+        "stiffness": [0.2] * (n - 1),
+        "template_length": 40,
+    }
+
+
+@pytest.fixture
+def queries(tmp_path):
+    """Two collections of queries; one name is in both."""
+    path = tmp_path / "queries.json"
+    low, up = collection("10"), collection("01")
+    path.write_text(json.dumps({"mine": {"rise": low, "down": up}, "theirs": {"rise": low}}))
+    return path
+
+
+def test_a_query_of_a_collection(motionary, world, queries):
+    ran = motionary(
+        "search", world / "examples", "--query", queries, "--query-name", "down", "--json"
+    )
+    assert ran.code == 0, ran.err
+    assert {name.split("/")[0] for name in recordings(ran)} == {"squat"}
+    again = motionary(
+        "search", world / "examples", "--query", queries, "--query-name", "mine/down", "--json"
+    )
+    assert again.out == ran.out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "has 3 queries for any of them"),
+        (("--query-name", "rise"), "2 queries for 'rise'"),
+        (("--query-name", "jump"), "mine/rise, mine/down, theirs/rise"),
+    ],
+)
+def test_which_query_of_a_collection(motionary, world, queries, options, words):
+    ran = motionary("search", world / "examples", "--query", queries, *options)
+    assert ran.code == 2
+    assert words in ran.err
+
+
+def test_a_name_needs_a_collection(motionary, world):
+    ran = motionary("search", world / "examples", "--query", LOW, "--query-name", "rise")
+    assert ran.code == 2
+    assert "goes with --query FILE.json" in ran.err
+
+
+def test_a_collection_that_is_none(motionary, world, tmp_path):
+    (tmp_path / "broken.json").write_text("{")
+    ran = motionary("search", world / "examples", "--query", tmp_path / "broken.json")
+    assert ran.code != 0
+    assert "broken.json: is no JSON file" in ran.err
 
 
 # -- a person's yes and no ---------------------------------------------------------------

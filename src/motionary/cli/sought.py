@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from motionary.library import MotionClass
     from motionary.search import Hit, Judged
 
+#: So many names are told of a collection.
+_MOST_NAMES = 5
+
 
 @dataclass(frozen=True, kw_only=True)
 class QueryOptions:
@@ -67,6 +70,12 @@ class QueryOptions:
             "above neck'. With --like or --class: match only around them.",
         ),
     ] = None
+    query_name: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Which query of a collection: --query FILE.json holds many."
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +113,8 @@ def check_query(options: QueryOptions) -> None:
         raise wrong("--class", "needs the library that the class is from: --library LIB")
     if options.class_name is None and options.library is not None:
         raise wrong("--library", "goes with --class NAME")
+    if options.query_name is not None and not _is_collection(options.query):
+        raise wrong("--query-name", "goes with --query FILE.json, a collection of queries")
     for_examples = {
         "--from": options.from_s, "--to": options.to_s,
         "--good": options.good, "--bad": options.bad,
@@ -125,12 +136,12 @@ def read_wanted(options: QueryOptions, reading: "Reading") -> Wanted:
 
     if options.class_name is not None:
         motion_class, feature_set = _motion_class(options)
-        queries = _read_queries(options.query, feature_set)
+        queries = _read_queries(options, feature_set)
         return Wanted(motion_class, feature_set, motion_class.name, queries=queries)
-    queries = _read_queries(options.query, FULL_BODY)
+    queries = _read_queries(options, FULL_BODY)
     if options.like is None:
         name = Path(options.query or "").stem if _is_file(options.query) else "keyframes"
-        return Wanted(queries, FULL_BODY, name)
+        return Wanted(queries, FULL_BODY, options.query_name or name)
     path = Path(options.like)
     example = read_example(path, from_s=options.from_s, to_s=options.to_s, reading=reading)
     return Wanted(example.words, FULL_BODY, f"like {path.stem}", example, queries)
@@ -194,20 +205,52 @@ def _motion_class(options: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
     return library[name], library.feature_set
 
 
-def _read_queries(told: str | None, feature_set: "FeatureSet") -> "tuple[KeyframeQuery, ...]":
-    """Keyframes of a file, or of the text itself."""
+def _read_queries(options: QueryOptions, feature_set: "FeatureSet") -> "tuple[KeyframeQuery, ...]":
+    """Keyframes of a collection, of a file, or of the text itself."""
+    told = options.query
     if told is None:
         return ()
     from motionary.io.text import read_text
     from motionary.keyframes import parse_queries
 
     is_file = _is_file(told)
-    text = read_text(Path(told)) if is_file else told
     try:
+        if _is_collection(told):
+            return (_query_of(Path(told), options.query_name, feature_set),)
+        text = read_text(Path(told)) if is_file else told
         return parse_queries(text, vocabulary=feature_set)
     except InvalidInput as error:
         where = f"{Path(told).name}, " if is_file else ""
         raise wrong("--query", f"{where}{error}") from error
+
+
+def _query_of(path: Path, name: str | None, feature_set: "FeatureSet") -> "KeyframeQuery":
+    """One query of a collection, by its name or as COLLECTION/NAME."""
+    from motionary.io.queries import read_query_collections
+    from motionary.keyframes import from_patterns
+
+    records = {
+        f"{collection}/{query}": record
+        for collection, queries in read_query_collections(path).items()
+        for query, record in queries.items()
+    }
+    found = [full for full in records if name in (None, full, full.split("/", 1)[1])]
+    if len(found) != 1:
+        some = ", ".join(list(found or records)[:_MOST_NAMES]) or "none"
+        what = "any of them" if name is None else f"{name!r}"
+        raise wrong(
+            "--query-name",
+            f"{path.name} has {len(found)} queries for {what}; choose one by its name: {some}",
+        )
+    record = records[found[0]]
+    return from_patterns(
+        record.keyframes, record.groups, distances=record.distances,
+        stiffness=record.stiffness, positions=record.positions, feature_set=feature_set,
+    )  # fmt: skip
+
+
+def _is_collection(told: str | None) -> bool:
+    return _is_file(told) and Path(told or "").suffix.lower() == ".json"
 
 
 def _is_file(told: str | None) -> bool:
