@@ -104,10 +104,11 @@ def frames_of_keyframe(
     -------
     array, shape (frames,), bool
     """
-    differs = (words ^ value) & fixed
+    # Few arrays between: a search reads the words once per keyframe and does little else.
+    shown = (words & fixed) == (value & fixed)
     if known is not None:
-        differs |= fixed & ~known
-    return np.asarray((differs == 0).all(axis=1))
+        shown &= (known & fixed) == fixed
+    return np.asarray(shown.all(axis=1))
 
 
 def check_words(query: KeyframeQuery, words: Words, known: Words | None) -> None:

@@ -100,9 +100,12 @@ def _align_batch(
     width = 2 * len(pattern) - 1
     at = ends[:, np.newaxis] + np.arange(1 - width, 1)
     outside = at < begin[:, np.newaxis]
-    frames = np.maximum(at, 0)
-    mask = ~np.zeros(words.shape[1], dtype=np.uint64) if known is None else known[frames]
-    total, steps = _accumulate(pattern, words[frames], mask, outside, skip_weight)
+    used, inverse = np.unique(np.maximum(at, 0), return_inverse=True)
+    mask = np.full_like(words[:1], ~np.uint64(0)) if known is None else known[used]
+    first, same = _distinct(words[used], mask)
+    mask = mask if known is None else mask[first]
+    frames = same[inverse.reshape(at.shape)]
+    total, steps = _accumulate(pattern, words[used[first]], mask, frames, outside, skip_weight)
     if not np.isfinite(total).all():
         bad = int(ends[~np.isfinite(total)][0])
         raise InvalidInput(f"no path of {len(pattern)} columns ends at frame {bad}")
@@ -112,16 +115,28 @@ def _align_batch(
     ]
 
 
+def _distinct(words: Words, known: Words) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First of each kind of frame, and the kind of every frame: motion often stays the same."""
+    kind = np.zeros(len(words), dtype=np.int64)
+    for column in (*words.T, *known.T):
+        values, inverse = np.unique(column, return_inverse=True)
+        kind = kind * len(values) + inverse
+    _, first, same = np.unique(kind, return_index=True, return_inverse=True)
+    return first, same
+
+
 def _accumulate(
     pattern: Pattern,
     words: Words,
     known: Words,
+    frames: NDArray[np.intp],
     outside: NDArray[np.bool_],
     skip_weight: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
     """Costs at the last frame of each window, and the step into every cell.
 
-    Only cells from which steps lead to the last frame are computed.
+    Only cells from which steps lead to the last frame are computed; `frames` are the rows
+    of `words` in each window.
     """
     n_windows, width = outside.shape
     steps = np.zeros((len(pattern), n_windows, width), dtype=np.int8)
@@ -129,7 +144,7 @@ def _accumulate(
     for k in range(len(pattern)):
         left = len(pattern) - 1 - k
         here = slice(width - 1 - 2 * left, width - (left + 1) // 2)
-        cost = cell_costs(pattern, k, words[:, here], known if known.ndim < 3 else known[:, here])
+        cost = cell_costs(pattern, k, words, known)[frames[:, here]]
         row, before, skipped = (padded[(k - back) % 3] for back in range(3))
         if k > 0:
             one = before[:, here.start + 1 : here.stop + 1]
