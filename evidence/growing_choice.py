@@ -201,7 +201,7 @@ def draw(results: Results) -> dict[str, Any]:
             },
             "most hits to learn from",
             "",
-            (0.7, 1.0),
+            (0.6, 1.0),
         )
         for name in WORLDS
     ]
