@@ -41,8 +41,8 @@ def notice(motion: Motion) -> Motion:
     in_place = is_in_place(motion)
     if in_place:
         notes.append(
-            "kept in place: the feet slide under hips that stay; how fast joints move through the room "
-            "is unknown"
+            "kept in place: the feet slide under hips that stay; how fast joints move through the "
+            "room is unknown"
         )
     return replace(motion, notes=tuple(notes), in_place=in_place)
 
