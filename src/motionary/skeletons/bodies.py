@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
-from motionary.skeletons.words import is_animal
+from motionary.skeletons.words import is_paw, is_tail
 
 Floats = NDArray[np.float64]
 
@@ -58,6 +58,8 @@ def is_four_legged(mapping: JointMapping, names: tuple[str, ...], positions: Flo
     mapping, names : as in a `Motion`
     positions : array, shape (frames, joints, 3), in any unit and axes
     """
+    if sum(is_paw(name) for name in names) > 1:
+        return True
     body = Motion(names, positions, 1.0, mapping).generic_positions()
     where = {joint: body[:, i] for i, joint in enumerate(GENERIC_JOINTS)}
     trunk = where["neck"] - where["root"]
@@ -69,7 +71,7 @@ def is_four_legged(mapping: JointMapping, names: tuple[str, ...], positions: Flo
     if not seen.any() or (across & down)[seen].mean() < _NEARLY_ALL:
         return False
     lengths = [float(np.nanmedian(np.linalg.norm(part, axis=1))) for part in (trunk, legs)]
-    return lengths[0] > _LONG_TRUNK * lengths[1] or any(is_animal(name) for name in names)
+    return lengths[0] > _LONG_TRUNK * lengths[1] or any(is_tail(name) for name in names)
 
 
 def _mean(where: dict[str, Floats], joint: str) -> Floats:

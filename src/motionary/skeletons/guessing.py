@@ -182,12 +182,17 @@ def _add_arm(
     if shoulder is None:
         return
     stems = words.stems(tree.names, words.find_partners(tree.names))
+    said = [stems[tree.names[node]] for node in path]
     hands = [
         i
         for i in range(shoulder + 2, len(path))
-        if words.limb_part(stems[tree.names[path[i]]], has_arm=True) == "wrist"
+        if words.limb_part(said[i], has_arm=True) == "wrist"
     ]
-    wrist = max(hands, default=shoulder + 2)
+    # Where names are those of joints, the hand comes after the wrist; where they are those of
+    # bones, what is called wrist is a bone before the hand.
+    wrist = shoulder + 2
+    if hands:
+        wrist = hands[0] if words.names_joint(said[shoulder + 1]) else hands[-1]
     put(f"{side}clavicle", path[shoulder - 1] if shoulder > 0 else neck)
     put(f"{side}shoulder", path[shoulder])
     put(f"{side}elbow", path[shoulder + 1])

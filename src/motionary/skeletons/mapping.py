@@ -16,7 +16,7 @@ from motionary.motion import GENERIC_JOINTS, JointMapping, Skeleton
 from motionary.skeletons.bodies import count_people, find_people, is_four_legged
 from motionary.skeletons.guessing import guess_from_names, guess_from_tree
 from motionary.skeletons.table_files import SkeletonTable, parse_table
-from motionary.skeletons.words import is_animal
+from motionary.skeletons.words import is_paw, is_tail
 
 Floats = NDArray[np.float64]
 
@@ -120,7 +120,7 @@ def say_why_unknown(
     if guess is None and skeleton is not None and some is not None:
         guess = guess_from_tree(skeleton, some)
     guess = guess or guess_from_names(names)
-    animal = any(is_animal(name) for name in names)
+    animal = any(is_paw(name) or is_tail(name) for name in names)
     if animal or guess is not None:
         return "an animal on four legs: the relations are those of people"
     few = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")

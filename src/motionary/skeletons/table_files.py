@@ -83,10 +83,8 @@ def parse_table(name: str, text: str, *, source: str = "") -> SkeletonTable:
         raise InvalidInput(f"{source}: is no TOML: {error}") from error
     unknown = sorted(set(content) - set(_KEYS))
     if unknown or not isinstance(content.get("joints"), dict):
-        got = f"got {unknown[0]!r}" if unknown else "which is not there"
-        raise InvalidInput(
-            f"{source}: a skeleton has {', '.join(_KEYS)}; [joints] is needed; {got}"
-        )
+        got = f"got {unknown[0]!r}" if unknown else "[joints] is not there"
+        raise InvalidInput(f"{source}: a skeleton has {', '.join(_KEYS)}; {got}")
     try:
         return SkeletonTable(
             name,

@@ -69,6 +69,8 @@ _LIMBS: Mapping[str, tuple[str, ...]] = {
 #: "Shoulder" is the clavicle where the upper arm has a name of its own.
 _SHOULDER = ("shoulder", "schulter", "epaule", "épaule", "hombro", "spalla")
 
+_ELBOWS = frozenset({"elbow", "ellbogen", "ellenbogen", "coude", "codo", "gomito", "ひじ"})
+
 _MIDDLE: Mapping[str, tuple[str, ...]] = {
     "root": ("hips", "pelvis", "hip", "becken", "bassin", "pelvis", "bacino", "root", "下半身"),
     "spine": (
@@ -89,9 +91,8 @@ _EXTRAS = frozenset({
     "mouth", "tail", "wing", "wings", "breast", "helper", "share",
 })  # fmt: skip
 _TWIST = frozenset({"twist", "roll", "捩"})
-_ANIMAL = frozenset({
-    "tail", "schwanz", "queue", "cola", "coda", "paw", "hoof", "pfote", "huf", "fetlock", "hock",
-})  # fmt: skip
+_TAIL = frozenset({"tail", "schwanz", "queue", "cola", "coda"})
+_PAWS = frozenset({"paw", "hoof", "pfote", "huf", "fetlock", "hock"})
 
 # Limbs by the words of their joints.
 LEG_PARTS = frozenset({"hip", "knee", "ankle", "toes"})
@@ -197,6 +198,11 @@ def names_upper_arm(stem: str) -> bool:
     return stem in _LIMBS["shoulder"]
 
 
+def names_joint(stem: str) -> bool:
+    """Whether a stem is the name of the joint of the elbow, not of the bone below it."""
+    return stem in _ELBOWS
+
+
 def middle_part(stem: str) -> str | None:
     """Which part of the middle of the body a stem names, the spine as one part."""
     return next((part for part, words in _MIDDLE.items() if stem in words), None)
@@ -212,9 +218,14 @@ def is_twist(name: str) -> bool:
     return not _TWIST.isdisjoint(words_of(name))
 
 
-def is_animal(name: str) -> bool:
-    """Whether a joint is one that only animals have."""
-    return not _ANIMAL.isdisjoint(words_of(name))
+def is_tail(name: str) -> bool:
+    """Whether a joint is of a tail."""
+    return not _TAIL.isdisjoint(words_of(name))
+
+
+def is_paw(name: str) -> bool:
+    """Whether a joint is of an animal's foot."""
+    return not _PAWS.isdisjoint(words_of(name))
 
 
 def is_end(name: str) -> bool:

@@ -1,0 +1,387 @@
+"""Rigs by the names that programs give them, on the body of the synthetic figure.
+
+A line is a joint, the joint above it, and where it stands: at a generic joint, part of the way
+from one to another, or beside one, by metres. Of a line with @ there is one for each side.
+"""
+
+import numpy as np
+
+from motionary.geometry import euler_to_quaternions, quaternions_to_matrices
+from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
+from motionary.samples.figure import Proportions, figure_skeleton
+
+LIMBS = """
+{clavicle} {top} $clavicle
+{shoulder} {clavicle} $shoulder
+{elbow} {shoulder} $elbow
+{wrist} {elbow} $wrist
+{hip} {root} $hip
+{knee} {hip} $knee
+{ankle} {knee} $ankle
+"""
+
+
+def limbs(**names):
+    return LIMBS.format(**names).strip()
+
+
+HUMAN_IK = dict(
+    root="Hips", clavicle="@Shoulder", shoulder="@Arm", elbow="@ForeArm", wrist="@Hand",
+    hip="@UpLeg", knee="@Leg", ankle="@Foot",
+)  # fmt: skip
+
+SMPL = f"""
+pelvis - root
+spine1 pelvis belly
+spine2 spine1 belly>chest .5
+spine3 spine2 chest
+neck spine3 neck
+head neck head
+{
+    limbs(
+        root="pelvis",
+        top="spine3",
+        clavicle="@_collar",
+        shoulder="@_shoulder",
+        elbow="@_elbow",
+        wrist="@_wrist",
+        hip="@_hip",
+        knee="@_knee",
+        ankle="@_ankle",
+    )
+}
+@_foot @_ankle $toes
+"""
+
+HANDS = """
+@_index1 @_wrist $wrist>$fingers .5 0 0 .02
+@_index2 @_index1 $wrist>$fingers .7 0 0 .02
+@_index3 @_index2 $wrist>$fingers .85 0 0 .02
+@_middle1 @_wrist $wrist>$fingers .5
+@_middle2 @_middle1 $wrist>$fingers .7
+@_middle3 @_middle2 $wrist>$fingers .85
+@_thumb1 @_wrist $wrist>$fingers .2 0 0 .03
+@_thumb2 @_thumb1 $wrist>$fingers .4 0 0 .05
+@_thumb3 @_thumb2 $wrist>$fingers .5 0 0 .06
+"""
+
+#: Table, prefix of the names and words for the sides, and the joints.
+RIGS = {
+    "mixamo": ("mixamorig:", ("Left", "Right"), f"""
+Hips - root
+Spine Hips belly
+Spine1 Spine belly>chest .5
+Spine2 Spine1 chest
+Neck Spine2 neck
+Head Neck head
+HeadTop_End Head headtop
+@Eye Head head 0 .08 .08
+{limbs(top="Spine2", **HUMAN_IK)}
+@HandThumb1 @Hand $wrist>$fingers .2 0 0 .03
+@HandThumb2 @HandThumb1 $wrist>$fingers .4 0 0 .05
+@HandIndex1 @Hand $wrist>$fingers .5 0 0 .02
+@HandIndex2 @HandIndex1 $wrist>$fingers .9 0 0 .02
+@HandMiddle1 @Hand $wrist>$fingers .5
+@HandMiddle2 @HandMiddle1 $wrist>$fingers .7
+@HandMiddle3 @HandMiddle2 $wrist>$fingers .85
+@HandMiddle4 @HandMiddle3 $fingers
+@ToeBase @Foot $ankle>$toes .7
+@Toe_End @ToeBase $toes
+"""),
+    "perception_neuron": ("", ("Left", "Right"), f"""
+Hips - root
+Spine Hips belly
+Spine1 Spine belly>chest .5
+Spine2 Spine1 chest
+Neck Spine2 neck
+Neck1 Neck neck>head .5
+Head Neck1 head
+End_of_Head Head headtop
+{limbs(top="Spine2", **HUMAN_IK)}
+End_of_@Foot @Foot $toes
+@HandThumb1 @Hand $wrist>$fingers .2 0 0 .03
+@HandThumb2 @HandThumb1 $wrist>$fingers .4 0 0 .05
+@InHandIndex @Hand $wrist>$fingers .2 0 0 .02
+@HandIndex1 @InHandIndex $wrist>$fingers .5 0 0 .02
+@HandIndex2 @HandIndex1 $wrist>$fingers .9 0 0 .02
+@InHandMiddle @Hand $wrist>$fingers .2
+@HandMiddle1 @InHandMiddle $wrist>$fingers .5
+@HandMiddle2 @HandMiddle1 $wrist>$fingers .7
+@HandMiddle3 @HandMiddle2 $wrist>$fingers .85
+End_of_@HandMiddle3 @HandMiddle3 $fingers
+"""),
+    "rokoko": ("", ("Left", "Right"), f"""
+Root - root 0 -.9 0
+Hips Root root
+Spine1 Hips belly
+Spine2 Spine1 belly>chest .3
+Spine3 Spine2 belly>chest .6
+Spine4 Spine3 chest
+Neck Spine4 neck
+Head Neck head
+HeadTip Head headtop
+{limbs(root="Hips", top="Spine4", clavicle="@Shoulder", shoulder="@Arm", elbow="@ForeArm",
+       wrist="@Hand", hip="@Thigh", knee="@Shin", ankle="@Foot")}
+@Toe @Foot $ankle>$toes .7
+@ToeTip @Toe $toes
+@Finger1Metacarpal @Hand $wrist>$fingers .2 0 0 .03
+@Finger1Proximal @Finger1Metacarpal $wrist>$fingers .4 0 0 .05
+@Finger2Metacarpal @Hand $wrist>$fingers .2 0 0 .02
+@Finger2Proximal @Finger2Metacarpal $wrist>$fingers .8 0 0 .02
+@Finger3Metacarpal @Hand $wrist>$fingers .2
+@Finger3Proximal @Finger3Metacarpal $wrist>$fingers .5
+@Finger3Medial @Finger3Proximal $wrist>$fingers .7
+@Finger3Distal @Finger3Medial $wrist>$fingers .85
+@Finger3Tip @Finger3Distal $fingers
+"""),
+    "optitrack": ("Skeleton 001:", ("L", "R"), f"""
+Hip - root
+Ab Hip belly
+Chest Ab chest
+Neck Chest neck
+Head Neck head
+{limbs(root="Hip", top="Chest", clavicle="@Shoulder", shoulder="@UArm", elbow="@FArm",
+       wrist="@Hand", hip="@Thigh", knee="@Shin", ankle="@Foot")}
+@Toe @Foot $toes
+"""),
+    "unreal": ("", ("l", "r"), f"""
+root - root 0 -.9 0
+pelvis root root
+spine_01 pelvis belly
+spine_02 spine_01 belly>chest .3
+spine_03 spine_02 belly>chest .6
+spine_04 spine_03 belly>chest .8
+spine_05 spine_04 chest
+neck_01 spine_05 neck
+neck_02 neck_01 neck>head .5
+head neck_02 head
+{limbs(root="pelvis", top="spine_05", clavicle="clavicle_@", shoulder="upperarm_@",
+       elbow="lowerarm_@", wrist="hand_@", hip="thigh_@", knee="calf_@", ankle="foot_@")}
+upperarm_twist_01_@ upperarm_@ $shoulder>$elbow .5
+lowerarm_twist_01_@ lowerarm_@ $elbow>$wrist .5
+thigh_twist_01_@ thigh_@ $hip>$knee .5
+ball_@ foot_@ $toes
+thumb_01_@ hand_@ $wrist>$fingers .2 0 0 .03
+thumb_02_@ thumb_01_@ $wrist>$fingers .4 0 0 .05
+middle_metacarpal_@ hand_@ $wrist>$fingers .2
+middle_01_@ middle_metacarpal_@ $wrist>$fingers .5
+middle_02_@ middle_01_@ $wrist>$fingers .7
+middle_03_@ middle_02_@ $fingers
+index_01_@ hand_@ $wrist>$fingers .5 0 0 .02
+ik_foot_root root root 0 -.9 0
+ik_foot_@ ik_foot_root $ankle
+ik_hand_root root root 0 -.9 0
+ik_hand_gun ik_hand_root rwrist
+ik_hand_@ ik_hand_gun $wrist
+"""),
+    "xsens": ("", ("Left", "Right"), f"""
+Hips - root
+Chest Hips belly
+Chest2 Chest belly>chest .3
+Chest3 Chest2 belly>chest .6
+Chest4 Chest3 chest
+Neck Chest4 neck
+Head Neck head
+End_of_Head Head headtop
+{limbs(root="Hips", top="Chest4", clavicle="@Collar", shoulder="@Shoulder", elbow="@Elbow",
+       wrist="@Wrist", hip="@Hip", knee="@Knee", ankle="@Ankle")}
+Prop1 RightWrist rfingers 0 -.5 0
+End_of_Prop1 Prop1 rfingers 0 -.9 .3
+End_of_@Wrist @Wrist $fingers
+@Toe @Ankle $ankle>$toes .7
+End_of_@Toe @Toe $toes
+"""),
+    "xsens_segments": ("", ("Left", "Right"), f"""
+Pelvis - root
+L5 Pelvis belly
+L3 L5 belly>chest .3
+T12 L3 belly>chest .6
+T8 T12 chest
+Neck T8 neck
+Head Neck head
+{limbs(root="Pelvis", top="T8", clavicle="@Shoulder", shoulder="@UpperArm", elbow="@ForeArm",
+       wrist="@Hand", hip="@UpperLeg", knee="@LowerLeg", ankle="@Foot")}
+@Toe @Foot $toes
+"""),
+    "bandai": ("", ("L", "R"), f"""
+joint_Root - root 0 -.9 0
+Hips joint_Root root
+Spine Hips belly
+Chest Spine chest
+Neck Chest neck
+Head Neck head
+{limbs(root="Hips", top="Chest", clavicle="Shoulder_@", shoulder="UpperArm_@",
+       elbow="LowerArm_@", wrist="Hand_@", hip="UpperLeg_@", knee="LowerLeg_@", ankle="Foot_@")}
+Toes_@ Foot_@ $ankle>$toes .7
+End_of_Toes_@ Toes_@ $toes
+"""),
+    "cmu_bvh": ("", ("Left", "Right"), """
+Hips - root
+LHipJoint Hips root
+RHipJoint Hips root
+LowerBack Hips root
+Spine LowerBack belly
+Spine1 Spine neck
+Neck Spine1 neck
+Neck1 Neck neck>head .5
+Head Neck1 head
+End_of_Head Head headtop
+LeftUpLeg LHipJoint lhip
+RightUpLeg RHipJoint rhip
+@Leg @UpLeg $knee
+@Foot @Leg $ankle
+@ToeBase @Foot $ankle>$toes .7
+End_of_@ToeBase @ToeBase $toes
+@Shoulder Spine1 neck
+@Arm @Shoulder $shoulder
+@ForeArm @Arm $elbow
+@Hand @ForeArm $elbow>$wrist .7
+@FingerBase @Hand $wrist
+@HandIndex1 @FingerBase $wrist>$fingers .5
+End_of_@HandIndex1 @HandIndex1 $fingers
+LThumb LeftHand lwrist 0 0 .05
+RThumb RightHand rwrist 0 0 .05
+"""),
+    "character_creator": ("", ("L", "R"), f"""
+RL_BoneRoot - root 0 -.9 0
+CC_Base_Hip RL_BoneRoot root
+CC_Base_Pelvis CC_Base_Hip root
+CC_Base_Waist CC_Base_Hip root>belly .3
+CC_Base_Spine01 CC_Base_Waist belly
+CC_Base_Spine02 CC_Base_Spine01 chest
+CC_Base_NeckTwist01 CC_Base_Spine02 neck
+CC_Base_NeckTwist02 CC_Base_NeckTwist01 neck>head .5
+CC_Base_Head CC_Base_NeckTwist02 head
+CC_Base_FacialBone CC_Base_Head head
+CC_Base_UpperJaw CC_Base_FacialBone head 0 0 .08
+CC_Base_@_Eye CC_Base_FacialBone head 0 .07 .08
+{limbs(root="CC_Base_Pelvis", top="CC_Base_Spine02", clavicle="CC_Base_@_Clavicle",
+       shoulder="CC_Base_@_Upperarm", elbow="CC_Base_@_Forearm", wrist="CC_Base_@_Hand",
+       hip="CC_Base_@_Thigh", knee="CC_Base_@_Calf", ankle="CC_Base_@_Foot")}
+CC_Base_@_ThighTwist01 CC_Base_@_Thigh $hip>$knee .5
+CC_Base_@_KneeShareBone CC_Base_@_Calf $knee 0 .02 0
+CC_Base_@_RibsTwist CC_Base_Spine02 chest 0 .05 .05
+CC_Base_@_Breast CC_Base_@_RibsTwist chest 0 .05 .15
+CC_Base_@_ToeBase CC_Base_@_Foot $ankle>$toes .7
+CC_Base_@_BigToe1 CC_Base_@_ToeBase $toes 0 0 .01
+CC_Base_@_MidToe1 CC_Base_@_ToeBase $toes
+CC_Base_@_PinkyToe1 CC_Base_@_ToeBase $ankle>$toes .8
+CC_Base_@_Mid1 CC_Base_@_Hand $wrist>$fingers .5
+CC_Base_@_Mid3 CC_Base_@_Mid1 $fingers
+CC_Base_@_Thumb1 CC_Base_@_Hand $wrist>$fingers .2 0 0 .03
+CC_Base_@_Index1 CC_Base_@_Hand $wrist>$fingers .5 0 0 .02
+"""),
+    "smpl": ("", ("left", "right"), f"{SMPL}@_hand @_wrist $wrist>$fingers .5\n"),
+    "humanml3d": ("", ("left", "right"), SMPL),
+    "smplh": ("", ("left", "right"), f"{SMPL}{HANDS}"),
+    "smplx": (
+        "",
+        ("left", "right"),
+        f"{SMPL}jaw head head 0 0 .08\n@_eye_smplhf head head 0 .07 .08\n{HANDS}",
+    ),
+    "kinect_v2": ("", ("Left", "Right"), """
+SpineBase - root
+SpineMid SpineBase belly
+SpineShoulder SpineMid neck
+Neck SpineShoulder neck>head .5
+Head Neck head
+Shoulder@ SpineShoulder $shoulder
+Elbow@ Shoulder@ $elbow
+Wrist@ Elbow@ $wrist
+Hand@ Wrist@ $wrist>$fingers .5
+HandTip@ Hand@ $fingers
+Thumb@ Hand@ $wrist>$fingers .4 0 0 .05
+Hip@ SpineBase $hip
+Knee@ Hip@ $knee
+Ankle@ Knee@ $ankle
+Foot@ Ankle@ $toes
+"""),
+    "kinect_azure": ("", ("LEFT", "RIGHT"), f"""
+PELVIS - root
+SPINE_NAVEL PELVIS belly
+SPINE_CHEST SPINE_NAVEL chest
+NECK SPINE_CHEST neck
+HEAD NECK head
+NOSE HEAD head 0 .03 .1
+EYE_@ HEAD head 0 .07 .08
+EAR_@ HEAD head 0 .05 0
+{limbs(root="PELVIS", top="SPINE_CHEST", clavicle="CLAVICLE_@", shoulder="SHOULDER_@",
+       elbow="ELBOW_@", wrist="WRIST_@", hip="HIP_@", knee="KNEE_@", ankle="ANKLE_@")}
+FOOT_@ ANKLE_@ $toes
+HAND_@ WRIST_@ $wrist>$fingers .5
+HANDTIP_@ HAND_@ $fingers
+THUMB_@ WRIST_@ $wrist>$fingers .4 0 0 .05
+"""),
+}  # fmt: skip
+
+
+def rig_lines(name):
+    """Joints of a rig: name, parent or "", words of the place."""
+    prefix, sides, text = RIGS[name]
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    done = []
+    for words in lines:
+        both = any("@" in word or "$" in word for word in words)
+        for letter, side in zip("lr", sides, strict=True) if both else [("", "")]:
+            joint, parent, *place = (w.replace("@", side).replace("$", letter) for w in words)
+            full = [full_name(part, prefix) for part in (joint, parent)]
+            done.append((full[0], full[1], place))
+    return done
+
+
+def full_name(joint, prefix):
+    if joint == "-":
+        return ""
+    if joint.startswith("End_of_"):
+        return f"End of {prefix}{joint.removeprefix('End_of_')}"
+    return prefix + joint
+
+
+def standing():
+    """Places of the 24 generic joints of the figure at rest."""
+    skeleton = figure_skeleton(Proportions())
+    places = np.zeros((len(GENERIC_JOINTS), 3))
+    for joint, parent in enumerate(skeleton.parents):
+        places[joint] = skeleton.offsets[joint] + (places[parent] if parent >= 0 else 0)
+    return dict(zip(GENERIC_JOINTS, places, strict=True))
+
+
+def place_of(words, places):
+    first, _, second = words[0].partition(">")
+    rest = [float(word) for word in words[1:]]
+    place = places[first]
+    if second:
+        place = place + rest.pop(0) * (places[second] - places[first])
+    return place + np.array(rest or [0.0, 0.0, 0.0])
+
+
+def rig_motion(name, *, rename=lambda joint: joint, n_frames=60, seed=0):
+    """The rig in a motion: every joint turns a little to and fro, the whole walks."""
+    lines = rig_lines(name)
+    # Parents first, each branch after its parent.
+    places, index = standing(), {}
+    parents, where = [], []
+    for joint, parent, words in lines:
+        index[joint] = len(parents)
+        parents.append(index[parent] if parent else -1)
+        where.append(place_of(words, places))
+    where = np.array(where)
+    offsets = np.array(
+        [p - where[above] if above >= 0 else p for p, above in zip(where, parents, strict=True)]
+    )
+    names = tuple(rename(joint) for joint, *_ in lines)
+    skeleton = Skeleton(names, np.array(parents, dtype=np.intp), offsets)
+    rng = np.random.default_rng(seed)
+    phase = np.linspace(0, 4 * np.pi, n_frames)[:, None, None]
+    swing = rng.uniform(-12, 12, (1, len(names), 3)) * np.sin(
+        phase + rng.uniform(0, 6, (1, len(names), 1))
+    )
+    swing[:, [joint.startswith("End of") for joint, *_ in lines]] = 0
+    rotations = euler_to_quaternions(np.radians(swing.reshape(-1, 3)), "ZXY").reshape(
+        n_frames, -1, 4
+    )
+    root = np.stack(
+        [np.zeros(n_frames), np.full(n_frames, 0.9), np.linspace(0, 1, n_frames)], axis=1
+    )
+    positions = forward_kinematics(skeleton, quaternions_to_matrices(rotations), root)
+    return Motion(names, positions, 60.0, skeleton=skeleton, rotations=rotations)
