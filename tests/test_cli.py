@@ -333,8 +333,18 @@ def test_info_of_an_unknown_rig(motionary, world, tmp_path):
     text = re.sub(r"(ROOT|JOINT) (\w+)", r"\1 x\2x", text)
     (tmp_path / "rig.bvh").write_text(text)
     (row,) = json_lines(motionary("info", tmp_path, "--json").out)
+    # The shape of the tree tells what the names do not.
+    assert (row["skeleton"], row["relations_known"], row["relations"]) == ("guessed", 40, 40)
+    assert "no known skeleton: joints were mapped" in motionary("info", tmp_path).out
+
+
+def test_info_of_a_thing(motionary, tmp_path):
+    head = "HIERARCHY\nROOT sword\n{\nOFFSET 0 0 0\nCHANNELS 3 Xrotation Yrotation Zrotation\n"
+    tail = "End Site\n{\nOFFSET 0 90 0\n}\n}\nMOTION\nFrames: 2\nFrame Time: .1\n0 0 0\n0 9 0\n"
+    (tmp_path / "sword.bvh").write_text(head + tail)
+    (row,) = json_lines(motionary("info", tmp_path, "--json").out)
     assert (row["skeleton"], row["relations_known"], row["relations"]) == (None, 0, 40)
-    assert "no known skeleton" in motionary("info", tmp_path).out
+    assert "a prop, or a rig" in motionary("info", tmp_path).out
 
 
 def test_features_are_those_of_the_call(motionary, world, tmp_path):
