@@ -7,6 +7,7 @@ table 4 (the relations of a single example). Steps and weights are those of matc
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.baselines import match_costs
 from motionary.matching import SKIP_WEIGHT, Corpus
 from motionary.templates import MotionTemplate
 from motionary.words import unpack
@@ -23,18 +24,9 @@ def manhattan_distance(
     and 1, so that the scale is that of the masked cost.
     """
     frames = unpack(corpus.words, template.n_features).astype(np.float64)
-    before = skipped = np.empty(0)
-    for k, (column, weight) in enumerate(zip(template.values, template.weights, strict=True)):
-        # Of a relation that is 0 or 1, |x - y| is x (1 - 2 y) + y.
-        cost = (frames @ (1 - 2 * column) + column.sum()) / template.n_features
-        cost *= (weight + 1) / 2
-        cost[corpus.blocked] = np.inf
-        row = cost if k == 0 else np.minimum(_later(before, 1), _later(before, 2)) + cost
-        if k > 1:
-            row = np.minimum(row, _later(skipped, 1) + skip_weight * cost)
-        before, skipped = row, before
-    return np.asarray(before / template.n_columns)
-
-
-def _later(row: Floats, frames: int) -> Floats:
-    return np.concatenate([np.full(frames, np.inf), row[:-frames]])
+    # Of a relation that is 0 or 1, |x - y| is x (1 - 2 y) + y.
+    costs = (1 - 2 * template.values) @ frames.T + template.values.sum(axis=1, keepdims=True)
+    costs *= ((template.weights + 1) / 2 / template.n_features)[:, np.newaxis]
+    costs = np.maximum(costs, 0.0)
+    costs[:, corpus.blocked] = np.inf
+    return match_costs(costs, skip_weight=skip_weight).distance
