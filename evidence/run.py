@@ -20,6 +20,7 @@ SCRIPTS = (
     "crafting",
     "streams",
     "true_recordings",
+    "figures_2009",
     "thresholds",
     "generation_metrics",
     "same_trial",
