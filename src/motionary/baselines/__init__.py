@@ -1,4 +1,8 @@
-"""What motion templates are compared with: one example by DTW, and frames one by one."""
+"""What motion templates are compared with: one example by DTW, and frames one by one.
+
+Random search, beside the evolution of queries and with as many evaluations, is
+`motionary.query_learning.breed_runs(..., by_chance=True)`.
+"""
 
 from motionary.baselines.dtw import Matches, match_costs
 from motionary.baselines.examples import BASELINES, Baseline, find_example
