@@ -26,6 +26,7 @@ SCRIPTS = (
     "same_trial",
     "other_readers",
     "variants",
+    "query_learning_choice",
     "query_learning",
 )
 

@@ -1,0 +1,167 @@
+"""What is learned from whom, and how well do queries do on an actor not learned from?
+
+A committee is so many of the first queries of a class, of which so many must agree.
+"""
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evidence.common.ranking import TOLERANCE_2006, corpus_of, template_of
+from evidence.common.recordings import ACTORS, Clip
+from motionary.features import FULL_BODY, FeatureSequence
+from motionary.keyframes import (
+    HitRanges,
+    KeyframeQuery,
+    WordIndex,
+    index_words,
+    search_query,
+    select_in_index,
+)
+from motionary.matching import Pattern, corpus_distance
+from motionary.query_learning import Breeding, Problem, state_problem
+from motionary.query_learning.fitness import weighted_f
+from motionary.templates import MotionTemplate, pattern_of, quantise
+
+#: Thresholds at which recall that is lost, and precision, are told.
+LOW, HIGH = 0.06, 0.1
+
+Measures = dict[str, float]
+
+
+class Committee(NamedTuple):
+    """So many queries, of which so many must agree."""
+
+    queries: int
+    votes: int
+
+    def __str__(self) -> str:
+        return f"{self.votes} of {self.queries}"
+
+
+class Task(NamedTuple):
+    """A class, learned from some actors and tried on another."""
+
+    name: str
+    learn: tuple[str, ...]
+    unseen: str
+
+
+class Split(NamedTuple):
+    """Clips of the class, and of all others."""
+
+    positives: list[FeatureSequence]
+    negatives: list[FeatureSequence]
+
+
+def tasks(names: Iterable[str], *, n_learn: int) -> list[Task]:
+    """Each class, each `n_learn` actors, each of the other actors."""
+    return [
+        Task(name, learn, unseen)
+        for learn in itertools.combinations(ACTORS, n_learn)
+        for unseen in ACTORS
+        if unseen not in learn
+        for name in names
+    ]
+
+
+def split(clips: Sequence[Clip], name: str, actors: Iterable[str]) -> Split:
+    """Positives and negatives of some actors."""
+    wanted = set(actors)
+    mine = [clip for clip in clips if clip.actor in wanted]
+    return Split(
+        [clip.words for clip in mine if clip.motion_class == name],
+        [clip.words for clip in mine if clip.motion_class != name],
+    )
+
+
+def problem_of(examples: Split, breeding: Breeding, *, seed: int) -> Problem:
+    """What queries are learned from."""
+    return state_problem(
+        examples.positives, examples.negatives, breeding=breeding, seed=seed,
+        template=template_of(examples.positives),
+    )  # fmt: skip
+
+
+class Trial:
+    """Clips of an actor who was not learned from, and what a template finds in them.
+
+    Parameters
+    ----------
+    template : of the class
+    unseen : clips of the other actor
+    """
+
+    def __init__(self, template: MotionTemplate, unseen: Split) -> None:
+        self._documents = [*unseen.positives, *unseen.negatives]
+        self._n_positives = len(unseen.positives)
+        self._n_columns = template.n_columns
+        self._pattern = pattern_of(quantise(template, tolerance=TOLERANCE_2006))
+        self._everywhere = _least(self._pattern, self._documents)
+        self.index = index_of(self._documents)
+
+    def measure(self, queries: Sequence[KeyframeQuery], *, votes: int) -> Measures:
+        """Documents that enough queries find, and the template around their hits."""
+        ranges = select_in_index(queries, self._n_columns, self.index, votes=votes)
+        hits = np.zeros(len(self._documents), dtype=np.intp)
+        for query in queries:
+            hits[search_query(query, self.index).hit_documents] += 1
+        return self._retrieval(np.flatnonzero(hits >= votes)) | self._preselection(ranges)
+
+    def _retrieval(self, documents: NDArray[np.intp]) -> Measures:
+        right = int(np.count_nonzero(documents < self._n_positives))
+        precision, recall = right / max(len(documents), 1), right / self._n_positives
+        return {
+            "f2": weighted_f(precision, recall, beta=2.0),
+            "f1": weighted_f(precision, recall, beta=1.0),
+            "precision": precision,
+            "recall": recall,
+        }
+
+    def _preselection(self, ranges: HitRanges) -> Measures:
+        """Frames left, recall lost at a low threshold, precision at a high one."""
+        left = np.full(len(self._documents), np.inf)
+        parts = [self._documents[d].part(start, stop) for d, start, stop in ranges]
+        np.minimum.at(left, ranges.documents, _least(self._pattern, parts))
+        before, after = self._everywhere, left
+        positives = slice(0, self._n_positives)
+        recall = float(np.mean(before[positives] <= LOW))
+        return {
+            "frames left": ranges.n_frames / self.index.n_frames,
+            "recall of the template": recall,
+            "recall lost": recall - float(np.mean(after[positives] <= LOW)),
+            "precision of the template": _precision(before <= HIGH, self._n_positives),
+            "precision left": _precision(after <= HIGH, self._n_positives),
+        }
+
+
+def index_of(clips: Sequence[FeatureSequence]) -> WordIndex:
+    """Index of clips, each a document."""
+    return index_words(
+        [clip.words for clip in clips],
+        [clip.known for clip in clips],
+        feature_set=FULL_BODY.name,
+        feature_ids=FULL_BODY.ids,
+    )
+
+
+def mean_of(rows: Sequence[Measures]) -> Measures:
+    """Means of measures."""
+    return {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
+
+
+def _least(pattern: Pattern, clips: Sequence[FeatureSequence]) -> NDArray[np.float64]:
+    """Least cost of the pattern in each clip."""
+    if not clips:
+        return np.empty(0)
+    corpus = corpus_of(clips)
+    parts = corpus.split(corpus_distance(pattern, corpus))
+    return np.array([part.min(initial=np.inf) for part in parts], dtype=np.float64)
+
+
+def _precision(found: NDArray[np.bool_], n_positives: int) -> float:
+    n_found = int(np.count_nonzero(found))
+    return int(np.count_nonzero(found[:n_positives])) / max(n_found, 1)
