@@ -86,7 +86,7 @@ class Stance:
         """The axis along which the body clearly stands, if it clearly is not the given one."""
         best = max(self.shares, key=lambda a: self.shares[a])
         never = self.shares[axis] < _HARDLY_EVER and self.shares[best] > _MOSTLY
-        return best if never and self.steadier(best, axis) else None
+        return best if never and not is_still(self, usual=axis, seen=best) else None
 
 
 def check_up(up: str) -> str:
