@@ -103,6 +103,23 @@ def _check_sides(value: str | None) -> str | None:
     return value
 
 
+def _check_seconds(value: float | None) -> float | None:
+    if value is not None and not 0 < value < math.inf:
+        raise typer.BadParameter(f"needs seconds above 0, got {value:g}")
+    return value
+
+
+def _check_filling(value: str | None) -> str | None:
+    if value is not None:
+        from motionary.io.motion.gaps import check_filling
+
+        try:
+            check_filling(value)
+        except InvalidInput as error:
+            raise typer.BadParameter(str(error)) from error
+    return value
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReadingOptions:
     """What files do not say themselves."""
@@ -157,6 +174,22 @@ class ReadingOptions:
             "right: keep them, exchange them, or take the axes for left-handed.",
         ),
     ] = None
+    fill_gaps: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            callback=_check_seconds,
+            help="Fill gaps of points up to this long; by default gaps stay.",
+        ),
+    ] = None
+    fill_by: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOW",
+            callback=_check_filling,
+            help="cubic (the usual, with the velocities around the gap) or linear.",
+        ),
+    ] = None
 
     def reading(self) -> "Reading":
         """The same for the library."""
@@ -169,6 +202,8 @@ class ReadingOptions:
             unit=self.unit,
             up=self.up,
             sides=self.sides,
+            fill_gaps_s=self.fill_gaps,
+            fill_by=self.fill_by,
         )
 
 

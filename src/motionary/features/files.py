@@ -31,6 +31,8 @@ class Reading:
     unit: float | str | None = None
     up: str | None = None
     sides: str | None = None
+    fill_gaps_s: float | None = None
+    fill_by: str | None = None
 
     def of(self, path: Path) -> dict[str, Any]:
         """What is told of one file: a folder mixes formats, and not all take everything."""

@@ -5,6 +5,7 @@ the folder is left over from a run that ended before its time.
 """
 
 import json
+import zlib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FeatureSet, Reading
 from motionary.io import FileState
+from motionary.io.text import read_text
 
 #: Raised when arrays or their meaning change.
 VERSION = 1
@@ -47,6 +49,10 @@ class Making(NamedTuple):
         for key in ("asf", "skeleton"):
             # Names, not paths: an index may be passed on. A skeleton's state counts elsewhere.
             told[key] = told[key] and Path(told[key]).name
+        if reading.skeleton is not None and reading.skeleton.lower().endswith(".toml"):
+            # A mapping that was edited gives other words under the same name.
+            text = read_text(Path(reading.skeleton))
+            told["skeleton"] += f" ({zlib.crc32(text.encode()):08x})"
         return cls(feature_set.name, feature_set.ids, told)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.motion.gaps import check_filling, fill_gaps
 from motionary.io.motion.noticing import notice
 from motionary.io.motion.sides import check_sides, settle_sides
 from motionary.io.skeleton_files import find_skeleton
@@ -138,7 +139,7 @@ _REFUSALS = {
 }
 
 
-def read(
+def read(  # noqa: PLR0913 - each thing that files do not say has a name of its own
     path: str | Path,
     *,
     asf: str | Path | None = None,
@@ -148,6 +149,8 @@ def read(
     up: str | None = None,
     body_model: str | Path | None = None,
     sides: str | None = None,
+    fill_gaps_s: float | None = None,
+    fill_by: str = "cubic",
 ) -> Motion:
     """Read a recording; the suffix of its name says how.
 
@@ -170,6 +173,9 @@ def read(
         person's own proportions
     sides : "named", "swapped" or "mirrored", where the body says that left and right are not
         as named: keep them, exchange the names, or take the axes for left-handed
+    fill_gaps_s : gaps of a point up to this many seconds are filled, and counted in the
+        notes; by default gaps stay
+    fill_by : "cubic", with the velocities on either side, or "linear"
 
     Returns
     -------
@@ -196,12 +202,16 @@ def read(
     table = None if skeleton is None else find_skeleton(skeleton)
     if sides is not None:
         check_sides(sides)
+    check_filling(fill_by)
     told = _Told(asf, rate_hz, table, unit, up, body_model, sides)
     for option, reason in _REFUSALS.items():
         if option not in known.takes and getattr(told, option) is not None:
             raise InvalidInput(f"{path.name}: this format {reason}")
     motion = known.read(path, told)
-    return notice(settle_sides(_map_joints(motion, table), sides))
+    motion = settle_sides(_map_joints(motion, table), sides)
+    if fill_gaps_s is not None:
+        motion = fill_gaps(motion, longest_s=fill_gaps_s, fill_by=fill_by)
+    return notice(motion)
 
 
 def _map_joints(motion: Motion, table: SkeletonTable | None) -> Motion:
@@ -225,4 +235,6 @@ def _map_joints(motion: Motion, table: SkeletonTable | None) -> Motion:
 def options_of(path: str | Path) -> frozenset[str]:
     """Which options of `read` say something about a file, by its name."""
     known = _READERS.get(format_suffix(path))
-    return frozenset({"skeleton", "sides"}) | (known.takes if known else frozenset())
+    return frozenset({"skeleton", "sides", "fill_gaps_s", "fill_by"}) | (
+        known.takes if known else frozenset()
+    )

@@ -1,0 +1,141 @@
+"""How are short gaps of a recording filled, where one asks for it?
+
+A gap is a run of frames in which a point is not seen, between frames in which it is. Cubic:
+the point leaves and arrives with the velocity that it has in a few frames on either side.
+Linear: it takes the straight way. Gaps at the ends, and longer ones, stay.
+"""
+
+from dataclasses import replace
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.motion import Motion
+
+Floats = NDArray[np.float64]
+
+Filling = Literal["cubic", "linear"]
+FILLINGS: tuple[str, ...] = get_args(Filling)
+
+# Velocities are those of a line through what is seen within this time of a gap.
+_AROUND_S = 0.05
+
+
+class _Gap(NamedTuple):
+    """Frames `start` to `stop` (half-open) of a point, seen before and after."""
+
+    point: int
+    start: int
+    stop: int
+
+
+def check_filling(fill_by: str) -> str:
+    """One of `FILLINGS`.
+
+    Raises
+    ------
+    InvalidInput
+        If it is none.
+    """
+    if fill_by not in FILLINGS:
+        raise InvalidInput(f"fill_by must be one of {', '.join(FILLINGS)}, got {fill_by!r}")
+    return fill_by
+
+
+def fill_gaps(motion: Motion, *, longest_s: float, fill_by: str = "cubic") -> Motion:
+    """The motion with its short gaps filled, and a note that counts them.
+
+    Parameters
+    ----------
+    motion : NaN = not seen
+    longest_s : gaps up to this many seconds are filled
+    fill_by : one of `FILLINGS`
+
+    Raises
+    ------
+    InvalidInput
+        If `longest_s` is not above 0, or there is no such way to fill.
+    """
+    check_filling(fill_by)
+    if not 0 < longest_s < np.inf:
+        raise InvalidInput(f"fill_gaps_s must be a number of seconds above 0, got {longest_s}")
+    gaps, n_open = _find_gaps(motion.positions)
+    # Frames of a gap as long as the limit, whatever the rounding of the rate.
+    most = int(longest_s * motion.rate_hz + 1e-6)
+    short = [gap for gap in gaps if gap.stop - gap.start <= most]
+    kept = len(gaps) - len(short) + n_open
+    positions = motion.positions.copy() if short else motion.positions
+    around = max(1, round(_AROUND_S * motion.rate_hz))
+    for gap in short:
+        track = motion.positions[:, gap.point]
+        fill = _fill_cubic if fill_by == "cubic" else _fill_linearly
+        positions[gap.start : gap.stop, gap.point] = fill(track, gap.start, gap.stop, around)
+    note = _say(short, kept, longest_s, fill_by)
+    return replace(motion, positions=positions, notes=(*motion.notes, note))
+
+
+def _find_gaps(positions: Floats) -> tuple[list[_Gap], int]:
+    """Gaps between seen frames, and how many there are at the ends of points ever seen."""
+    gaps = []
+    n_open = 0
+    unseen = np.zeros((len(positions) + 2, positions.shape[1]), dtype=np.bool_)
+    unseen[1:-1] = np.isnan(positions).any(axis=2)
+    for point in np.flatnonzero(unseen.any(axis=0) & ~unseen[1:-1].all(axis=0)).tolist():
+        edges = np.flatnonzero(unseen[1:, point] != unseen[:-1, point])
+        for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            if start == 0 or stop == len(positions):
+                n_open += 1
+            else:
+                gaps.append(_Gap(point, start, stop))
+    return gaps, n_open
+
+
+def _fill_linearly(track: Floats, start: int, stop: int, around: int) -> Floats:
+    """Places in the gap on the straight way, shape (frames of the gap, 3)."""
+    before, after = track[start - 1], track[stop]
+    u = np.arange(1, stop - start + 1)[:, None] / (stop - start + 1)
+    line: Floats = before + u * (after - before)
+    return line
+
+
+def _fill_cubic(track: Floats, start: int, stop: int, around: int) -> Floats:
+    """Places in the gap on a Hermite cubic, shape (frames of the gap, 3)."""
+    before, after = track[start - 1], track[stop]
+    length = stop - start + 1
+    leaves = _velocity(track[max(0, start - 1 - around) : start][::-1])
+    arrives = _velocity(track[stop : stop + 1 + around])
+    chord = (after - before) / length
+    first = chord if leaves is None else -leaves
+    last = chord if arrives is None else arrives
+    u = np.arange(1, length)[:, None] / length
+    cubic: Floats = (
+        (1 + 2 * u) * (1 - u) ** 2 * before
+        + u * (1 - u) ** 2 * length * first
+        + u**2 * (3 - 2 * u) * after
+        + u**2 * (u - 1) * length * last
+    )
+    return cubic
+
+
+def _velocity(places: Floats) -> Floats | None:
+    """Steps per frame away from the gap over the frames seen next to it; None of one frame."""
+    unseen = np.flatnonzero(np.isnan(places).any(axis=1))
+    seen = places[: unseen[0]] if len(unseen) else places
+    if len(seen) < 2:
+        return None
+    at = np.arange(len(seen)) - (len(seen) - 1) / 2
+    slope: Floats = (at[:, None] * seen).sum(axis=0) / (at**2).sum()
+    return slope
+
+
+def _say(short: list[_Gap], n_kept: int, longest_s: float, fill_by: str) -> str:
+    if not short:
+        return f"no gaps up to {longest_s:g} s to fill; {n_kept} longer or at the ends are kept"
+    n_frames = sum(gap.stop - gap.start for gap in short)
+    n_points = len({gap.point for gap in short})
+    return (
+        f"{len(short)} gaps up to {longest_s:g} s filled ({fill_by}), {n_frames} frames of "
+        f"{n_points} points; {n_kept} longer or at the ends are kept"
+    )
