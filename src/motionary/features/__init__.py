@@ -2,7 +2,12 @@
 
 from motionary.features.body import Body
 from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006
-from motionary.features.computing import MEASURE_HZ, compute_features, relation_matrix
+from motionary.features.computing import (
+    MEASURE_HZ,
+    compute_features,
+    relation_matrix,
+    say_yardsticks,
+)
 from motionary.features.definitions import describe_set, set_from_rows
 from motionary.features.files import NamedFile, Reading, read_features
 from motionary.features.naming import find_relation
@@ -29,5 +34,6 @@ __all__ = [
     "known_sets",
     "read_features",
     "relation_matrix",
+    "say_yardsticks",
     "set_from_rows",
 ]

@@ -86,6 +86,25 @@ def compute_features(
     )
 
 
+def say_yardsticks(motion: Motion) -> tuple[str, ...]:
+    """Which lengths of a partial body are measured by others, a sentence each.
+
+    Parameters
+    ----------
+    motion : whose joints are mapped
+    """
+    body = Body.from_positions(motion.generic_positions(), rate_hz=motion.rate_hz)
+    sides = {"right": body.yardstick("humerus"), "left": body.yardstick("left humerus")}
+    if sides["right"] and sides["right"] == sides["left"]:
+        sides = {"": sides["right"]}
+    return tuple(
+        f"no {f'{side} ' if side else ''}upper arm: {stand_in} stands in for it as the measure of "
+        "distances and speeds"
+        for side, stand_in in sides.items()
+        if stand_in
+    )
+
+
 def relation_matrix(
     positions: Floats, feature_set: FeatureSet, *, before: Bools | None = None
 ) -> tuple[Bools, Bools]:
