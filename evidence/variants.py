@@ -3,7 +3,7 @@
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -102,6 +102,7 @@ def plan(sources: list[Source], count: int, *, seed: int) -> list[Task]:
         turn: [s for s in rng.permutation(len(sources)) if _fits(sources[s], *turn)]
         for turn in turns
     }
+    turns = [turn for turn in turns if fitting[turn]]
     tasks = []
     for i in range(count):
         kind, suffix = turn = turns[i % len(turns)]
@@ -115,27 +116,55 @@ def _fits(source: Source, kind: str, suffix: str) -> bool:
     return suffix in source.formats and lies
 
 
-def judge(task: Task, library: ClassLibrary | None) -> Results:
-    """What became of one variant."""
-    kind = variants.KINDS[task.kind]
-    draft = kind.make(task.source.motion, task.suffix, np.random.default_rng(task.seed))
-    row: Results = {"kind": task.kind, "format": task.suffix, "source": task.source.name}
-    with tempfile.TemporaryDirectory() as folder:
-        path = variants.write_draft(draft, Path(folder), task.suffix, asf=task.source.asf)
-        try:
-            motion = read(path, **draft.told)
+class Truth(NamedTuple):
+    """Words and labels of a recording as it is."""
+
+    words: FeatureSequence
+    labels: tuple[Label, ...]
+
+
+class Judge:
+    """Makes variants and says what became of them; keeps what it knows of the recordings."""
+
+    def __init__(self, library: ClassLibrary | None) -> None:
+        self.library = library
+        self.truths: dict[str, Truth] = {}
+
+    def judge(self, task: Task) -> Results:
+        """What became of one variant."""
+        kind = variants.KINDS[task.kind]
+        draft = kind.make(task.source.motion, task.suffix, np.random.default_rng(task.seed))
+        row: Results = {"kind": task.kind, "format": task.suffix, "source": task.source.name}
+        with tempfile.TemporaryDirectory() as folder:
+            path = variants.write_draft(draft, Path(folder), task.suffix, asf=task.source.asf)
+            try:
+                motion = read(path, **draft.told)
+                words = compute_features(motion)
+            except MotionaryError as error:
+                verdict = RIGHT if kind.expected != variants.SAME else ALARM
+                return row | {"verdict": verdict, "error": str(error)}
+        first = round(draft.rest_frames / motion.rate_hz * 30)
+        words = words.part(first, len(words)) if first else words
+        truth = self.truth_of(draft.truth, task.source)
+        row |= compare_words(words, truth.words) | {"notes": list(motion.notes)}
+        row |= compare_labels(self.label(words), truth.labels)
+        row["verdict"] = _verdict(row, kind.expected)
+        return row
+
+    def truth_of(self, motion: Motion, source: Source) -> Truth:
+        """Words and labels of what reading should give."""
+        is_source = motion is source.motion
+        if not is_source or source.name not in self.truths:
             words = compute_features(motion)
-        except MotionaryError as error:
-            verdict = RIGHT if kind.expected != variants.SAME else ALARM
-            return row | {"verdict": verdict, "error": str(error)}
-    first = round(draft.rest_frames / motion.rate_hz * 30)
-    words = words.part(first, len(words)) if first else words
-    truth = compute_features(draft.truth)
-    row |= compare_words(words, truth) | {"notes": list(motion.notes)}
-    if library is not None:
-        row |= compare_labels(annotate(words, library), annotate(truth, library))
-    row["verdict"] = _verdict(row, kind.expected)
-    return row
+            truth = Truth(words, self.label(words))
+            if not is_source:
+                return truth
+            self.truths[source.name] = truth
+        return self.truths[source.name]
+
+    def label(self, words: FeatureSequence) -> tuple[Label, ...]:
+        """Labels, none without classes."""
+        return tuple(annotate(words, self.library)) if self.library is not None else ()
 
 
 def _verdict(row: Mapping[str, Any], expected: str) -> str:
@@ -172,17 +201,16 @@ def _runs_longer(flags: Bools, least: int) -> Bools:
     return result
 
 
-def compare_labels(found: Iterable[Label], truth: Iterable[Label]) -> Results:
+def compare_labels(found: Iterable[Label], truth: Sequence[Label]) -> Results:
     """Labels of the truth, how many of them are found at the same time, and how many more are."""
     left = list(found)
     same = 0
-    labels = list(truth)
-    for label in labels:
+    for label in truth:
         match = next((other for other in left if _at_same_time(label, other)), None)
         if match is not None:
             left.remove(match)
             same += 1
-    return {"labels": len(labels), "labels_same": same, "labels_more": len(left)}
+    return {"labels": len(truth), "labels_same": same, "labels_more": len(left)}
 
 
 def _at_same_time(a: Label, b: Label) -> bool:
@@ -200,9 +228,9 @@ def measure(recordings: Recordings) -> Results:
         learn_classes(examples(teachers), teaching=Teaching(mirror=True)).classes
     )
     sources = load_sources(recordings.folder, _names(recordings))
-    rows = []
+    judge, rows = Judge(library), []
     for task in plan(sources, COUNT, seed=SEED):
-        rows.append(judge(task, library))
+        rows.append(judge.judge(task))
         if len(rows) % 50 == 0:
             sys.stderr.write(f"{len(rows)} of {COUNT}\n")
     return {

@@ -24,7 +24,8 @@ def rows(data):
         patch.syspath_prepend(str(Path(__file__).resolve().parents[1]))
         script = importlib.import_module("evidence.variants")
     tasks = script.plan(script.load_sources(data, SOURCES), COUNT * STEP, seed=SEED)
-    return [script.judge(task, None) for task in tasks[::STEP]]
+    judge = script.Judge(None)
+    return [judge.judge(task) for task in tasks[::STEP]]
 
 
 def test_none_is_silently_wrong(rows):
