@@ -4,6 +4,7 @@ For each actor, the settings are chosen among the other four alone: each three o
 teach, the fourth is unseen. What is chosen for an actor has not seen that actor.
 """
 
+import itertools
 from functools import partial
 from typing import Any
 
@@ -12,20 +13,18 @@ from evidence.common.ranking import template_of
 from evidence.common.recordings import ACTORS, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import JOBS, Evidence, Results, main
 from evidence.query_learning_tasks import (
+    Actors,
     Committee,
-    Measures,
-    Task,
+    Rows,
     Trial,
+    compute_all,
+    learn_from,
     mean_of,
-    problem_of,
     split,
-    tasks,
 )
-from motionary.batch import Failure, map_ordered
-from motionary.query_learning import Breeding, Copying, LearnedQueries, breed_runs
+from motionary.query_learning import Breeding
 
-#: What is tried: copies of each positive when queries are simplified, and committees.
-COPIES = (0, 1)
+#: What is tried.
 COMMITTEES = tuple(
     Committee(*pair)
     for pair in ((3, 2), (5, 2), (5, 3), (5, 4), (10, 4), (10, 5), (10, 6), (10, 7), (10, 8))
@@ -40,29 +39,21 @@ EQUAL = 0.01
 SEED = 0
 WITHOUT = {actor: f"without {actor}" for actor in ACTORS} | {"nobody": "all five actors"}
 
-Rows = list[dict[str, Any]]
-
-
-def breeding_of(copies: int) -> Breeding:
-    """The usual settings with so many copies of each positive."""
-    return Breeding(copying=Copying(copies=copies))
-
 
 def choose(recordings: Recordings, *, seed: int = SEED, jobs: int = JOBS) -> Results:
-    """All tries, and the setting chosen for each actor."""
-    todo = [(task, copies) for copies in COPIES for task in tasks(recordings.classes, n_learn=3)]
+    """All tries, and the committee chosen for each actor."""
+    todo = [
+        (name, learn)
+        for learn in itertools.combinations(ACTORS, len(ACTORS) - 2)
+        for name in recordings.classes
+    ]
     attempt = partial(_attempt, clips=recordings.clips, seed=seed)
-    tried: Rows = []
-    for row in map_ordered(attempt, todo, jobs=jobs):
-        if isinstance(row, Failure):
-            raise row.error
-        tried.append(row)
-    by_actor = {actor: _table([r for r in tried if actor not in r["actors"]]) for actor in ACTORS}
-    everyone = _table(tried)
+    tried = [row for rows in compute_all(attempt, todo, jobs=jobs) for row in rows]
+    tables = {actor: _table([r for r in tried if actor not in r["actors"]]) for actor in ACTORS}
+    tables["nobody"] = _table(tried)
     return {
-        "tries": by_actor | {"nobody": everyone},
-        "chosen": {actor: best_of(table) for actor, table in by_actor.items()}
-        | {"nobody": best_of(everyone)},
+        "tries": tables,
+        "chosen": {actor: best_of(table) for actor, table in tables.items()},
     }
 
 
@@ -76,31 +67,30 @@ def best_of(table: Rows) -> dict[str, Any]:
     least = min(row["recall lost"] for row in fit or table)
     equal = [row for row in fit or table if row["recall lost"] <= least + EQUAL]
     best = max(equal, key=lambda row: float(row["f2"]))
-    return {key: best[key] for key in ("copies", "queries", "votes")}
+    return {key: best[key] for key in ("queries", "votes")}
 
 
-def _attempt(todo: tuple[Task, int], *, clips: tuple[Clip, ...], seed: int) -> dict[str, Any]:
-    task, copies = todo
-    examples = split(clips, task.name, task.learn)
-    problem = problem_of(examples, breeding_of(copies), seed=seed)
-    learned = LearnedQueries(problem, tuple(breed_runs(problem, range(RUNS))), votes=1)
-    trial = Trial(template_of(examples.positives), split(clips, task.name, [task.unseen]))
-    measured = {
-        committee: trial.measure(learned.queries[: committee.queries], votes=committee.votes)
-        for committee in COMMITTEES
-    }
-    return {"actors": {*task.learn, task.unseen}, "copies": copies, "measured": measured}
+def _attempt(todo: tuple[str, Actors], *, clips: tuple[Clip, ...], seed: int) -> Rows:
+    """All committees of a class, learned from some actors, on each of the others."""
+    name, learn = todo
+    examples = split(clips, name, learn)
+    queries = learn_from(examples, Breeding(), RUNS, seed=seed).queries
+    rows = []
+    for unseen in ACTORS:
+        if unseen in learn:
+            continue
+        trial = Trial(template_of(examples.positives), split(clips, name, [unseen]))
+        measured = {committee: trial.ask(queries, committee) for committee in COMMITTEES}
+        rows.append({"actors": {*learn, unseen}, "measured": measured})
+    return rows
 
 
 def _table(tried: Rows) -> Rows:
-    """Means over classes and splits, a row for each setting."""
-    table = []
-    for copies in COPIES:
-        mine = [row["measured"] for row in tried if row["copies"] == copies]
-        for committee in COMMITTEES:
-            measures: list[Measures] = [measured[committee] for measured in mine]
-            table.append({"copies": copies, **committee._asdict(), **mean_of(measures)})
-    return table
+    """Means over classes and splits, a row for each committee."""
+    return [
+        committee._asdict() | mean_of([row["measured"][committee] for row in tried])
+        for committee in COMMITTEES
+    ]
 
 
 def write(results: Results) -> str:
@@ -108,13 +98,12 @@ def write(results: Results) -> str:
     parts = [
         "Settings that the [page on learned queries](query_learning.md) reports. For each "
         "actor they are chosen among the other four alone: each three teach, the fourth is "
-        f"unseen ({len(COMMITTEES) * len(COPIES)} settings, 44 classes and splits). Chosen is, "
-        f"of the settings that leave at most {share(MOST_LEFT)} of the frames and whose "
+        f"unseen ({len(COMMITTEES)} committees, 44 classes and splits). Chosen is, "
+        f"of the committees that leave at most {share(MOST_LEFT)} of the frames and whose "
         f"template is right in at least {share(LEAST_PRECISION)} of what it then finds below "
         f".1, and that lose the least recall at .06 (within {share(EQUAL)}), the one with the "
         "highest F2 of the clips that are found.\n\n"
-        "*Copies*: varied copies of each positive on which a query is simplified, beside two "
-        "of each negative. *Agree*: queries that must agree, of all."
+        "*Agree*: queries that must agree, of all."
     ]
     for actor, title in WITHOUT.items():
         parts.append(f"## Chosen {title}\n\n{_told(results, actor)}")
@@ -127,8 +116,8 @@ def _told(results: Results, actor: str) -> str:
     for row in results["tries"][actor]:
         mine = all(row[key] == value for key, value in chosen.items())
         name = f"{row['votes']} of {row['queries']}"
-        rows.append([f"**{name}**" if mine else name, row["copies"], *map(row.get, _SHOWN)])
-    return table(["agree", "copies", *_SHOWN], rows)
+        rows.append([f"**{name}**" if mine else name, *map(row.get, _SHOWN)])
+    return table(["agree", *_SHOWN], rows)
 
 
 _SHOWN = ("f2", "precision", "recall", "frames left", "recall lost", "precision left")

@@ -3,15 +3,15 @@
 A committee is so many of the first queries of a class, of which so many must agree.
 """
 
-import itertools
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evidence.common.ranking import TOLERANCE_2006, corpus_of, template_of
-from evidence.common.recordings import ACTORS, Clip
+from evidence.common.recordings import Clip
+from motionary.batch import Failure, map_ordered
 from motionary.features import FULL_BODY, FeatureSequence
 from motionary.keyframes import (
     HitRanges,
@@ -22,7 +22,13 @@ from motionary.keyframes import (
     select_in_index,
 )
 from motionary.matching import Pattern, corpus_distance
-from motionary.query_learning import Breeding, Problem, state_problem
+from motionary.query_learning import (
+    Breeding,
+    LearnedQueries,
+    Problem,
+    breed_runs,
+    state_problem,
+)
 from motionary.query_learning.fitness import weighted_f
 from motionary.templates import MotionTemplate, pattern_of, quantise
 
@@ -30,6 +36,10 @@ from motionary.templates import MotionTemplate, pattern_of, quantise
 LOW, HIGH = 0.06, 0.1
 
 Measures = dict[str, float]
+Rows = list[dict[str, Any]]
+Actors = tuple[str, ...]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 class Committee(NamedTuple):
@@ -42,30 +52,11 @@ class Committee(NamedTuple):
         return f"{self.votes} of {self.queries}"
 
 
-class Task(NamedTuple):
-    """A class, learned from some actors and tried on another."""
-
-    name: str
-    learn: tuple[str, ...]
-    unseen: str
-
-
 class Split(NamedTuple):
     """Clips of the class, and of all others."""
 
     positives: list[FeatureSequence]
     negatives: list[FeatureSequence]
-
-
-def tasks(names: Iterable[str], *, n_learn: int) -> list[Task]:
-    """Each class, each `n_learn` actors, each of the other actors."""
-    return [
-        Task(name, learn, unseen)
-        for learn in itertools.combinations(ACTORS, n_learn)
-        for unseen in ACTORS
-        if unseen not in learn
-        for name in names
-    ]
 
 
 def split(clips: Sequence[Clip], name: str, actors: Iterable[str]) -> Split:
@@ -84,6 +75,12 @@ def problem_of(examples: Split, breeding: Breeding, *, seed: int) -> Problem:
         examples.positives, examples.negatives, breeding=breeding, seed=seed,
         template=template_of(examples.positives),
     )  # fmt: skip
+
+
+def learn_from(examples: Split, breeding: Breeding, runs: int, *, seed: int) -> LearnedQueries:
+    """Queries of so many runs."""
+    problem = problem_of(examples, breeding, seed=seed)
+    return LearnedQueries(problem, tuple(breed_runs(problem, range(runs))), votes=1)
 
 
 class Trial:
@@ -110,6 +107,10 @@ class Trial:
         for query in queries:
             hits[search_query(query, self.index).hit_documents] += 1
         return self._retrieval(np.flatnonzero(hits >= votes)) | self._preselection(ranges)
+
+    def ask(self, queries: Sequence[KeyframeQuery], committee: Committee) -> Measures:
+        """What a committee of the first of these queries does."""
+        return self.measure(queries[: committee.queries], votes=committee.votes)
 
     def _retrieval(self, documents: NDArray[np.intp]) -> Measures:
         right = int(np.count_nonzero(documents < self._n_positives))
@@ -146,6 +147,18 @@ def index_of(clips: Sequence[FeatureSequence]) -> WordIndex:
         feature_set=FULL_BODY.name,
         feature_ids=FULL_BODY.ids,
     )
+
+
+def compute_all(
+    function: Callable[[Item], Result], items: Iterable[Item], *, jobs: int
+) -> list[Result]:
+    """Results in their order; the first failure is raised."""
+    results = []
+    for result in map_ordered(function, items, jobs=jobs):
+        if isinstance(result, Failure):
+            raise result.error
+        results.append(result)
+    return results
 
 
 def mean_of(rows: Sequence[Measures]) -> Measures:
