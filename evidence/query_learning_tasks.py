@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evidence.common.ranking import TOLERANCE_2006, corpus_of, template_of
-from evidence.common.recordings import Clip
+from evidence.common.recordings import Clip, Recordings
 from motionary.batch import Failure, map_ordered
 from motionary.features import FULL_BODY, FeatureSequence
+from motionary.io.queries import read_query_collections
 from motionary.keyframes import (
     HitRanges,
     KeyframeQuery,
     WordIndex,
+    from_patterns,
     index_words,
     search_query,
     select_in_index,
@@ -81,6 +83,20 @@ def learn_from(examples: Split, breeding: Breeding, runs: int, *, seed: int) -> 
     """Queries of so many runs."""
     problem = problem_of(examples, breeding, seed=seed)
     return LearnedQueries(problem, tuple(breed_runs(problem, range(runs))), votes=1)
+
+
+def manual_queries(recordings: Recordings) -> dict[str, KeyframeQuery]:
+    """Queries that the authors made by hand, of the classes at hand."""
+    path = recordings.folder.resolve().parent / "reference" / "golden" / "manual_keyframes.json"
+    records = read_query_collections(path)["retrieval_2008"]
+    queries = {}
+    for name in recordings.classes:
+        record = records[name]
+        queries[name] = from_patterns(
+            record.keyframes, record.groups, distances=record.distances,
+            stiffness=record.stiffness, positions=record.positions,
+        )  # fmt: skip
+    return queries
 
 
 class Trial:

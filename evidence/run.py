@@ -28,6 +28,8 @@ SCRIPTS = (
     "variants",
     "query_learning_choice",
     "query_learning",
+    "query_learning_generations",
+    "query_learning_speed",
 )
 
 
