@@ -258,7 +258,7 @@ def test_hits_that_cost_more_than_the_nearest_did_teach_nothing():
     takes = [sequence(stream(rows, seed=i)[0]) for i, rows in enumerate((near, far, far))]
     result = search(sequence(STEP), takes, growing=Growing(by_surprise=False))
     assert result.templates[0].n_examples == 2
-    assert result.templates[0].provenance == "grown from an example and 1 hits"
+    assert result.templates[0].provenance == "grown from an example and 1 hit"
 
 
 # -- a person's yes and no ---------------------------------------------------------------

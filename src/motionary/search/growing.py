@@ -177,8 +177,12 @@ def _learn(example: FeatureSequence, hits: Sequence[FeatureSequence]) -> MotionT
         known=None if every else [p.known_features.astype(np.bool_) for p in parts],
         feature_names=example.feature_set.ids,
         feature_set=example.feature_set.name,
-        provenance=f"grown from {example.source or 'an example'} and {len(hits)} hits",
+        provenance=f"grown from {example.source or 'an example'} and {_count(hits)}",
     )
+
+
+def _count(hits: Sequence[FeatureSequence]) -> str:
+    return "1 hit" if len(hits) == 1 else f"{len(hits)} hits"
 
 
 def _words_of(hit: Hit | FeatureSequence) -> FeatureSequence:
