@@ -108,10 +108,22 @@ def time_evaluations(problem: Problem) -> None:
 
 
 def time_processes(problem: Problem) -> None:
-    seconds = {}
+    """Rate of many runs; and what two free processors would make of the processor time."""
+    elapsed, used = {}, {}
     for jobs in (1, 2):
-        start = time.perf_counter()
+        start, before = time.perf_counter(), processor_seconds()
         runs = list(breed_runs(problem, range(MANY), jobs=jobs))
-        seconds[jobs] = time.perf_counter() - start
-        print(f"  {len(runs)} runs, {jobs} processes: {len(runs) / seconds[jobs]:.2f} runs/s")
-    print(f"  two processes: {seconds[1] / seconds[2]:.2f} x the rate of one")
+        elapsed[jobs] = time.perf_counter() - start
+        used[jobs] = processor_seconds() - before
+        print(
+            f"  {len(runs)} runs, {jobs} processes: {len(runs) / elapsed[jobs]:.2f} runs/s, "
+            f"{used[jobs]:.1f} s of processors"
+        )
+    print(f"  two processes: {elapsed[1] / elapsed[2]:.2f} x the rate of one")
+    print(f"  by processor time: {2 * used[1] / used[2]:.2f} x, if both processors were free")
+
+
+def processor_seconds() -> float:
+    """Of this process and of those it has started and seen end."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system

@@ -105,6 +105,18 @@ def test_paths_of_many_ends_are_those_of_each_end(weighed, masked):
         assert alignment.cost == pytest.approx(float(distance[end]), abs=1e-5)
 
 
+@pytest.mark.parametrize("weighed", [False, True])
+def test_paths_since_a_frame_are_those_of_what_follows_it(weighed):
+    pattern, words, known = large_case(5, n_frames=300, weighed=weighed)
+    since = np.repeat([0, 60, 61, 200], 20)
+    ends = since + np.arange(80) % 20 + len(pattern)
+    together = align(pattern, words, known, ends, since=since)
+    for first, end, found in zip(since.tolist(), ends.tolist(), together, strict=True):
+        alone = align(pattern, words[first:], known[first:], [end - first])[0].shifted(first)
+        assert alone[:3] == found[:3]
+        assert same_bits(alone.path, found.path)
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @given(case=cases(most_frames=40), sizes=st.lists(st.integers(1, 7), min_size=40, max_size=40))
 def test_chunks_give_what_the_whole_gives(case, sizes, engine):

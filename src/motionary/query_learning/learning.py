@@ -46,6 +46,8 @@ from motionary.templates import MotionTemplate, learn_template, quantise
 RUNS = 5
 #: Share of the queries that must agree.
 AGREEMENT = 0.6
+#: Turns of each process, so that none waits long for another, and progress is seen.
+_TURNS = 8
 #: Seed of the optimisation of gaps, apart from those of the runs.
 _GAPS = 1 << 31
 
@@ -269,10 +271,11 @@ def breed_runs(
     by_chance : random search with as many individuals in place of the evolution
     verification : judge whose scores are to be recorded beside
     """
-    work = partial(_run, problem=problem, by_chance=by_chance, verification=verification)
-    for result in map_ordered(work, numbers, jobs=jobs, on_done=on_done):
-        if isinstance(result, Failure):
-            raise result.error
+    run = partial(_runs, problem=problem, by_chance=by_chance, verification=verification)
+    wanted = list(numbers)
+    for number, result in zip(wanted, _in_order(run, wanted, jobs), strict=True):
+        if on_done:
+            on_done(number)
         yield result
 
 
@@ -285,15 +288,41 @@ def combine_runs(learned: LearnedQueries) -> Evolved:
     return evolve(ways, problem.judge(), breeding=problem.breeding, rng=rng)
 
 
-def _run(number: int, *, problem: Problem, by_chance: bool, verification: Judge | None) -> Evolved:
-    rng = problem.rng(number)
-    judge = problem.judge()
+def _in_order(
+    run: Callable[[Sequence[int]], Iterator[Evolved]], numbers: Sequence[int], jobs: int
+) -> Iterator[Evolved]:
+    """Results of all runs, several to a process at a time: they share what is costly."""
+    if jobs == 1:
+        yield from run(numbers)
+        return
+    size = max(1, len(numbers) // (jobs * _TURNS))
+    several = [numbers[first : first + size] for first in range(0, len(numbers), size)]
+    for results in map_ordered(partial(_listed, run), several, jobs=jobs):
+        if isinstance(results, Failure):
+            raise results.error
+        yield from results
+
+
+def _listed(
+    run: Callable[[Sequence[int]], Iterator[Evolved]], numbers: Sequence[int]
+) -> list[Evolved]:
+    return list(run(numbers))
+
+
+def _runs(
+    numbers: Sequence[int], *, problem: Problem, by_chance: bool, verification: Judge | None
+) -> Iterator[Evolved]:
+    """Runs one after the other; only bitmaps of clips pass from one to the next."""
+    shared = problem.judge()
     ways = random_search(problem.pool) if by_chance else genetic(problem.pool)
-    run = evolve(ways, judge, breeding=problem.breeding, rng=rng, verification=verification)
-    if not problem.breeding.simplify:
-        return run
-    best = simplify(run.best, problem.judge_varied(rng), rng)
-    return run._replace(best=best, score=judge(best))
+    for number in numbers:
+        rng = problem.rng(number)
+        judge = Judge(shared.clips, shared.fitness)
+        run = evolve(ways, judge, breeding=problem.breeding, rng=rng, verification=verification)
+        if problem.breeding.simplify:
+            best = simplify(run.best, problem.judge_varied(rng), rng)
+            run = run._replace(best=best, score=judge(best))
+        yield run
 
 
 def _learn_template(positives: Sequence[FeatureSequence]) -> MotionTemplate:
