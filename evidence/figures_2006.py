@@ -309,7 +309,7 @@ def _gymnastics_told(gymnastics: Results) -> str:
         near["inside"] < near["outside"] / 1.5 and told["squat1Reps"]["inside"] > 0.1,
         "Least distance, in the exercise and elsewhere: " + "; ".join(parts) + ". In print the "
         "gymnastics were of the same collection as the templates, and every exercise fell close "
-        "to zero. Here the lifted knees and the last of the circling arms stand out, at and below the "
+        "to zero. Here lifted knees and the last of the circling arms stand out, at and below the "
         "threshold. The squats are **not** found: CMU's are done "
         f"otherwise. They differ most in {differ}. A template knows the variants it was shown.",
     )
