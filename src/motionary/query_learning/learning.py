@@ -47,7 +47,7 @@ RUNS = 5
 #: Share of the queries that must agree.
 AGREEMENT = 0.6
 #: Turns of each process, so that none waits long for another, and progress is seen.
-_TURNS = 8
+_TURNS = 4
 #: Seed of the optimisation of gaps, apart from those of the runs.
 _GAPS = 1 << 31
 
