@@ -39,6 +39,9 @@ COUNT = 500
 HELD_OUT = "bd"
 LONGEST_S = 12.0
 
+#: Words of notes that leave something open.
+_SAID = ("does not tell", "still", "rest pose")
+
 #: Recordings that become variants, beside a clip of each class by the actor held out.
 OTHERS = (
     "hdm05_takes/HDM_bd_03-03_01_120.amc",
@@ -168,7 +171,7 @@ class Judge:
 
 
 def _verdict(row: Mapping[str, Any], expected: str) -> str:
-    said = any("does not tell" in note or "still" in note for note in row["notes"])
+    said = any(word in note for note in row["notes"] for word in _SAID)
     if expected == variants.SAME and row["lasting"] <= WRONG_FROM:
         return EQUAL
     return SAID if said else WRONG
@@ -210,7 +213,12 @@ def compare_labels(found: Iterable[Label], truth: Sequence[Label]) -> Results:
         if match is not None:
             left.remove(match)
             same += 1
-    return {"labels": len(truth), "labels_same": same, "labels_more": len(left)}
+    return {
+        "labels": len(truth),
+        "labels_same": same,
+        "labels_more": len(left),
+        "more": [label.name for label in left],
+    }
 
 
 def _at_same_time(a: Label, b: Label) -> bool:
@@ -280,6 +288,7 @@ def _summary(kind: str, rows: list[Results]) -> Results:
         "labels": sum(row["labels"] for row in read_ones),
         "labels_same": sum(row["labels_same"] for row in read_ones),
         "labels_more": sum(row["labels_more"] for row in read_ones),
+        "more": dict(Counter(name for row in read_ones for name in row["more"]).most_common()),
     }
 
 
