@@ -147,7 +147,9 @@ def draw(results: Results) -> "dict[str, Figure]":
             worst = max(counts, key=VERDICTS.index)
             x = variants.ALL.index(suffix)
             axes.barh(y, 0.92, left=x - 0.46, height=0.86, color=_COLOURS[worst], linewidth=0)
-            axes.text(x, y, str(counts[worst]), ha="center", va="center", color="white", size=7)
+            total = sum(counts.values())
+            text = str(total) if counts[worst] == total else f"{counts[worst]} of {total}"
+            axes.text(x, y + 0.03, text, ha="center", va="center", color="white", size=7)
     axes.set(xlim=(-0.5, len(variants.ALL) - 0.5), ylim=(len(kinds) - 0.5, -0.5))
     axes.set_yticks(range(len(kinds)), [row["kind"] for row in kinds])
     axes.set_xticks(range(len(variants.ALL)), [s.upper() for s in variants.ALL])
@@ -156,5 +158,5 @@ def draw(results: Results) -> "dict[str, Figure]":
     axes.spines[:].set_visible(False)
     shown = [v for v in VERDICTS if results["totals"][v]]
     handles: list[Any] = [axes.barh(-9, 0, color=_COLOURS[v]) for v in shown]
-    figure.legend(handles, shown, loc="outside lower left", ncols=len(shown), frameon=False)
+    figure.legend(handles, shown, loc="outside lower left", ncols=3, frameon=False)
     return {"variants": figure}
