@@ -13,8 +13,9 @@ from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, Relation,
 from motionary.features.quantities import speed
 from motionary.io import read
 from motionary.labels import Label, LabelTrack
-from motionary.motion import GENERIC_JOINTS
+from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.plots import figures, style
+from motionary.samples import synthetic_motion
 from motionary.templates import MotionTemplate, quantise
 from motionary.words import full_mask, pack
 
@@ -39,6 +40,13 @@ def template(n_columns=45, n_features=40, *, provenance="squat", seed=2):
         values, random.uniform(0.7, 1.4, n_columns), FULL_BODY.ids[:n_features], FULL_BODY.name,
         provenance, 6,
     )  # fmt: skip
+
+
+def strange_motion():
+    """Far away, nothing known of it, and much said."""
+    positions = np.random.default_rng(5).normal(size=(3, 7, 3)) * 200
+    notes = (f"unit {NASTY}", f"z up, {NASTY}", f"no relations: {NASTY}")
+    return Motion(tuple("abcdefg"), positions, 29.97, source=NASTY, notes=notes)
 
 
 def strange_template():
@@ -155,6 +163,9 @@ CASES = {
     "sheet, one frame": lambda: plots.plot_sheet(("query", person(1)), [("hit", person(2))]),
     "sheet, nothing seen": lambda: plots.plot_sheet(("query", nothing_seen()), []),
     "sheet, a flying joint": lambda: plots.plot_sheet(("query", flying_joint()), [], n_figures=30),
+    "recordings": lambda: plots.plot_recordings(
+        [synthetic_motion("squat", seed=1), strange_motion()] * 3
+    ),
     "pose": lambda: plots.plot_pose(person()[0], title=NASTY),
     "pose, nothing seen": lambda: plots.plot_pose(nothing_seen()[0]),
 }  # fmt: skip

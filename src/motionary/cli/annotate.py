@@ -8,7 +8,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.inputs import check_target, complain_of_all, find_files
-from motionary.cli.options import AsJson, Jobs, ReadingOptions
+from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
 from motionary.cli.pictures import draw_annotation
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ class LabelOptions:
     output: Annotated[
         str | None, typer.Option("--output", "-o", metavar="CSV", help="Write a table of labels.")
     ] = None
+    excel: Excel = False
     plot: Annotated[
         str | None,
         typer.Option(metavar="FOLDER", help="Draw each recording's labels and distances."),
@@ -99,7 +100,7 @@ def annotate(
             if as_json:
                 screen.say_json(_to_json(track, explained=options.explain))
     if options.output:
-        write_labels(tracks, options.output)
+        write_labels(tracks, options.output, excel=options.excel)
     if not as_json:
         _say(tracks, explained=options.explain)
     complain_of_all(found.missing.values(), failures)

@@ -1,17 +1,16 @@
 """`motionary features`: which of the 40 relations hold when, in numbers?"""
 
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motionary.cli.inputs import check_picture, check_target, read_as_told
-from motionary.cli.options import ReadingOptions
+from motionary.cli.options import Excel, ReadingOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
+    from motionary.io.tables import Cell
 
 
 def features(
@@ -22,6 +21,7 @@ def features(
     plot: Annotated[
         str | None, typer.Option(metavar="PNG", help="Draw the relations over time.")
     ] = None,
+    excel: Excel = False,
     *,
     reading: ReadingOptions,
 ) -> int:
@@ -48,7 +48,7 @@ def features(
     if suffix == ".npz":
         _write_npz(words, output)
     else:
-        _write_csv(words, output)
+        _write_csv(words, output, excel=excel)
     if plot:
         from motionary.plots import plot_features, save
 
@@ -71,14 +71,11 @@ def _write_npz(words: "FeatureSequence", path: str) -> None:
         )
 
 
-def _write_csv(words: "FeatureSequence", path: str) -> None:
-    from motionary.batch import write_atomically
+def _write_csv(words: "FeatureSequence", path: str, *, excel: bool) -> None:
+    from motionary.io.tables import write_table
 
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["time_s", *words.feature_set.names])
+    table: list[list[Cell]] = [["time_s", *words.feature_set.names]]
     for i, (held, known) in enumerate(zip(words.features, words.known_features, strict=True)):
-        cells = [str(h) if k else "" for h, k in zip(held, known, strict=True)]
-        writer.writerow([f"{i / words.rate_hz:.4f}", *cells])
-    with write_atomically(path) as beside:
-        beside.write_text(text.getvalue(), encoding="utf-8", newline="")
+        cells = [int(h) if k else None for h, k in zip(held, known, strict=True)]
+        table.append([round(i / words.rate_hz, 4), *cells])
+    write_table(table, path, excel=excel)

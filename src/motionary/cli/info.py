@@ -1,30 +1,58 @@
 """`motionary info`: what is in these files, and what is wrong with them?"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import find_files, read_as_told
-from motionary.cli.options import AsJson, Jobs, ReadingOptions
+from motionary.cli.inputs import check_picture, check_target, find_files, read_as_told
+from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
     from motionary.features import NamedFile, Reading
+    from motionary.io.tables import Cell
     from motionary.motion import Motion
 
 _COLUMNS = (
     "recording", "format", ">joints", ">frames", ">rate_hz", ">seconds", "skeleton", "relations",
     ">known",
 )  # fmt: skip
+_WRITTEN = (
+    "recording", "format", "joints", "frames", "rate_hz", "duration_s", "skeleton", "facing",
+    "relations_known", "known", "missing", "notes",
+)  # fmt: skip
 _MOST_NAMES = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class InfoOptions:
+    """Where else to write what is said."""
+
+    save_mapping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TOML",
+            help="Write which joint is which, to be corrected and given back with --skeleton.",
+        ),
+    ] = None
+    plot: Annotated[
+        str | None,
+        typer.Option(metavar="PNG", help="Draw the first pose of each recording in its axes."),
+    ] = None
+    output: Annotated[
+        str | None, typer.Option("--output", "-o", metavar="CSV", help="Write the table.")
+    ] = None
+    excel: Excel = False
 
 
 def info(
     files: Annotated[list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns.")],
+    options: InfoOptions,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
@@ -34,9 +62,13 @@ def info(
 
     motionary info recordings/
     motionary info take.amc --asf actor.asf
+    motionary info take.bvh --save-mapping rig.toml --plot first-pose.png
     """
     from motionary.batch import Failure, map_ordered
 
+    for target in (options.save_mapping, options.output):
+        check_target(target)
+    check_picture("--plot", options.plot)
     found = find_files(files)
     work = partial(describe_file, reading=reading.reading())
     rows: list[dict[str, Any]] = []
@@ -54,6 +86,12 @@ def info(
         {"recording": path, "format": _format(path), "error": str(error)}
         for path, error in found.missing.items()
     ]
+    if options.save_mapping:
+        _save_mapping(found.files, options.save_mapping, reading.reading())
+    if options.plot:
+        _draw(found.files, options.plot, reading.reading())
+    if options.output:
+        _write(rows, options.output, excel=options.excel)
     if as_json:
         for row in rows:
             screen.say_json(row)
@@ -73,19 +111,21 @@ def describe_file(file: "NamedFile", *, reading: "Reading") -> dict[str, Any]:
     """
     import numpy as np
 
-    from motionary.features import FULL_BODY
+    from motionary.features import FULL_BODY, say_yardsticks
     from motionary.motion import GENERIC_JOINTS
+    from motionary.plots import say_facing
 
     name, path = file
     motion = read_as_told(path, reading)
     mapping = motion.mapping
     relations, known, problem = _relations(motion)
     missing: list[str] = []
-    notes = [*motion.notes, *([problem] if problem else [])]
+    notes = [*motion.notes, *([problem] if problem and problem not in motion.notes else [])]
     if mapping is not None:
         unseen = np.isnan(motion.generic_positions()).any(axis=2).all(axis=0)
         missing = [GENERIC_JOINTS[i] for i in np.flatnonzero(unseen)]
         notes += [mapping.note] if mapping.note else []
+        notes += say_yardsticks(motion)
     return {
         "recording": name,
         "format": _format(path.name),
@@ -94,6 +134,7 @@ def describe_file(file: "NamedFile", *, reading: "Reading") -> dict[str, Any]:
         "rate_hz": motion.rate_hz,
         "duration_s": motion.duration_s,
         "skeleton": mapping.name if mapping else None,
+        "facing": say_facing(motion).removeprefix("faces ") or None,
         "missing": missing,
         "relations_known": relations,
         "relations": len(FULL_BODY),
@@ -111,6 +152,52 @@ def _relations(motion: "Motion") -> tuple[int, float, str]:
     except InvalidInput as error:
         return 0, 0.0, str(error).removeprefix(f"{motion.source}: ")
     return int(known.any(axis=0).sum()), float(known.mean()), ""
+
+
+def _save_mapping(files: dict[str, Path], path: str, reading: "Reading") -> None:
+    """Write the mapping of the joints of the files; it must be one for all."""
+    from motionary.io.skeleton_files import save_skeleton
+
+    if not files:
+        raise InvalidInput(f"{path}: no recording whose joints could be written down")
+    motions = [read_as_told(file, reading) for file in files.values()]
+    others = [m for m in motions if m.mapping is None or m.names != motions[0].names]
+    if len(motions) > 1 and others:
+        raise InvalidInput(
+            f"{path}: a mapping is written of recordings of one rig, and {others[0].source} has "
+            "another one; name one recording"
+        )
+    save_skeleton(motions[0], path)
+
+
+def _draw(files: dict[str, Path], path: str, reading: "Reading") -> None:
+    """The first poses of the recordings that can be read, as many as a picture holds."""
+    from motionary.errors import MotionaryError
+    from motionary.plots import MOST_RECORDINGS, plot_recordings, save
+
+    motions: list[Motion] = []
+    for name, file in files.items():
+        if len(motions) == MOST_RECORDINGS:
+            screen.complain(f"{path}: shows the first {len(motions)} of {len(files)} recordings")
+            break
+        try:
+            motion = read_as_told(file, reading)
+        except MotionaryError:
+            continue  # The table says why.
+        motions.append(replace(motion, source=name))
+    if motions:
+        save(plot_recordings(motions), path)
+
+
+def _write(rows: Sequence[dict[str, Any]], path: str, *, excel: bool) -> None:
+    from motionary.io.tables import write_table
+
+    table: list[list[Cell]] = [list(_WRITTEN)]
+    for row in rows:
+        told = "; ".join([*row.get("notes", ()), *([row["error"]] if "error" in row else [])])
+        cells = [row.get(key) for key in _WRITTEN[:-2]]
+        table.append([*cells, ", ".join(row.get("missing", ())), told])
+    write_table(table, path, excel=excel)
 
 
 def _format(name: str) -> str:

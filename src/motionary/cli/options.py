@@ -223,6 +223,16 @@ AsJson = Annotated[
 ]
 
 
+Excel = Annotated[
+    bool,
+    typer.Option(
+        "--excel",
+        help="Tables with semicolons and decimal commas, as Excel opens them by a double click "
+        "in most of Europe.",
+    ),
+]
+
+
 def _check_feature_set(value: str | None) -> str | None:
     if value is not None:
         find_feature_set(value)

@@ -10,7 +10,7 @@ from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.cutting import cut_labels
 from motionary.cli.indexed import IndexOptions, open_recordings
 from motionary.cli.inputs import check_picture, check_target
-from motionary.cli.options import AsJson, Jobs, LibraryDefault, ReadingOptions
+from motionary.cli.options import AsJson, Excel, Jobs, LibraryDefault, ReadingOptions
 from motionary.cli.pictures import draw_sheet, draw_template
 from motionary.cli.sought import (
     QueryOptions,
@@ -69,6 +69,7 @@ class ResultOptions:
     output: Annotated[
         str | None, typer.Option("--output", "-o", metavar="CSV", help="Write a table of hits.")
     ] = None
+    excel: Excel = False
     cut: Annotated[
         str | None, typer.Option(metavar="FOLDER", help="Write each hit as a clip (BVH, AMC).")
     ] = None
@@ -197,7 +198,7 @@ def _save(
     if results.output:
         from motionary.io import write_labels
 
-        write_labels(_to_tracks(result, wanted.name), results.output)
+        write_labels(_to_tracks(result, wanted.name), results.output, excel=results.excel)
     if results.save_query:
         from motionary.cli.saving import derive, save_queries
 

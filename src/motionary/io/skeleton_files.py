@@ -5,7 +5,7 @@ from pathlib import Path
 from motionary.errors import InvalidInput
 from motionary.io.text import read_text, write_text
 from motionary.motion import Motion
-from motionary.skeletons import SkeletonTable, format_table, named_table, parse_table
+from motionary.skeletons import SkeletonTable, format_table, named_table, parse_table, without_guess
 
 SUFFIX = ".toml"
 
@@ -48,4 +48,4 @@ def save_skeleton(motion: Motion, path: str | Path) -> None:
         why = motion.notes[-1] if motion.notes else "no known skeleton has them"
         raise InvalidInput(f"{motion.source or 'motion'}: its joints are not mapped: {why}")
     about = f"Joints of {motion.source}" if motion.source else "Joints of a rig"
-    write_text(path, [format_table(motion.mapping, about=about, names=motion.names)])
+    write_text(path, [format_table(without_guess(motion.mapping), about=about, names=motion.names)])

@@ -85,7 +85,7 @@ def project(positions: Floats, *, turn_deg: float = 0.0) -> Floats:
     turn_deg : how far the figures are turned towards the viewer: 0 from the side, 90 from
         the front
     """
-    across_x, across_z = _mean_hip_line(positions)
+    across_x, across_z = mean_hip_line(positions)
     turn = np.radians(turn_deg)
     # Forward is up x right; turned about up, towards the viewer.
     forward_x = np.cos(turn) * across_z - np.sin(turn) * across_x
@@ -94,7 +94,7 @@ def project(positions: Floats, *, turn_deg: float = 0.0) -> Floats:
     return np.stack([forward, positions[..., 1]], axis=-1)
 
 
-def _mean_hip_line(positions: Floats) -> tuple[float, float]:
+def mean_hip_line(positions: Floats) -> tuple[float, float]:
     """Horizontal direction (x, z) from the left to the right hip, or shoulder."""
     for left, right in (("lhip", "rhip"), ("lshoulder", "rshoulder")):
         lines = (positions[:, _INDEX[right]] - positions[:, _INDEX[left]])[:, [0, 2]]

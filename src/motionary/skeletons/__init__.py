@@ -1,5 +1,6 @@
 """Skeletons: how the names of a file, and the shape of its tree, give the 24 generic joints."""
 
+from motionary.skeletons.guessing import without_guess
 from motionary.skeletons.mapping import (
     find_mapping,
     known_mappings,
@@ -18,4 +19,5 @@ __all__ = [
     "named_table",
     "parse_table",
     "say_why_unknown",
+    "without_guess",
 ]

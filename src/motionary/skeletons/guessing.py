@@ -7,6 +7,7 @@ of feet and head tell left from right. Points without a tree are told by their n
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ Floats = NDArray[np.float64]
 
 #: Name of a mapping that was guessed.
 GUESSED = "guessed"
+_CHEST = "chest is put halfway from belly to neck, and features 3 to 6 stand on it"
 
 _LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "knee", "ankle"))
 # Shares of a leg's length: nearer than this, two joints are one; of the spine's length:
@@ -227,5 +229,12 @@ def _to_mapping(
         "down to be corrected"
     )
     if substituted:
-        note += "; chest is put halfway from belly to neck, and features 3 to 6 stand on it"
+        note += f"; {_CHEST}"
     return JointMapping(GUESSED, ordered, substituted, note)
+
+
+def without_guess(mapping: JointMapping) -> JointMapping:
+    """A mapping without the words that it was guessed: for who takes it over."""
+    if mapping.name != GUESSED:
+        return mapping
+    return replace(mapping, note=_CHEST if mapping.substituted else "")

@@ -10,6 +10,7 @@ usual; `marks` are names by which a skeleton is told from others with nearly its
 """
 
 import json
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -112,7 +113,8 @@ def format_table(mapping: JointMapping, *, about: str, names: tuple[str, ...] = 
     about : whose joints these are
     names : all names that there are, written as a remark for who corrects the mapping
     """
-    lines = [f"# {_one_line('joints: ' + ', '.join(names))}"] if names else []
+    remark = _one_line(f"joints: {', '.join(names)}") if names else ""
+    lines = [f"# {line}" for line in textwrap.wrap(remark, 96, break_on_hyphens=False)]
     lines.append(f"about = {_quoted(about)}")
     if mapping.note:
         lines.append(f"note = {_quoted(mapping.note)}")

@@ -11,8 +11,8 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.tables import Cell, write_table
 from motionary.io.text import read_text
 from motionary.labels import Label, LabelTrack
 
@@ -41,11 +41,21 @@ def read_labels(path: str | Path) -> dict[str, LabelTrack]:
 
 
 def write_labels(
-    tracks: LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack], path: str | Path
+    tracks: LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack],
+    path: str | Path,
+    *,
+    excel: bool = False,
 ) -> None:
     """Write tracks as a table that `read_labels` reads.
 
     Columns that say nothing are left out. A track without labels leaves no row.
+
+    Parameters
+    ----------
+    tracks : one or several
+    path : the file
+    excel : with semicolons, decimal commas and a mark that says UTF-8, as Excel opens it
+        by a double click in most of Europe
 
     Raises
     ------
@@ -60,16 +70,12 @@ def write_labels(
     if clash:
         raise InvalidInput(f"a further column cannot be called {', '.join(sorted(clash))}")
     used = [name for name in OPTIONAL if any(_says(label, name) for _, label in rows)]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*REQUIRED, *used, *extra])
+    table: list[list[Cell]] = [[*REQUIRED, *used, *extra]]
     for recording, label in rows:
-        own = [_format(label, name) for name in ("start_s", "end_s", *used)]
+        own = [_cell(label, name) for name in ("start_s", "end_s", *used)]
         further = [label.extra.get(column, "") for column in extra]
-        writer.writerow([recording, label.name, *own, *further])
-    with write_atomically(path) as beside:
-        # Names of files may hold bytes that are no text; they are shown as escapes.
-        beside.write_text(text.getvalue(), encoding="utf-8", errors="backslashreplace", newline="")
+        table.append([recording, label.name, *own, *further])
+    write_table(table, path, excel=excel)
 
 
 def _as_tracks(
@@ -85,11 +91,11 @@ def _says(label: Label, column: str) -> bool:
     return value is not None and (column != "known" or value < 1)
 
 
-def _format(label: Label, column: str) -> str:
+def _cell(label: Label, column: str) -> Cell:
     value = getattr(label, column)
     if value is None:
-        return ""
-    return str(int(value)) if column.endswith("_frame") else repr(float(value))
+        return None
+    return int(value) if column.endswith("_frame") else float(value)
 
 
 def _rows(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
