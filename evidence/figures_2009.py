@@ -1,14 +1,12 @@
-"""Annotation in pictures: figures 2, 3, 5, 6 and 7 of Müller, Baak and Seidel (2009)."""
+"""Annotation in pictures: figures 2, 3, 6 and 7 of Müller, Baak and Seidel (2009)."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from evidence.common.drawing import Panel, draw_panels
-from evidence.common.pages import number, pair, picture, share, table
+from evidence.common.pages import pair, picture, share, table
 from evidence.common.recordings import ACTORS, CMU, HDM05, TRUTH, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from evidence.true_recordings import LABELLED, NAMES, UNSEEN
@@ -38,8 +36,6 @@ SHOWN = ("cmu/86_01.amc", "kick", "kickLFront1RepsMirrored")
 THRESHOLD = 0.09
 #: Drawn: recordings in which classes occur that were taught.
 DRAWN = ("cmu/86_01.amc", "cmu/01_01.amc", "hdm05_takes/HDM_bd_03-03_01_120.amc")
-GENERATIONS = Path(__file__).parent / "query_learning" / "generations.json"
-MEASURES = ("fitness", "precision", "recall")
 
 
 class Seen(NamedTuple):
@@ -75,7 +71,6 @@ def measure(recordings: Recordings) -> Results:
         },
         "seconds": {name: len(recordings.others[name]) / 30 for name in LABELLED},
         "distance": _distance(recordings, library),
-        "generations": _generations(),
     }
 
 
@@ -108,7 +103,7 @@ def _see(words: FeatureSequence, library: ClassLibrary) -> Seen:
 
 def _runs(curve: Any) -> list[tuple[int, int, float]]:
     """Stretches of one finite value: start, stop, value."""
-    edges = np.flatnonzero(np.diff(curve) != 0) + 1
+    edges = np.flatnonzero(curve[1:] != curve[:-1]) + 1
     starts = np.concatenate([[0], edges]).astype(int).tolist()
     stops = [*starts[1:], len(curve)]
     return [
@@ -154,18 +149,6 @@ def _distance(recordings: Recordings, library: ClassLibrary) -> dict[str, Any]:
     }
 
 
-def _generations() -> dict[str, Any]:
-    """Figure 5, from the record of `query_learning`: means over classes, runs, population."""
-    rows = json.loads(GENERATIONS.read_text("utf-8"))
-    return {
-        clips: {
-            way: np.mean([row[way][clips] for row in rows], axis=0)[:, :, 0]
-            for way in ("published", "random")
-        }
-        for clips in ("examples", "verification")
-    }
-
-
 def write(results: Results) -> str:
     """Body of the page."""
     return f"""
@@ -178,7 +161,8 @@ that nobody taught.
 
 **These are pictures of the steps, and their numbers are for orientation**: the threshold was not
 chosen apart from these recordings, but so that there is something to see. What to expect of
-thresholds that were, and each false label, is told on [another page](true_recordings.md).
+thresholds that were, and each false label, is told on [another page](true_recordings.md); figure 5 is
+[on one of its own](query_learning_generations.md).
 
 {table(["", "P1", "R1", "F1", "P2", "R2", "F2", "2009: F1 / F2"], _score_rows(results))}
 {_told(results)}
@@ -198,16 +182,6 @@ Above, the modified distance functions of all classes; below, labels over truth.
 templates alone, then with keyframes.
 
 {_pictures(results)}
-## Figure 5: keyframes over the generations
-
-{
-        picture(
-            "figures_2009_generations",
-            "Mean precision, recall and fitness by generation, on the "
-            "actors learned from and on two others",
-        )
-    }
-{_generations_told(results)}
 """
 
 
@@ -252,30 +226,10 @@ def _slug(way: str) -> str:
     return way.split()[-1]
 
 
-def _generations_told(results: Results) -> str:
-    own, other = (
-        results["generations"][clips]["published"] for clips in ("examples", "verification")
-    )
-    (fit, precise, _), (fit_end, precise_end, found_end) = own[0], own[-1]
-    (_, _, found_other), (fit_other, _, found_other_end) = other[0], other[-1]
-    return (
-        "Queries of the published evolution (M 50, r 5, G 100), means over eleven classes and 30 "
-        f"runs, learned from bd, bk and dg. On these, fitness rises from {number(fit, 2)} to "
-        f"{number(fit_end, 2)}, precision from {number(precise, 2)} to {number(precise_end, 2)}, "
-        f"and recall ends at {number(found_end, 2)}, as in print. On mm and tr, who were not "
-        f"learned from, recall falls from {number(found_other, 2)} to "
-        f"{number(found_other_end, 2)} and fitness ends at {number(fit_other, 2)} (after ten "
-        f"generations {number(other[9][0], 2)}): the publication shows training data only. "
-        "Random search with as many evaluations ends a little lower on the examples and equal on "
-        "the others."
-    )
-
-
 def draw(results: Results) -> "dict[str, Figure]":
     """Distance functions, labels of each recording both ways, generations."""
     figures = {
         "figures_2009_distance": _draw_distance(results),
-        "figures_2009_generations": _draw_generations(results["generations"]),
     }
     for name in DRAWN:
         ways = results["labels"][name]
@@ -313,24 +267,6 @@ def _draw_distance(results: Results) -> "Figure":
     return plot_distance(
         curves, truth=LabelTrack("", labels), threshold=distance["threshold"], title=name
     )
-
-
-def _draw_generations(generations: Mapping[str, Any]) -> "Figure":
-    panels = []
-    for clips, title in (
-        ("examples", "bd, bk, dg: learned from"),
-        ("verification", "mm, tr: not learned from"),
-    ):
-        curves = {}
-        for i, key in enumerate(MEASURES):
-            every = slice(0, None, 9)
-            steps = list(range(1, 101))[every]
-            values = [row[i] for row in generations[clips]["published"]][every]
-            curves[key] = (steps, values)
-        random = [row[0] for row in generations[clips]["random"]][::9]
-        curves["fitness, random search"] = (list(range(1, 101))[::9], random)
-        panels.append(Panel(title, curves, "generation", "", (0, 1.03)))
-    return draw_panels(panels, columns=2, size=(3.4, 2.4))
 
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
