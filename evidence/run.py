@@ -17,6 +17,7 @@ SCRIPTS = (
     "figures_2006",
     "keyframe_choice",
     "growing_choice",
+    "find_by_example",
     "crafting",
     "streams",
     "true_recordings",

@@ -296,7 +296,7 @@ def test_what_a_bad_hit_shows_tells_less(by_surprise):
         sequence(take.features, source=name)
         for take, name in zip(takes, ("wrong", "right"), strict=True)
     ]
-    settings = Growing(hits=0, by_surprise=by_surprise)
+    settings = Growing(hits=0, by_surprise=by_surprise, prior=1.0)
     first = search(sequence(STEP), takes, growing=settings, limit=2)
     (bad,) = [hit for hit in first if hit.recording == "wrong"]
     result = search(Judged(sequence(STEP), bad=(bad,)), takes, growing=settings, limit=2)

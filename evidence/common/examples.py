@@ -5,7 +5,7 @@ A recording's cost is the smallest along it; it counts once.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -79,6 +79,40 @@ class Query:
         left = np.ones(len(self.relevant), dtype=np.bool_)
         left[at] = False
         return Judged(self.example, good, bad), left
+
+
+def score_judged(
+    queries: Sequence[Query], settings: Mapping[str, Growing], *, n_hits: int
+) -> dict[str, Any]:
+    """Answers before and after the first hits are judged.
+
+    Measured on all recordings, and on those left that were not judged, if any of them is
+    right. With a negative `prior`, wrong hits are not told.
+    """
+    scores: dict[str, dict[str, list[tuple[float, float]]]] = {
+        part: {name: [] for name in ("before", *settings)} for part in ("all", "left")
+    }
+    n_good = []
+    for query in queries:
+        hits = query.hits(Growing(), limit=n_hits)
+        judged, left = query.judge(hits)
+        n_good.append(len(judged.good))
+        answers = {"before": query.costs_of(hits[0].evidence.pattern)}
+        for name, growing in settings.items():
+            told = replace(judged, bad=()) if growing.prior < 0 else judged
+            answers[name] = query.costs(growing, judged=told)
+        for name, costs in answers.items():
+            scores["all"][name].append(score(costs, query.relevant))
+            if query.relevant[left].any():
+                scores["left"][name].append(score(costs[left], query.relevant[left]))
+    return {
+        part: {name: mean(pairs) for name, pairs in by_name.items()}
+        for part, by_name in scores.items()
+    } | {
+        "queries": len(scores["left"]["before"]),
+        "of": len(queries),
+        "good": float(np.mean(n_good)),
+    }
 
 
 def others_of(clips: Sequence[Clip], queries: Sequence[Clip]) -> list[Query]:

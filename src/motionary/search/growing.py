@@ -26,8 +26,6 @@ Floats = NDArray[np.float64]
 
 #: A hit of this cost is near, however near the nearest was.
 _NEAR = 0.02
-#: The collection's shares count as much as so many wrong hits.
-_PRIOR = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +41,8 @@ class Growing:
         first
     tolerance : a cell is fixed if at most this share of example and hits differs
     by_surprise : whether what is rare in the collection weighs more
+    prior : how many frames of the collection at large stand beside those of wrong hits when
+        it is counted what they show
     """
 
     hits: int = 3
@@ -50,6 +50,7 @@ class Growing:
     reach: float = 0.6
     tolerance: float = 0.1
     by_surprise: bool = True
+    prior: float = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +96,8 @@ def grow(
         good = [hit for hit in judged.good if not _is_example(hit, example)]
         template = _learn(example, [_words_of(hit) for hit in good])
         sought = _seek(example, template, growing, ones)
-        return template, _doubt(sought, [_words_of(hit) for hit in judged.bad], ones)
+        bad = [_words_of(hit) for hit in judged.bad]
+        return template, _doubt(sought, bad, ones, growing.prior)
     template, most, is_first = _learn(example, []), growing.most_cost, True
     for n_hits in _steps(growing.hits):
         sought = narrow(_seek(example, template, growing, ones), template, collection)
@@ -142,14 +144,16 @@ def _seek(
     return Sought(name, quantised, pattern_of(quantised, ones=ones))
 
 
-def _doubt(sought: Sought, bad: Sequence[FeatureSequence], ones: Floats | None) -> Sought:
+def _doubt(
+    sought: Sought, bad: Sequence[FeatureSequence], ones: Floats | None, prior: float
+) -> Sought:
     """Entries weigh by their surprise among what was wrong at the same moment."""
     if not bad:
         return sought
     template = sought.template
-    prior = np.full(template.n_features, 0.5) if ones is None else ones
+    at_large = np.full(template.n_features, 0.5) if ones is None else ones
     shown, seen = _count_shown(sought.pattern, bad, template.n_features)
-    shares = (shown + _PRIOR * prior) / (seen + _PRIOR)
+    shares = (shown + prior * at_large) / (seen + prior)
     return Sought(sought.name, template, pattern_of(template, ones=shares))
 
 
