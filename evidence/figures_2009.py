@@ -161,8 +161,8 @@ that nobody taught.
 
 **These are pictures of the steps, and their numbers are for orientation**: the threshold was not
 chosen apart from these recordings, but so that there is something to see. What to expect of
-thresholds that were, and each false label, is told on [another page](true_recordings.md); figure 5 is
-[on one of its own](query_learning_generations.md).
+thresholds that were, and each false label, is told on [another page](true_recordings.md);
+figure 5 is [on one of its own](query_learning_generations.md).
 
 {table(["", "P1", "R1", "F1", "P2", "R2", "F2", "2009: F1 / F2"], _score_rows(results))}
 {_told(results)}
@@ -227,7 +227,7 @@ def _slug(way: str) -> str:
 
 
 def draw(results: Results) -> "dict[str, Figure]":
-    """Distance functions, labels of each recording both ways, generations."""
+    """Distance functions, labels of recordings both ways."""
     figures = {
         "figures_2009_distance": _draw_distance(results),
     }
