@@ -249,9 +249,9 @@ def test_stretches_that_were_not_seen_are_told(motionary, library, tmp_path):
     blind = synthetic_motion("squat", seed=0, rate_hz=RATE_HZ)
     path = tmp_path / "blind.bvh"
     write_bvh(blind, path)
-    # A file that has nothing but legs: most relations are unknown throughout.
+    # A file that has next to nothing: most relations are unknown throughout.
     text = path.read_text()
-    for name in ("belly", "lshoulder", "rshoulder", "neck", "head", "chest"):
+    for name in ("belly", "lshoulder", "rshoulder", "neck", "head", "chest", "lknee", "rknee"):
         text = re.sub(rf"\b{name}\b", f"stranger_{name}", text)
     path.write_text(text)
     ran = motionary("annotate", path, "--library", library, "--skeleton", "generic", "--json")
