@@ -288,7 +288,7 @@ def draw(results: Results) -> "Mapping[str, Figure]":
         ax.axhline(LEAST_RECALL, color=RULE, linewidth=0.8, linestyle="--", zorder=0)
         ax.axvline(100 * MOST_FRAMES, color=RULE, linewidth=0.8, linestyle="--", zorder=0)
         ax.set_title(way, loc="left", pad=3)
-        ax.set(xlabel="frames left, %", xlim=(0, None), ylim=(0, 1.03))
+        ax.set(xlabel="frames left, %", xlim=(0, 26), ylim=(0, 1.04))
         ax.spines[["top", "right"]].set_visible(False)
     axes[0].set_ylabel("recall kept")
     return {"keyframe_choice": figure}

@@ -84,11 +84,16 @@ def lessons_of(clips: Sequence[Clip]) -> dict[str, Lesson]:
     }
 
 
+def manual_records(recordings: Recordings, collection: str) -> dict[str, QueryRecord]:
+    """The authors' queries of a collection as they are written, by the class in print."""
+    path = recordings.folder.resolve().parent / "reference" / "golden" / "manual_keyframes.json"
+    return read_query_collections(path)[collection]
+
+
 def manual(recordings: Recordings, collection: str) -> dict[str, KeyframeQuery]:
     """The authors' queries of a collection, by the name of the class in print."""
-    path = recordings.folder.resolve().parent / "reference" / "golden" / "manual_keyframes.json"
     return {
-        name: query_of(record) for name, record in read_query_collections(path)[collection].items()
+        name: query_of(record) for name, record in manual_records(recordings, collection).items()
     }
 
 
