@@ -18,6 +18,7 @@ from evidence.query_learning_tasks import (
     Rows,
     Trial,
     compute_all,
+    head,
     learn_from,
     mean_of,
     split,
@@ -37,7 +38,7 @@ MOST_LEFT, LEAST_PRECISION = 0.15, 0.9
 EQUAL = 0.01
 
 SEED = 0
-WITHOUT = {actor: f"without {actor}" for actor in ACTORS} | {"nobody": "all five actors"}
+WITHOUT = {actor: f"without {actor}" for actor in ACTORS} | {"nobody": "with all five actors"}
 
 
 def choose(recordings: Recordings, *, seed: int = SEED, jobs: int = JOBS) -> Results:
@@ -116,8 +117,9 @@ def _told(results: Results, actor: str) -> str:
     for row in results["tries"][actor]:
         mine = all(row[key] == value for key, value in chosen.items())
         name = f"{row['votes']} of {row['queries']}"
-        rows.append([f"**{name}**" if mine else name, *map(row.get, _SHOWN)])
-    return table(["agree", *_SHOWN], rows)
+        cells = [share(row[key], 3) for key in _SHOWN]
+        rows.append([f"**{name}**" if mine else name, *cells])
+    return table(["agree", *map(head, _SHOWN)], rows)
 
 
 _SHOWN = ("f2", "precision", "recall", "frames left", "recall lost", "precision left")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evidence.common.pages import picture, share, table
-from evidence.query_learning_tasks import Rows
+from evidence.query_learning_tasks import Rows, head
 from evidence.query_learning_words import (
     DECISIONS,
     INTRODUCTION,
@@ -32,10 +32,6 @@ def write(results: Results) -> str:
     parts += [_unseen(title, actors, rows) for title, actors in GROUPS.items()]
     parts += [_classes(rows), _stiffness(rows), DECISIONS, MISSING]
     return "\n\n".join(parts)
-
-
-def _head(key: str) -> str:
-    return key.upper() if key in ("f1", "f2") else key
 
 
 def _of(rows: Rows, way: str, key: str) -> float:
@@ -68,7 +64,7 @@ def _unseen(title: str, actors: tuple[str, ...] | None, rows: Rows) -> str:
     mine = [row for row in rows if actors is None or row["unseen"] in actors]
     settings = sorted({f"{row['unseen']}: {row['committee']}" for row in mine})
     body = table(
-        ["queries", *map(_head, SHOWN)],
+        ["queries", *map(head, SHOWN)],
         [[name, *(share(_of(mine, way, key), 3) for key in SHOWN)] for way, name in NAMES.items()],
     )
     return (
@@ -108,10 +104,10 @@ def _classes(rows: Rows) -> str:
                 *(share(_of(mine, "committee", key)) for key in SHOWN if key != "f1"),
             ]
         )
-    head = ["class", "published, F2", *(_head(key) for key in SHOWN if key != "f1")]
+    titles = ["class", "published, F2", *(head(key) for key in SHOWN if key != "f1")]
     return (
         "### By class\n\nWith the committee chosen without the actor, means over the five "
-        f"actors.\n\n{table(head, body)}"
+        f"actors.\n\n{table(titles, body)}"
     )
 
 

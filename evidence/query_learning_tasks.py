@@ -177,6 +177,11 @@ def compute_all(
     return results
 
 
+def head(key: str) -> str:
+    """Name of a measure as the head of a column."""
+    return key.upper() if key in ("f1", "f2") else key
+
+
 def mean_of(rows: Sequence[Measures]) -> Measures:
     """Means of measures."""
     return {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
