@@ -172,7 +172,7 @@ figure 5 is [on one of its own](query_learning_generations.md).
 {
         picture(
             "figures_2009_distance",
-            "Distance function of a left kick over CMU 86_01, and the "
+            "Distance function of the mirrored left kick over CMU 86_01, and the "
             "modified distance of its class: every frame of a match has the cost of the match",
         )
     }
