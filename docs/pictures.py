@@ -31,6 +31,7 @@ from motionary.plots import (
     plot_distance,
     plot_features,
     plot_pose,
+    plot_recordings,
     plot_sheet,
     plot_template,
 )
@@ -214,6 +215,12 @@ def session(world: World) -> list[Figure]:
     return [figure]
 
 
+def first_pose(world: World) -> list[Figure]:
+    """First poses as `motionary info --plot` draws them: a rig, and markers with z up."""
+    names = ("iclone_07_01.bvh", "85_02.c3d")
+    return [plot_recordings([mo.read(world.data / "cmu" / name) for name in names])]
+
+
 #: By name of the file: what draws it, and whether its parts stand side by side.
 PICTURES = {
     "hits": (hits, False),
@@ -225,6 +232,7 @@ PICTURES = {
     "annotation": (annotation, False),
     "grown": (grown, False),
     "session": (session, False),
+    "first_pose": (first_pose, False),
 }
 
 
