@@ -101,6 +101,9 @@ def measure_recordings(recordings: Recordings) -> Results:
         "curves": {way: list(curve.values()) for way, curve in measured.items()},
         "one": {way: measured[way][chosen[way]] for way in WAYS},
         "everyone": measure(list(_label(recordings, everyone, chosen[SURPRISE], truth).values())),
+        "to_plateau_end": {
+            way: _to_plateau_end(recordings, clips, way, chosen[way], truth) for way in WAYS
+        },
         "suggested": {name: measure(list(own.values())) for name, own in by_class.items()},
         "suggested_thresholds": suggested,
         "trivial": _trivial(recordings, truth),
@@ -153,6 +156,14 @@ def _seek(recordings: Recordings, clips: Sequence[Clip], setting: Setting) -> di
         name: seek(recordings.others[name], classes, most=THRESHOLDS[-1], setting=setting)
         for name in LABELLED
     }
+
+
+def _to_plateau_end(
+    recordings: Recordings, clips: Sequence[Clip], way: str, threshold: float, truth: Truth
+) -> dict[str, float]:
+    """If a match goes on as long as it costs the same."""
+    found = _seek(recordings, clips, WAYS[way]._replace(to_plateau_end=True))
+    return measure(list(_label(recordings, found, threshold, truth).values()))
 
 
 def _suggest(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]:

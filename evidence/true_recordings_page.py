@@ -102,6 +102,10 @@ def _scores(results: Results) -> str:
         _row(f"per class, by surprise, {way}", own) for way, own in results["suggested"].items()
     ]
     rows += [
+        _row(f"one τ, {way}, matches go on while they cost the same", own)
+        for way, own in results["to_plateau_end"].items()
+    ]
+    rows += [
         _row(
             "one τ, by surprise, clips of all five actors teach (a throw of the take among them)",
             results["everyone"],
