@@ -85,16 +85,12 @@ def measure_recordings(recordings: Recordings) -> Results:
         way: {t: _label(recordings, own, t, truth) for t in THRESHOLDS}
         for way, own in found.items()
     }
-    measured = {
-        way: {t: measure(list(own.values())) for t, own in curve.items()}
-        for way, curve in curves.items()
-    }
+    measured = {way: {t: _all(own) for t, own in curve.items()} for way, curve in curves.items()}
     by_class = {
         name: _label(recordings, found[SURPRISE], own, truth) for name, own in suggested.items()
     }
     seen_best = best_of(measured[SURPRISE])
     one = {way: curves[way][chosen[way]] for way in WAYS}
-    loosened = f"{SURPRISE}, τ = {seen_best:g}"
     return {
         "thresholds": THRESHOLDS,
         "chosen": chosen,
@@ -104,7 +100,7 @@ def measure_recordings(recordings: Recordings) -> Results:
         "to_plateau_end": {
             way: _to_plateau_end(recordings, clips, way, chosen[way], truth) for way in WAYS
         },
-        "suggested": {name: measure(list(own.values())) for name, own in by_class.items()},
+        "suggested": {name: _all(own) for name, own in by_class.items()},
         "suggested_thresholds": suggested,
         "trivial": _trivial(recordings, truth),
         "seconds": {name: len(recordings.others[name]) / 30 for name in LABELLED},
@@ -116,12 +112,17 @@ def measure_recordings(recordings: Recordings) -> Results:
             {
                 **one,
                 "per class": by_class["told from other recordings too"],
-                loosened: curves[SURPRISE][seen_best],
+                f"{SURPRISE}, τ = {seen_best:g}": curves[SURPRISE][seen_best],
             }
         ),
         "loosened": seen_best,
         "missed": {way: _missed(labelled) for way, labelled in one.items()},
     }
+
+
+def _all(labelled: Mapping[str, Labelled]) -> dict[str, float]:
+    """Measures over all recordings."""
+    return measure(list(labelled.values()))
 
 
 def _truth(recordings: Recordings) -> dict[str, list[Segment]]:
@@ -163,7 +164,7 @@ def _to_plateau_end(
 ) -> dict[str, float]:
     """If a match goes on as long as it costs the same."""
     found = _seek(recordings, clips, WAYS[way]._replace(to_plateau_end=True))
-    return measure(list(_label(recordings, found, threshold, truth).values()))
+    return _all(_label(recordings, found, threshold, truth))
 
 
 def _suggest(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]:
