@@ -26,7 +26,7 @@ from evidence.variants_page import (
 )
 from motionary.annotation import annotate
 from motionary.errors import MotionaryError
-from motionary.features import FULL_BODY, FeatureSequence, compute_features
+from motionary.features import FULL_BODY, FeatureSequence, compute_features, say_yardsticks
 from motionary.io import read
 from motionary.labels import Label
 from motionary.library import ClassLibrary, Teaching, learn_classes
@@ -40,7 +40,7 @@ HELD_OUT = "bd"
 LONGEST_S = 12.0
 
 #: Words of notes that leave something open.
-_SAID = ("does not tell", "still", "rest pose")
+_SAID = ("does not tell", "still", "rest pose", "stands in for")
 
 #: Recordings that become variants, beside a clip of each class by the actor held out.
 OTHERS = (
@@ -149,7 +149,8 @@ class Judge:
         first = round(draft.rest_frames / motion.rate_hz * 30)
         words = words.part(first, len(words)) if first else words
         truth = self.truth_of(draft.truth, task.source)
-        row |= compare_words(words, truth.words) | {"notes": list(motion.notes)}
+        row |= compare_words(words, truth.words)
+        row["notes"] = [*motion.notes, *say_yardsticks(motion)]
         row |= compare_labels(self.label(words), truth.labels)
         row["verdict"] = _verdict(row, kind.expected)
         return row
