@@ -47,6 +47,7 @@ from evidence.common.recordings import (
     CMU,
     HDM05,
     TRUTH,
+    Clip,
     Recordings,
     data_entry,
 )
@@ -100,7 +101,8 @@ Labelled = dict[str, list[Segment]]
 
 def measure(recordings: Recordings) -> Results:
     """Labels of streams by setting and way, thresholds chosen on some pairs."""
-    taught = {pair: _teach(recordings, pair) for pair in PAIRS}
+    known = {pair: _known(recordings, pair) for pair in PAIRS}
+    taught = {pair: _teach(recordings, clips) for pair, clips in known.items()}
     streams = {pair: make_streams(recordings, pair, seed=SEED) for pair in PAIRS}
     results: Results = {}
     for name, setting in SETTINGS.items():
@@ -109,7 +111,7 @@ def measure(recordings: Recordings) -> Results:
             sought = {
                 (pair, kind): seek(stream.words, classes, most=MOST, setting=setting)
                 for pair in PAIRS
-                for classes in [with_setting(taught[pair][way], setting)]
+                for classes in [with_setting(taught[pair][way], setting, known[pair])]
                 for kind, stream in streams[pair].items()
             }
             results[name][way] = _scores(sought, streams)
@@ -118,7 +120,9 @@ def measure(recordings: Recordings) -> Results:
         "looked_at": {
             way: {
                 kind: _mean(
-                    share_looked_at(taught[pair][way], streams[pair][kind].words)
+                    share_looked_at(
+                        with_setting(taught[pair][way], RETRIEVAL, ()), streams[pair][kind].words
+                    )
                     for pair in REPORTING
                 )
                 for kind in KINDS
@@ -127,16 +131,19 @@ def measure(recordings: Recordings) -> Results:
         },
         "retrieval": {way: _retrieve(way, taught, streams) for way in WAYS},
         "true": _true_recordings(recordings, results),
-        "times": _times(taught[TIMED_PAIR], streams[TIMED_PAIR]["amc"]),
+        "times": _times(taught[TIMED_PAIR], known[TIMED_PAIR], streams[TIMED_PAIR]["amc"]),
         "minutes": {
             kind: sum(streams[pair][kind].seconds for pair in REPORTING) / 60 for kind in KINDS
         },
     }
 
 
-def _teach(recordings: Recordings, unseen: Sequence[str]) -> dict[str, tuple[MotionClass, ...]]:
-    """Classes of all other actors, by where they are sought."""
-    clips = recordings.of(actors=[actor for actor in ACTORS if actor not in unseen])
+def _known(recordings: Recordings, unseen: Sequence[str]) -> tuple[Clip, ...]:
+    return recordings.of(actors=[actor for actor in ACTORS if actor not in unseen])
+
+
+def _teach(recordings: Recordings, clips: Sequence[Clip]) -> dict[str, tuple[MotionClass, ...]]:
+    """Classes of some clips, by where they are sought."""
     classes, lessons = learn_all(clips), lessons_of(clips)
     by_hand = manual(recordings, ANNOTATION_2009)
     more = tuple(
@@ -199,7 +206,7 @@ def _retrieve(
     for threshold in RETRIEVED_AT:
         rates = []
         for pair in REPORTING:
-            classes = with_setting(taught[pair][way], RETRIEVAL)
+            classes = with_setting(taught[pair][way], RETRIEVAL, ())
             for one in classes:
                 counts = [hits_in(one, s, threshold=threshold) for s in streams[pair].values()]
                 total = np.sum(counts, axis=0)
@@ -213,13 +220,14 @@ def _true_recordings(recordings: Recordings, results: Results) -> Row:
     words = {name: recordings.others[file] for name, file in TRUE_FILES.items()}
     tracks = read_labels(recordings.folder / "truth" / "annotation_2009.csv")
     truth = {name: to_segments(tracks[name], where=name) for name in words}
-    taught = _teach(recordings, ["bd"])
+    clips = _known(recordings, ["bd"])
+    taught = _teach(recordings, clips)
     names = list(dict.fromkeys(SUPERCLASSES.values()))
     table: Row = {}
-    for name, setting in SETTINGS.items():
-        table[name] = {}
+    for name, of_streams in SETTINGS.items():
+        setting, table[name] = of_streams._replace(mirrored=True), {}
         for way in WAYS:
-            classes = _superclasses(with_setting(taught[way], setting))
+            classes = _superclasses(with_setting(taught[way], setting, clips))
             threshold = results[name][way]["threshold"]
             predicted = {
                 key: labels_at(seek(one, classes, most=MOST, setting=setting), threshold)
@@ -255,7 +263,9 @@ def _superclasses(classes: Sequence[MotionClass]) -> list[MotionClass]:
     ]
 
 
-def _times(taught: Mapping[str, Sequence[MotionClass]], stream: Stream) -> Row:
+def _times(
+    taught: Mapping[str, Sequence[MotionClass]], clips: Sequence[Clip], stream: Stream
+) -> Row:
     """Seconds of the stages over a stream repeated to a length at which fixed costs are small."""
     one = stream.words
     times = TIMED_FRAMES // len(one) + 1
@@ -265,7 +275,7 @@ def _times(taught: Mapping[str, Sequence[MotionClass]], stream: Stream) -> Row:
     row: Row = {"frames": len(words), "settings": {}}
     for name, setting in SETTINGS.items():
         threshold = 0.06
-        classes = {way: with_setting(taught[way], setting) for way in WAYS}
+        classes = {way: with_setting(taught[way], setting, clips) for way in WAYS}
         ways: dict[str, Callable[[], object]] = {}
         for way, own in classes.items():
             ways[f"keyframes, {way}"] = partial(search_keyframes, own, words)
