@@ -137,11 +137,9 @@ def _said(results: Results) -> str:
         f"({_both(equal)}, against {_both(trivial)} for the most frequent class everywhere). By "
         f"surprise, which is better on the streams, it does not: {_both(surprise)}, and "
         f"{_both(suggested)} with thresholds per class, worse than saying the most frequent class. "
-        "Labels by surprise are nearly all right at these thresholds and most motions are missed: "
-        "the streams hold other clips of the same eleven ways to move, these recordings other "
-        "jumps, walks and kicks, whose rare relations differ and cost more. Thresholds that are "
-        "chosen on clips are too low for such motion, and the more closely they fit the clips the "
-        "lower they are.",
+        "At these thresholds few labels by surprise are false, and most motions are missed. The "
+        "streams hold other clips of the same eleven ways to move; these recordings hold other "
+        "jumps, walks and throws, and a threshold chosen on clips is too low for them.",
     )
 
 
