@@ -88,7 +88,7 @@ def test_results_do_not_depend_on_processes(motionary, takes):
 def test_an_axis_that_is_told(motionary, takes):
     assert motionary("convert", takes / "one.bvh", "-o", takes / "x.trc").code == 0
     assert motionary("convert", takes / "x.trc", "-o", takes / "y.npz", "--up", "z!").code == 0
-    one, other = read(takes / "x.trc"), read(takes / "y.npz")
+    one, other = read(takes / "x.trc"), read(takes / "y.npz", up="y!")
     x, y, z = np.moveaxis(one.positions, -1, 0)
     np.testing.assert_allclose(other.positions, np.stack((x, z, -y), -1))
     ran = motionary("convert", takes / "x.trc", "-o", takes / "y.npz", "--up", "z")
