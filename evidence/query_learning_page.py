@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evidence.common.pages import picture, share, table
+from evidence.common.recordings import ACTORS
 from evidence.query_learning_tasks import Rows, head
 from evidence.query_learning_words import (
     DECISIONS,
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 Results = dict[str, Any]
 
-GROUPS = {"mm, tr": ("mm", "tr"), "bd, bk, dg": ("bd", "bk", "dg"), "all five": None}
+GROUPS = {"mm, tr": ("mm", "tr"), "bd, bk, dg": ("bd", "bk", "dg"), "all five": ACTORS}
 SHOWN = ("f2", "f1", "precision", "recall", "frames left", "recall lost", "precision left")
 STIFF = 0.8
 
@@ -38,30 +39,37 @@ def _of(rows: Rows, way: str, key: str) -> float:
     return float(np.mean([row["ways"][way][key] for row in rows]))
 
 
+#: Measure, what it is called, what is wanted, and whether more is better.
+AIMS = (
+    ("f2", "F2 of clips found", 0.9, True),
+    ("recall", "recall of clips found", 0.9, True),
+    ("recall lost", "recall lost at τ = .06", 0.02, False),
+    ("precision left", "precision at τ = .1", 0.9, True),
+    ("frames left", "frames left", 0.15, False),
+)
+
+
 def _targets(rows: Rows) -> str:
-    measured = [
-        ("F2 of clips found, one actor left out", _of(rows, "committee", "f2"), 0.9, True),
-        ("recall of clips found", _of(rows, "committee", "recall"), 0.9, True),
-        ("recall lost at τ = .06", _of(rows, "committee", "recall lost"), 0.02, False),
-        ("precision at τ = .1", _of(rows, "committee", "precision left"), 0.9, True),
-        ("frames left", _of(rows, "committee", "frames left"), 0.15, False),
-    ]
-    return table(
-        ["aim", "measured", "wanted", "reached"],
-        [
+    last_two = [row for row in rows if row["unseen"] in GROUPS["mm, tr"]]
+    lines = []
+    for key, what, limit, more in AIMS:
+        value = _of(rows, "committee", key)
+        lines.append(
             [
                 what,
                 share(value, 3),
+                share(_of(last_two, "committee", key), 3),
                 ("at least " if more else "at most ") + share(limit),
-                "yes" if (value >= limit) == more or value == limit else "no",
+                "yes" if (value >= limit if more else value <= limit) else "no",
             ]
-            for what, value, limit, more in measured
-        ],
+        )
+    return "One actor left out, committee chosen without that actor:\n\n" + table(
+        ["aim", "all five in turn", "mm and tr alone", "wanted", "all five reach it"], lines
     )
 
 
-def _unseen(title: str, actors: tuple[str, ...] | None, rows: Rows) -> str:
-    mine = [row for row in rows if actors is None or row["unseen"] in actors]
+def _unseen(title: str, actors: tuple[str, ...], rows: Rows) -> str:
+    mine = [row for row in rows if row["unseen"] in actors]
     settings = sorted({f"{row['unseen']}: {row['committee']}" for row in mine})
     body = table(
         ["queries", *map(head, SHOWN)],
