@@ -17,6 +17,7 @@ SCRIPTS = (
     "figures_2006",
     "keyframe_search",
     "keyframe_choice",
+    "joined_query",
     "preselection",
     "growing_choice",
     "find_by_example",
