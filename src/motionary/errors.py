@@ -3,6 +3,9 @@
 Each is also the built-in error that people catch.
 """
 
+#: Words in the error of a file that can be read and holds something else.
+NO_MOTION = "holds no motion"
+
 
 class MotionaryError(Exception):
     """Parent of all errors that motionary raises on purpose."""

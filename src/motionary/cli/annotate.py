@@ -103,8 +103,8 @@ def annotate(
         write_labels(tracks, options.output, excel=options.excel)
     if not as_json:
         _say(tracks, explained=options.explain)
-    complain_of_all(found.missing.values(), failures)
-    return 1 if found.missing or failures else 0
+    failed = complain_of_all(found.missing.values(), failures, given=files)
+    return 1 if failed else 0
 
 
 def _library(options: LabelOptions) -> "ClassLibrary":

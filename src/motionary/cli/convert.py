@@ -64,8 +64,8 @@ def convert(
                 screen.say_json(row)
     if not as_json and len(rows) > len(failures):
         screen.say_table(_COLUMNS, [_cells(row) for row in rows if "error" not in row])
-    complain_of_all(found.missing.values(), failures)
-    return 1 if found.missing or failures else 0
+    failed = complain_of_all(found.missing.values(), failures, given=files)
+    return 1 if failed else 0
 
 
 def convert_file(

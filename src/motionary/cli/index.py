@@ -42,7 +42,7 @@ def index(
     changes = opened.changes()
     stopped = update_index(opened, changes, jobs=jobs)
     missing = list_missing(opened)
-    complain_of_all(missing, opened.failures)
+    failed = complain_of_all(missing, opened.failures)
     hours = opened.n_frames / WORD_HZ / 3600
     if as_json:
         screen.say_json(
@@ -63,4 +63,4 @@ def index(
         )
     if stopped:
         return STOPPED_BY_KEYBOARD
-    return 1 if missing or opened.failures else 0
+    return 1 if failed else 0

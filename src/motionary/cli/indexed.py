@@ -77,9 +77,9 @@ def open_recordings(
         return _read(paths, reading=reading, feature_set=feature_set, jobs=jobs)
     collection = index.collection()
     missing = list_missing(index)
-    complain_of_all(missing, collection.failures)
+    failed = complain_of_all(missing, collection.failures)
     files = _FilesOf(index.folder, collection)
-    return Opened(collection, files, not (missing or collection.failures or stopped), stopped)
+    return Opened(collection, files, not (failed or stopped), stopped)
 
 
 def update_index(index: "Index", changes: "Changes", *, jobs: int) -> bool:
@@ -142,8 +142,8 @@ def _read(
         collection = read_collection(
             found.files.items(), reading=reading, feature_set=feature_set, jobs=jobs, on_done=done
         )
-    complain_of_all(found.missing.values(), collection.failures)
-    return Opened(collection, found.files, not (found.missing or collection.failures))
+    failed = complain_of_all(found.missing.values(), collection.failures, given=paths)
+    return Opened(collection, found.files, not failed)
 
 
 def _open_several(
@@ -179,9 +179,8 @@ def _open_several(
     if not collections:
         return _read(paths, reading=reading, feature_set=feature_set, jobs=jobs)
     collection = join_collections(collections, renamed)
-    complain_of_all(found.missing.values(), collection.failures)
-    is_complete = not (found.missing or collection.failures or stopped)
-    return Opened(collection, found.files, is_complete, stopped)
+    failed = complain_of_all(found.missing.values(), collection.failures, given=paths)
+    return Opened(collection, found.files, not (failed or stopped), stopped)
 
 
 def _names(collection: "Collection") -> list[str]:

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_picture, check_target, find_files, read_as_told
+from motionary.cli.inputs import (
+    check_picture,
+    check_target,
+    find_files,
+    is_passed_over,
+    read_as_told,
+)
 from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
 from motionary.errors import InvalidInput
 
@@ -72,9 +78,11 @@ def info(
     found = find_files(files)
     work = partial(describe_file, reading=reading.reading())
     rows: list[dict[str, Any]] = []
+    failed = bool(found.missing)
     with screen.progress("reading", len(found.files)) as done:
         for row in map_ordered(work, found.files.items(), jobs=jobs, on_done=done):
             if isinstance(row, Failure):
+                failed = failed or not is_passed_over(row, files)
                 name, path = row.item
                 row = {
                     "recording": name,
@@ -98,7 +106,7 @@ def info(
     elif rows:
         screen.say_table(_COLUMNS, [_cells(row) for row in rows])
         screen.say(*_notes(rows))
-    return 1 if any("error" in row for row in rows) else 0
+    return 1 if failed else 0
 
 
 def describe_file(file: "NamedFile", *, reading: "Reading") -> dict[str, Any]:

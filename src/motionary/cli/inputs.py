@@ -1,14 +1,14 @@
 """Which files does a command work on, and can its results be written?"""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
 from motionary.cli.screen import complain, name_error
-from motionary.errors import UnreadableFile, UnwritableFile
+from motionary.errors import NO_MOTION, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
     from motionary.batch import Failure
@@ -47,13 +47,43 @@ def read_as_told(path: Path, reading: "Reading") -> "Motion":
 
 
 def complain_of_all(
-    missing: Iterable[UnreadableFile], failures: "Iterable[Failure[NamedFile]]"
-) -> None:
-    """Say on stderr which paths mean nothing and which recordings could not be read."""
+    missing: Iterable[UnreadableFile],
+    failures: "Iterable[Failure[NamedFile]]",
+    *,
+    given: Iterable[str] = (),
+) -> bool:
+    """Say on stderr which paths mean nothing and which recordings could not be read.
+
+    Parameters
+    ----------
+    given : what the person named; the rest was found in folders and by patterns
+
+    Returns
+    -------
+    whether an input failed; what was found in a folder and is no motion of a person (arrays of
+    something else, an animal) is told and passed over
+    """
+    failed = False
+    named = set(given)
     for error in missing:
         complain(str(error))
+        failed = True
     for failure in failures:
-        complain(name_error(*failure.item, failure.error))
+        name, path = failure.item
+        told = name_error(name, path, failure.error)
+        passed = is_passed_over(failure, named)
+        complain(f"{told}; passed over" if passed else told)
+        failed = failed or not passed
+    return failed
+
+
+def is_passed_over(failure: "Failure[NamedFile]", given: Collection[str]) -> bool:
+    """Whether a file is no motion of a person, and was not named but found."""
+    from motionary.skeletons import AN_ANIMAL
+
+    # Of an index only the words of an error are left.
+    text = str(failure.error)
+    return str(failure.item[1]) not in given and (NO_MOTION in text or AN_ANIMAL in text)
 
 
 def check_picture(option: str, path: str | None) -> None:

@@ -2,6 +2,7 @@
 
 from motionary.skeletons.guessing import without_guess
 from motionary.skeletons.mapping import (
+    AN_ANIMAL,
     find_mapping,
     known_mappings,
     named_mapping,
@@ -11,6 +12,7 @@ from motionary.skeletons.mapping import (
 from motionary.skeletons.table_files import SkeletonTable, format_table, parse_table
 
 __all__ = [
+    "AN_ANIMAL",
     "SkeletonTable",
     "find_mapping",
     "format_table",

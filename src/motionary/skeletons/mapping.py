@@ -20,6 +20,9 @@ from motionary.skeletons.words import is_paw, is_tail
 
 Floats = NDArray[np.float64]
 
+#: Words of the reason why an animal has none.
+AN_ANIMAL = "an animal on four legs"
+
 # Poses that suffice to see how a body is built.
 _LOOKED_AT = 50
 
@@ -122,7 +125,7 @@ def say_why_unknown(
     guess = guess or guess_from_names(names)
     animal = any(is_paw(name) or is_tail(name) for name in names)
     if animal or guess is not None:
-        return "an animal on four legs: the relations are those of people"
+        return f"{AN_ANIMAL}: the relations are those of people"
     few = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
     return (
         f"no known skeleton has the joints {few}, and neither legs nor arms were found among them: "

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import NO_MOTION, InvalidInput, UnreadableFile
 from motionary.io.motion.numpy_files import Array, read_npy
 from motionary.io.motion.points import FARTHEST, Points, number_doubles, to_motion
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
@@ -119,8 +119,8 @@ def check_positions(array: Array, source: str) -> Floats:
         array = array[0]
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
         raise UnreadableFile(
-            f"{source}: expected joint positions (frames, joints, 3), got an array of shape "
-            f"{array.shape} and type {array.dtype}"
+            f"{source}: {NO_MOTION}; expected joint positions (frames, joints, 3), got an array of "
+            f"shape {array.shape} and type {array.dtype}"
         )
     positions = array.astype(np.float64)
     positions[~np.isfinite(positions).all(axis=2)] = np.nan

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.batch import write_atomically
-from motionary.errors import UnreadableFile
+from motionary.errors import NO_MOTION, UnreadableFile
 from motionary.io.motion.arrays import array_to_motion, check_positions, name_joints
 from motionary.io.motion.numpy_files import Array, read_npz
 from motionary.io.motion.settling import Claims, rescale, settle_claims, turn
@@ -77,7 +77,7 @@ def read_npz_motion(
     key = next((key for key in _POSITIONS if key in arrays), None)
     if key is None:
         raise UnreadableFile(
-            f"{path.name}: holds no motion; expected poses and trans (AMASS) or positions "
+            f"{path.name}: {NO_MOTION}; expected poses and trans (AMASS) or positions "
             f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
         )
     positions = check_positions(arrays[key], path.name)

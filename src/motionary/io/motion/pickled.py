@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import NO_MOTION, InvalidInput, UnreadableFile
 from motionary.io.motion.arrays import array_to_motion, check_positions, name_joints
 from motionary.io.motion.numpy_files import Array
 from motionary.io.motion.smpl import check_pose, find_up, pose_to_motion
@@ -143,7 +143,7 @@ def read_pickle(
             return array_to_motion(positions, joints, path.name, rate_hz=rate, unit=unit, up=up)
     if not {"smpl_poses", "smpl_trans"} <= set(content):
         raise UnreadableFile(
-            f"{path.name}: holds no motion; expected keypoints3d or smpl_poses and smpl_trans, "
+            f"{path.name}: {NO_MOTION}; expected keypoints3d or smpl_poses and smpl_trans, "
             f"got {', '.join(sorted(content))[:80] or 'no arrays'}"
         )
     if skeleton is not None:
@@ -184,7 +184,7 @@ def _load(path: Path) -> dict[str, Array]:
             f"{path.name}: damaged, or more than arrays of NumPy, which is not loaded: {reason}"
         ) from error
     if not isinstance(loaded, dict):
-        raise UnreadableFile(f"{path.name}: expected a dict of arrays")
+        raise UnreadableFile(f"{path.name}: {NO_MOTION}; expected a dict of arrays")
     arrays = {}
     for key, value in loaded.items():
         if isinstance(value, _Array):
