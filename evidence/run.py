@@ -20,6 +20,7 @@ SCRIPTS = (
     "joined_query",
     "preselection",
     "growing_choice",
+    "judging_choice",
     "find_by_example",
     "crafting",
     "streams",
