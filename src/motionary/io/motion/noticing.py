@@ -104,7 +104,7 @@ def _body(motion: Motion, frames: NDArray[np.intp]) -> Floats:
 def _sliding(now: Floats, then: Floats, leg: float) -> Floats:
     """How far the lowest foot moves to the next frame while it is on the floor, in legs."""
     now, then = now[:, _FEET], then[:, _FEET]
-    seen: NDArray[np.bool_] = np.isfinite(now + then).all(axis=2)
+    seen: NDArray[np.bool_] = np.isfinite((now + then).sum(axis=2))
     some = seen.any(axis=1)
     now, then, seen = now[some], then[some], seen[some]
     if not len(now):
