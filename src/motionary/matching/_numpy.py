@@ -113,7 +113,10 @@ class _MaskedCosts:
 
 
 class _WeighedCosts:
-    """Any pattern: tables of what each byte of a frame adds, summed in the order of bytes."""
+    """Any pattern: tables of what each byte of a frame adds, summed in the order of bytes.
+
+    Once for each kind of frame in a tile.
+    """
 
     def __init__(self, pattern: Pattern, words: Words, known: Words | None) -> None:
         n_relations = 64 * words.shape[1]
@@ -133,9 +136,12 @@ class _WeighedCosts:
     def enter(self, start: int, stop: int) -> None:
         seen = self._known if len(self._known) == 1 else self._known[start:stop]
         # Often one mask holds for all: what a skeleton lacks, it lacks in every frame.
-        self._seen = seen[:1] if (seen == seen[0]).all() else seen
+        seen = seen[:1] if (seen == seen[0]).all() else seen
+        words = self._words[start:stop] & seen
+        first, self._same = distinct_frames(words, seen)
+        self._seen = seen if len(seen) == 1 else seen[first]
         self._seen_bytes = self._bytes(self._seen)
-        self._set_bytes = self._bytes(self._words[start:stop] & self._seen)
+        self._set_bytes = self._bytes(words[first])
 
     def write(self, column: int, out: Single) -> None:
         share = _sum(self._if_set[column], self._set_bytes)
@@ -143,7 +149,8 @@ class _WeighedCosts:
         weight = _sum(self._weights[column], self._seen_bytes)
         share /= np.where(weight > 0, weight, 1.0)
         unseen = 2 * count(self._seen & self._pattern.fixed[column]) < self._pattern.n_fixed[column]
-        out[:] = np.where(unseen, 1.0, share) * self._pattern.column_weights[column]
+        costs = np.where(unseen, 1.0, share) * self._pattern.column_weights[column]
+        costs.astype(np.float32).take(self._same, out=out, mode="clip")
 
     def _tables(self, weights: Floats) -> Floats:
         """Weight of each value of each used byte, shape (K, bytes, 256)."""
@@ -154,6 +161,21 @@ class _WeighedCosts:
         """Used bytes, shape (bytes, frames)."""
         as_bytes = np.ascontiguousarray(words, dtype="<u8").view(np.uint8)
         return as_bytes.T[self._used].astype(np.intp)
+
+
+def distinct_frames(words: Words, known: Words) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First frame of each kind, and the kind of every frame: motion often stays the same.
+
+    Parameters
+    ----------
+    words, known : arrays, shape (frames, n_words); one row of known holds for all frames
+    """
+    kind = np.zeros(len(words), dtype=np.int64)
+    for column in (*words.T, *(known.T if len(known) > 1 else ())):
+        values, inverse = np.unique(column, return_inverse=True)
+        kind = kind * len(values) + inverse
+    _, first, same = np.unique(kind, return_index=True, return_inverse=True)
+    return first, same
 
 
 def _sum(tables: Floats, places: NDArray[np.intp]) -> Floats:

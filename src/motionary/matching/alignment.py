@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
+from motionary.matching._numpy import distinct_frames
 from motionary.matching.distance import SKIP_WEIGHT
 from motionary.matching.pattern import Pattern, cell_costs, check_document, check_skip_weight
 from motionary.words import Words
@@ -102,7 +103,7 @@ def _align_batch(
     outside = at < begin[:, np.newaxis]
     used, inverse = np.unique(np.maximum(at, 0), return_inverse=True)
     mask = np.full_like(words[:1], ~np.uint64(0)) if known is None else known[used]
-    first, same = _distinct(words[used], mask)
+    first, same = distinct_frames(words[used], mask)
     mask = mask if known is None else mask[first]
     frames = same[inverse.reshape(at.shape)]
     total, steps = _accumulate(pattern, words[used[first]], mask, frames, outside, skip_weight)
@@ -113,16 +114,6 @@ def _align_batch(
         _backtrack(steps[:, i], int(end), float(cost) / len(pattern))
         for i, (end, cost) in enumerate(zip(ends, total, strict=True))
     ]
-
-
-def _distinct(words: Words, known: Words) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First of each kind of frame, and the kind of every frame: motion often stays the same."""
-    kind = np.zeros(len(words), dtype=np.int64)
-    for column in (*words.T, *known.T):
-        values, inverse = np.unique(column, return_inverse=True)
-        kind = kind * len(values) + inverse
-    _, first, same = np.unique(kind, return_index=True, return_inverse=True)
-    return first, same
 
 
 def _accumulate(
