@@ -15,7 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from motionary.errors import InvalidInput
 from motionary.matching._numpy import distinct_frames
 from motionary.matching.distance import SKIP_WEIGHT
-from motionary.matching.pattern import Pattern, cell_costs, check_document, check_skip_weight
+from motionary.matching.pattern import (
+    Pattern,
+    byte_tables,
+    cell_costs,
+    check_document,
+    check_skip_weight,
+)
 from motionary.words import Words
 
 _STEPS = ((1, 1), (1, 2), (2, 1))
@@ -132,10 +138,12 @@ def _accumulate(
     n_windows, width = outside.shape
     steps = np.zeros((len(pattern), n_windows, width), dtype=np.int8)
     padded = np.full((3, n_windows, width + 2), np.inf)
+    entries = pattern.entry_weights
+    tables = None if entries is None else byte_tables(entries)
     for k in range(len(pattern)):
         left = len(pattern) - 1 - k
         here = slice(width - 1 - 2 * left, width - (left + 1) // 2)
-        cost = cell_costs(pattern, k, words, known)[frames[:, here]]
+        cost = cell_costs(pattern, k, words, known, tables=tables)[frames[:, here]]
         row, before, skipped = (padded[(k - back) % 3] for back in range(3))
         if k > 0:
             one = before[:, here.start + 1 : here.stop + 1]

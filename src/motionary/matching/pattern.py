@@ -64,12 +64,15 @@ class Pattern:
         return not (~known & np.bitwise_or.reduce(self.fixed, axis=0)).any()
 
 
-def cell_costs(pattern: Pattern, column: int, words: Words, known: Words) -> Floats:
+def cell_costs(
+    pattern: Pattern, column: int, words: Words, known: Words, *, tables: Floats | None = None
+) -> Floats:
     """Costs of one column against frames of any leading shape.
 
     Parameters
     ----------
     words, known : arrays, shape (..., n_words), uint64, that broadcast
+    tables : `byte_tables` of the pattern's entry weights, if many columns are asked for
 
     Returns
     -------
@@ -82,9 +85,10 @@ def cell_costs(pattern: Pattern, column: int, words: Words, known: Words) -> Flo
     if pattern.entry_weights is None:
         share = count(wrong) / np.maximum(n_seen, 1)
     else:
-        tables = byte_tables(pattern.entry_weights[column : column + 1])[0]
-        seen_weight = _weigh(seen, tables)
-        share = _weigh(wrong, tables) / np.where(seen_weight > 0, seen_weight, 1.0)
+        own = slice(column, column + 1)
+        table = (byte_tables(pattern.entry_weights[own]) if tables is None else tables[own])[0]
+        seen_weight = _weigh(seen, table)
+        share = _weigh(wrong, table) / np.where(seen_weight > 0, seen_weight, 1.0)
     unseen = 2 * n_seen < pattern.n_fixed[column]
     costs: Floats = np.where(unseen, 1.0, share) * pattern.column_weights[column]
     return costs
