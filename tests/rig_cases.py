@@ -312,12 +312,161 @@ HAND_@ WRIST_@ $wrist>$fingers .5
 HANDTIP_@ HAND_@ $fingers
 THUMB_@ WRIST_@ $wrist>$fingers .4 0 0 .05
 """),
+    # Motive's and others' names of BVH: joints, with collars.
+    "collars": ("", ("Left", "Right"), """
+Hips - root
+Chest Hips belly
+Neck Chest neck
+Head Neck head
+End_of_Head Head headtop
+@Collar Chest $clavicle
+@Shoulder @Collar $shoulder
+@Elbow @Shoulder $elbow
+@Wrist @Elbow $wrist
+End_of_@Wrist @Wrist $fingers
+@Hip Hips $hip
+@Knee @Hip $knee
+@Ankle @Knee $ankle
+End_of_@Ankle @Ankle $toes
+"""),
+}  # fmt: skip
+
+
+#: Rigs without a table, as programs make them, and what they must be mapped to.
+STRANGERS = {
+    # 3ds Max: thighs hang on the spine, clavicles on the neck.
+    "biped": ("", ("L", "R"), """
+Bip01 - root 0 .05 0
+Bip01_Pelvis Bip01 root
+Bip01_Spine Bip01_Pelvis root
+Bip01_@_Thigh Bip01_Spine $hip
+Bip01_@_Calf Bip01_@_Thigh $knee
+Bip01_@_Foot Bip01_@_Calf $ankle
+Bip01_@_Toe0 Bip01_@_Foot $toes
+Bip01_Spine1 Bip01_Spine belly
+Bip01_Spine2 Bip01_Spine1 chest
+Bip01_Neck Bip01_Spine2 neck
+Bip01_Head Bip01_Neck head
+Bip01_HeadNub Bip01_Head headtop
+Bip01_@_Clavicle Bip01_Neck $clavicle
+Bip01_@_UpperArm Bip01_@_Clavicle $shoulder
+Bip01_@_Forearm Bip01_@_UpperArm $elbow
+Bip01_@_Hand Bip01_@_Forearm $wrist
+Bip01_@_Finger0 Bip01_@_Hand $wrist>$fingers .4 0 0 .05
+Bip01_@_Finger1 Bip01_@_Hand $fingers
+"""),
+    # Daz: the upper half of a bone bends, the lower one twists.
+    "daz": ("", ("l", "r"), """
+hip - root
+pelvis hip root
+@ThighBend pelvis $hip
+@ThighTwist @ThighBend $hip>$knee .5
+@Shin @ThighTwist $knee
+@Foot @Shin $ankle
+@Metatarsals @Foot $ankle>$toes .5
+@Toe @Metatarsals $toes
+abdomenLower hip belly
+abdomenUpper abdomenLower belly>chest .5
+chestLower abdomenUpper belly>chest .7
+chestUpper chestLower chest
+@Pectoral chestUpper chest 0 0 .1
+neckLower chestUpper neck
+neckUpper neckLower neck>head .5
+head neckUpper head
+upperFaceRig head head 0 0 .05
+lowerJaw head head 0 0 .05
+@Eye head head 0 .06 .08
+@Collar chestUpper $clavicle
+@ShldrBend @Collar $shoulder
+@ShldrTwist @ShldrBend $shoulder>$elbow .5
+@ForearmBend @ShldrTwist $elbow
+@ForearmTwist @ForearmBend $elbow>$wrist .5
+@Hand @ForearmTwist $wrist
+@Carpal1 @Hand $wrist>$fingers .3 0 0 .02
+@Index1 @Carpal1 $wrist>$fingers .6 0 0 .02
+@Carpal2 @Hand $wrist>$fingers .3
+@Mid1 @Carpal2 $fingers
+@Thumb1 @Hand $wrist>$fingers .2 0 0 .03
+"""),
+    # Blender's Rigify: the pelvis has bones of its own, the spine is numbered up to the head.
+    "rigify": ("", ("L", "R"), """
+spine - root
+pelvis.@ spine root
+thigh.@ spine $hip
+shin.@ thigh.@ $knee
+foot.@ shin.@ $ankle
+toe.@ foot.@ $toes
+heel.02.@ foot.@ $ankle 0 -.05 -.05
+spine.001 spine belly
+spine.002 spine.001 belly>chest .5
+spine.003 spine.002 chest
+breast.@ spine.003 chest 0 0 .1
+shoulder.@ spine.003 $clavicle
+upper_arm.@ shoulder.@ $shoulder
+forearm.@ upper_arm.@ $elbow
+hand.@ forearm.@ $wrist
+palm.01.@ hand.@ $wrist>$fingers .3 0 0 .02
+f_index.01.@ palm.01.@ $wrist>$fingers .6 0 0 .02
+palm.02.@ hand.@ $wrist>$fingers .3
+f_middle.01.@ palm.02.@ $fingers
+thumb.01.@ hand.@ $wrist>$fingers .2 0 0 .03
+neck spine.003 neck
+head neck head
+"""),
+    # VRM: J_Sec are hair and cloth.
+    "vrm": ("", ("L", "R"), """
+Root - root 0 -.9 0
+J_Bip_C_Hips Root root
+J_Bip_C_Spine J_Bip_C_Hips belly
+J_Bip_C_Chest J_Bip_C_Spine belly>chest .5
+J_Bip_C_UpperChest J_Bip_C_Chest chest
+J_Sec_@_Bust1 J_Bip_C_UpperChest chest 0 0 .1
+J_Bip_C_Neck J_Bip_C_UpperChest neck
+J_Bip_C_Head J_Bip_C_Neck head
+J_Adj_@_FaceEye J_Bip_C_Head head 0 .06 .08
+J_Sec_Hair1_01 J_Bip_C_Head headtop
+J_Sec_Hair2_01 J_Sec_Hair1_01 headtop 0 -.3 -.2
+J_Bip_@_Shoulder J_Bip_C_UpperChest $clavicle
+J_Bip_@_UpperArm J_Bip_@_Shoulder $shoulder
+J_Bip_@_LowerArm J_Bip_@_UpperArm $elbow
+J_Bip_@_Hand J_Bip_@_LowerArm $wrist
+J_Bip_@_Index1 J_Bip_@_Hand $wrist>$fingers .6 0 0 .02
+J_Bip_@_Middle1 J_Bip_@_Hand $wrist>$fingers .5
+J_Bip_@_Middle2 J_Bip_@_Middle1 $fingers
+J_Bip_@_Thumb1 J_Bip_@_Hand $wrist>$fingers .2 0 0 .03
+J_Bip_@_UpperLeg J_Bip_C_Hips $hip
+J_Bip_@_LowerLeg J_Bip_@_UpperLeg $knee
+J_Bip_@_Foot J_Bip_@_LowerLeg $ankle
+J_Bip_@_ToeBase J_Bip_@_Foot $toes
+J_Sec_@_CoatSkirt_01 J_Bip_C_Hips $knee 0 0 -.1
+"""),
+    # MikuMikuDance.
+    "mmd": ("", ("左", "右"), """
+センター - root
+下半身 センター root
+@足 下半身 $hip
+@ひざ @足 $knee
+@足首 @ひざ $ankle
+@つま先 @足首 $toes
+上半身 センター belly
+上半身2 上半身 chest
+首 上半身2 neck
+頭 首 head
+@目 頭 head 0 .06 .08
+@肩 上半身2 $clavicle
+@腕 @肩 $shoulder
+@腕捩 @腕 $shoulder>$elbow .5
+@ひじ @腕捩 $elbow
+@手首 @ひじ $wrist
+@親指１ @手首 $wrist>$fingers .2 0 0 .03
+@中指１ @手首 $fingers
+"""),
 }  # fmt: skip
 
 
 def rig_lines(name):
     """Joints of a rig: name, parent or "", words of the place."""
-    prefix, sides, text = RIGS[name]
+    prefix, sides, text = (RIGS | STRANGERS)[name]
     lines = [line.split() for line in text.splitlines() if line.strip()]
     done = []
     for words in lines:
@@ -353,6 +502,11 @@ def place_of(words, places):
     if second:
         place = place + rest.pop(0) * (places[second] - places[first])
     return place + np.array(rest or [0.0, 0.0, 0.0])
+
+
+def rest_places(name):
+    """Where the joints of a rig stand at rest, in the order of its lines."""
+    return np.array([place_of(words, standing()) for *_, words in rig_lines(name)])
 
 
 def rig_motion(name, *, rename=lambda joint: joint, n_frames=60, seed=0):

@@ -13,7 +13,7 @@ from motionary.io.skeleton_files import save_skeleton
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton
 from motionary.samples import synthetic_motion
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
-from rig_cases import RIGS, rig_motion
+from rig_cases import RIGS, STRANGERS, rest_places, rig_motion, standing
 
 ENDS = {"headtop", "ltoes", "rtoes", "lfingers", "rfingers"}
 HANDS = {"lfingers", "rfingers"}
@@ -151,6 +151,29 @@ def test_sides_are_told_in_many_spellings(spelling, tmp_path):
     )
     known = replace(known, mapping=named_mapping("mixamo", known.names))
     np.testing.assert_allclose(motion.generic_positions(), known.generic_positions(), atol=1e-5)
+
+
+#: Joints that a stranger lacks.
+WITHOUT = {
+    "daz": {"headtop"},
+    "rigify": {"headtop"},
+    "vrm": {"headtop"},
+    "mmd": {"headtop"},
+}
+
+
+@pytest.mark.parametrize("name", STRANGERS)
+def test_rigs_of_other_programs_are_mapped(name, tmp_path):
+    made, motion = round_trip(name, tmp_path)
+    assert motion.mapping.name == "guessed"
+    at_rest = Motion(made.names, rest_places(name)[None], 60.0, motion.mapping)
+    generic = at_rest.generic_positions()[0]
+    missing = {j for j, place in zip(GENERIC_JOINTS, generic, strict=True) if np.isnan(place).any()}
+    assert missing == WITHOUT.get(name, set())
+    for joint, place in zip(GENERIC_JOINTS, generic, strict=True):
+        if joint in missing or joint in motion.mapping.substituted:
+            continue
+        np.testing.assert_allclose(place, standing()[joint], atol=1e-9, err_msg=joint)
 
 
 def without_names(motion):

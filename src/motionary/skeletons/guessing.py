@@ -8,6 +8,7 @@ of feet and head tell left from right. Points without a tree are told by their n
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,10 @@ _LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "knee", "ankle"
 # what is nearer to the root than this is still the pelvis.
 _SAME = 0.02
 _PELVIS = 0.1
+# Of a limb's two long bones the shorter is at least this share of the longer; by lengths
+# alone, of the longest pair.
+_ALIKE = 0.4
+_AS_LONG = 0.75
 
 
 def guess_from_names(names: tuple[str, ...]) -> JointMapping | None:
@@ -81,13 +86,14 @@ def guess_from_tree(skeleton: Skeleton, positions: Floats) -> JointMapping | Non
 
     leg_m = 0.0
     for side, path in zip("lr", limbs.legs, strict=True):
-        hip = _long_bones(tree, path)
-        if hip is None:
+        ends = _long_bones(tree, path, ("hip", "knee", "ankle"))
+        if ends is None:
             return None
-        leg_m = tree.lengths[path[hip + 1]] + tree.lengths[path[hip + 2]]
-        for joint, node in zip(("hip", "knee", "ankle"), path[hip : hip + 3], strict=True):
+        hip, knee, ankle = (path[end] for end in ends)
+        leg_m = tree.distance(hip, knee) + tree.distance(knee, ankle)
+        for joint, node in (("hip", hip), ("knee", knee), ("ankle", ankle)):
             put(side + joint, node)
-        put(f"{side}toes", path[-1] if len(path) > hip + 3 else None)
+        put(f"{side}toes", path[-1] if len(path) > ends.low + 1 else None)
     root, top = _ends_of_spine(tree, limbs)
     put("root", root)
     neck = _add_head(tree, limbs, top, put)
@@ -101,15 +107,53 @@ def guess_from_tree(skeleton: Skeleton, positions: Floats) -> JointMapping | Non
     return _to_mapping(weights, substituted, limbs.told_by)
 
 
-def _long_bones(tree: Tree, path: list[int]) -> int | None:
-    """Where in a limb its two long bones begin: at hip or shoulder."""
+class _Ends(NamedTuple):
+    """Places on the way down a limb: where its upper bone begins, its lower one, and that ends."""
+
+    top: int
+    middle: int
+    low: int
+
+
+def _long_bones(tree: Tree, path: list[int], parts: tuple[str, str, str]) -> _Ends | None:
+    """Ends of the two long bones of a limb: by names that say all three, else by lengths.
+
+    Parameters
+    ----------
+    path : nodes from the trunk to the tip
+    parts : what the three ends are called
+    """
+    named = _named_ends(tree, path, parts)
+    if named is not None:
+        return named
     shorter = [
         min(tree.lengths[path[i + 1]], tree.lengths[path[i + 2]]) for i in range(len(path) - 2)
     ]
     if not shorter or max(shorter) <= 0:
         return None
     # A long way from the trunk to the shoulder is no upper arm: the last two that are long.
-    return max(i for i, length in enumerate(shorter) if length >= 0.75 * max(shorter))
+    top = max(i for i, length in enumerate(shorter) if length >= _AS_LONG * max(shorter))
+    return _Ends(top, top + 1, top + 2)
+
+
+def _named_ends(tree: Tree, path: list[int], parts: tuple[str, str, str]) -> _Ends | None:
+    """The ends where names say all three, one below the other, and the bones are alike long."""
+    stems = words.stems(tree.names, words.find_partners(tree.names))
+    has_arm = any(words.names_upper_arm(stems[tree.names[node]]) for node in path)
+    said = [words.limb_part(stems[tree.names[node]], has_arm=has_arm) for node in path]
+    if parts[1] not in said:
+        return None
+    middle = said.index(parts[1])
+    tops = [i for i in range(middle) if said[i] == parts[0]]
+    lows = [i for i in range(middle + 1, len(path)) if said[i] == parts[2]]
+    if not tops or not lows:
+        return None
+    ends = _Ends(tops[-1], middle, lows[0])
+    upper, lower = (
+        tree.distance(path[a], path[b])
+        for a, b in ((ends.top, ends.middle), (ends.middle, ends.low))
+    )
+    return ends if min(upper, lower) > _ALIKE * max(upper, lower) else None
 
 
 def _ends_of_spine(tree: Tree, limbs: Limbs) -> tuple[int | None, int | None]:
@@ -180,24 +224,22 @@ def _add_head(
 def _add_arm(
     tree: Tree, side: str, path: list[int], neck: int | None, put: Callable[[str, int | None], None]
 ) -> None:
-    shoulder = _long_bones(tree, path)
-    if shoulder is None:
+    ends = _long_bones(tree, path, ("shoulder", "elbow", "wrist"))
+    if ends is None:
         return
     stems = words.stems(tree.names, words.find_partners(tree.names))
     said = [stems[tree.names[node]] for node in path]
     hands = [
-        i
-        for i in range(shoulder + 2, len(path))
-        if words.limb_part(said[i], has_arm=True) == "wrist"
+        i for i in range(ends.low, len(path)) if words.limb_part(said[i], has_arm=True) == "wrist"
     ]
     # Where names are those of joints, the hand comes after the wrist; where they are those of
     # bones, what is called wrist is a bone before the hand.
-    wrist = shoulder + 2
+    wrist = ends.low
     if hands:
-        wrist = hands[0] if words.names_joint(said[shoulder + 1]) else hands[-1]
-    put(f"{side}clavicle", path[shoulder - 1] if shoulder > 0 else neck)
-    put(f"{side}shoulder", path[shoulder])
-    put(f"{side}elbow", path[shoulder + 1])
+        wrist = hands[0] if words.names_joint(said[ends.middle]) else hands[-1]
+    put(f"{side}clavicle", path[ends.top - 1] if ends.top > 0 else neck)
+    put(f"{side}shoulder", path[ends.top])
+    put(f"{side}elbow", path[ends.middle])
     put(f"{side}wrist", path[wrist])
     put(f"{side}fingers", path[-1] if len(path) > wrist + 1 else None)
 

@@ -90,7 +90,7 @@ _EXTRAS = frozenset({
     "tongue", "facial", "face", "brow", "eyebrow", "lip", "lips", "ear", "ears", "cheek", "nose",
     "mouth", "tail", "wing", "wings", "breast", "helper", "share",
 })  # fmt: skip
-_TWIST = frozenset({"twist", "roll", "捩"})
+_TWIST = frozenset({"twist", "roll"})
 _TAIL = frozenset({"tail", "schwanz", "queue", "cola", "coda"})
 _PAWS = frozenset({"paw", "hoof", "pfote", "huf", "fetlock", "hock"})
 
@@ -215,7 +215,7 @@ def is_extra(name: str) -> bool:
 
 def is_twist(name: str) -> bool:
     """Whether a joint only turns the skin along a bone."""
-    return not _TWIST.isdisjoint(words_of(name))
+    return not _TWIST.isdisjoint(words_of(name)) or "捩" in name
 
 
 def is_tail(name: str) -> bool:
@@ -238,7 +238,7 @@ def is_end(name: str) -> bool:
 
 def is_middle(name: str) -> bool:
     """Whether a joint is of the middle finger or toe."""
-    return not {"middle", "mid", "mittel", "中指"}.isdisjoint(words_of(name))
+    return not {"middle", "mid", "mittel"}.isdisjoint(words_of(name)) or "中指" in name
 
 
 def words_of(name: str) -> frozenset[str]:
