@@ -192,11 +192,11 @@ R, R being how many are right.
 
 [How far an example grows](growing_choice.md) and [how much a wrong hit tells](judging_choice.md)
 were chosen on other clips of HDM05; nothing was chosen on Bandai Namco's recordings. It is not all
-unseen: the way of growing, in steps, was developed on the 33 queries of HDM05 reported here, several
-earlier defaults were measured on both sets, and a first run in which wrong hits told more took .03
-from Bandai Namco's files not judged before that choice was made. *Prototype* is a plain one before the package, for orientation: its chance is the share
-of right recordings, it grew by three hits at once, and how it grouped and ranked Bandai Namco's
-files is not written down.
+unseen: the way of growing, in steps, was developed on the 33 queries of HDM05 reported here,
+several earlier defaults were measured on both sets, and a first run in which wrong hits told more
+took .03 from Bandai Namco's files not judged before that choice was made. *Prototype* is a plain
+one before the package, for orientation: its chance is the share of right recordings, it grew by
+three hits at once, and how it grouped and ranked Bandai Namco's files is not written down.
 
 ## Classes of HDM05
 
