@@ -138,9 +138,8 @@ def _long_bones(tree: Tree, path: list[int], parts: tuple[str, str, str]) -> _En
 
 def _named_ends(tree: Tree, path: list[int], parts: tuple[str, str, str]) -> _Ends | None:
     """The ends where names say all three, one below the other, and the bones are alike long."""
-    stems = words.stems(tree.names, words.find_partners(tree.names))
-    has_arm = any(words.names_upper_arm(stems[tree.names[node]]) for node in path)
-    said = [words.limb_part(stems[tree.names[node]], has_arm=has_arm) for node in path]
+    has_arm = any(words.names_upper_arm(tree.stems[tree.names[node]]) for node in path)
+    said = [words.limb_part(tree.stems[tree.names[node]], has_arm=has_arm) for node in path]
     if parts[1] not in said:
         return None
     middle = said.index(parts[1])
@@ -194,8 +193,7 @@ def _add_head(
     """Neck, head and top of the head; returns the neck."""
     if top is None:
         return None
-    stems = words.stems(tree.names, words.find_partners(tree.names))
-    part = {node: words.middle_part(stems[tree.names[node]]) for node in tree.below(top)}
+    part = {node: words.middle_part(tree.stems[tree.names[node]]) for node in tree.below(top)}
     limb = {node for path in (*limbs.legs, *limbs.arms) for node in path}
     limb |= {tree.parents[path[0]] for path in limbs.arms if tree.parents[path[0]] != top}
     path: list[int] = []
@@ -203,8 +201,7 @@ def _add_head(
     while True:
         below = [n for n in tree.children(node) if not limb & set(tree.below(n))]
         heads = [n for n in below if any(part[m] == "head" for m in tree.below(n))]
-        sided = words.find_partners(tree.names)
-        free = [n for n in below if tree.names[n] not in sided]
+        free = [n for n in below if tree.names[n] not in tree.partners]
         if not (heads or free):
             break
         node = max(heads or free, key=lambda n: tree.reach[n])
@@ -227,8 +224,7 @@ def _add_arm(
     ends = _long_bones(tree, path, ("shoulder", "elbow", "wrist"))
     if ends is None:
         return
-    stems = words.stems(tree.names, words.find_partners(tree.names))
-    said = [stems[tree.names[node]] for node in path]
+    said = [tree.stems[tree.names[node]] for node in path]
     hands = [
         i for i in range(ends.low, len(path)) if words.limb_part(said[i], has_arm=True) == "wrist"
     ]

@@ -38,6 +38,8 @@ class Tree:
     parents : -1 for a root
     places : array, shape (frames, nodes, 3)
     branches : nodes right below each
+    partners : sides of the names, see `words.find_partners`
+    stems : what the names say besides, see `words.stems`
     lengths : from the parent, median over frames
     reach : of the longest way down from the parent
     """
@@ -47,6 +49,8 @@ class Tree:
     parents: tuple[int, ...]
     branches: tuple[list[int], ...]
     places: Floats
+    partners: dict[str, tuple[str, str]]
+    stems: dict[str, str]
     lengths: tuple[float, ...]
     reach: tuple[float, ...]
 
@@ -124,12 +128,16 @@ def grow_tree(skeleton: Skeleton, positions: Floats) -> Tree:
         if above[i] >= 0:
             parent = above[i]
             reach[parent] = max(reach[parent], lengths[parent] + reach[i])
+    kept_names = tuple(names[node] for node in kept)
+    own = words.find_partners(kept_names)
     return Tree(
-        tuple(names[node] for node in kept),
+        kept_names,
         tuple(sources[node] for node in kept),
         above,
         branches,
         places,
+        own,
+        words.stems(kept_names, own),
         tuple(lengths),
         tuple(reach),
     )
@@ -137,8 +145,7 @@ def grow_tree(skeleton: Skeleton, positions: Floats) -> Tree:
 
 def find_limbs(tree: Tree) -> Limbs | None:
     """Legs and arms, or None if there are no legs or left and right cannot be told."""
-    partners = words.find_partners(tree.names)
-    pairs = _named_pairs(tree, partners)
+    pairs = _named_pairs(tree)
     told_by = "by the shape of their tree and their names"
     if not pairs:
         pairs, told_by = _alike_pairs(tree), "by the shape of their tree alone"
@@ -146,11 +153,11 @@ def find_limbs(tree: Tree) -> Limbs | None:
         return None
     longest = max(tree.reach[left] for left, _ in pairs)
     pairs = [pair for pair in pairs if min(tree.reach[n] for n in pair) >= _LONG * longest]
-    legs, arms = _tell_apart(tree, pairs, words.stems(tree.names, partners))
+    legs, arms = _tell_apart(tree, pairs)
     if legs is None:
         return None
     paths = [tuple(_main_path(tree, start) for start in pair) for pair in (legs, arms) if pair]
-    if legs[0] not in _starts_of(tree, partners):
+    if legs[0] not in _starts_of(tree):
         sign = _side_by_place(tree, paths)
         if sign == 0:
             return None
@@ -172,26 +179,26 @@ def _starts(skeleton: Skeleton) -> tuple[list[str], list[str], list[int]]:
     return [*names, *(f"End of {names[leaf]}" for leaf in leaves)], sources, [*parents, *leaves]
 
 
-def _starts_of(tree: Tree, partners: dict[str, tuple[str, str]]) -> set[int]:
+def _starts_of(tree: Tree) -> set[int]:
     """Nodes with a side below a node without it."""
     index = {name: i for i, name in enumerate(tree.names)}
     result = set()
-    for name in partners:
+    for name in tree.partners:
         node = index[name]
         parent = tree.parents[node]
-        if parent < 0 or tree.names[parent] not in partners:
+        if parent < 0 or tree.names[parent] not in tree.partners:
             result.add(node)
     return result
 
 
-def _named_pairs(tree: Tree, partners: dict[str, tuple[str, str]]) -> list[Pair]:
+def _named_pairs(tree: Tree) -> list[Pair]:
     """Starts of limbs by their names, left and right."""
     index = {name: i for i, name in enumerate(tree.names)}
-    starts = _starts_of(tree, partners)
+    starts = _starts_of(tree)
     return [
-        (node, index[partners[tree.names[node]][1]])
+        (node, index[tree.partners[tree.names[node]][1]])
         for node in sorted(starts)
-        if partners[tree.names[node]][0] == "l"
+        if tree.partners[tree.names[node]][0] == "l"
     ]
 
 
@@ -207,13 +214,11 @@ def _alike_pairs(tree: Tree) -> list[Pair]:
     return pairs
 
 
-def _tell_apart(
-    tree: Tree, pairs: list[Pair], stems: dict[str, str]
-) -> tuple[Pair | None, Pair | None]:
+def _tell_apart(tree: Tree, pairs: list[Pair]) -> tuple[Pair | None, Pair | None]:
     """Which pair are legs and which arms: by names, else legs leave the trunk lower."""
     kinds: dict[Pair, str] = {}
     for pair in pairs:
-        kind = _kind_of(tree, pair, stems)
+        kind = _kind_of(tree, pair)
         if kind:
             kinds[pair] = kind
 
@@ -241,9 +246,11 @@ def _lower_first(tree: Tree, pairs: list[Pair]) -> tuple[Pair | None, Pair | Non
     return None, None
 
 
-def _kind_of(tree: Tree, pair: Pair, stems: dict[str, str]) -> str:
+def _kind_of(tree: Tree, pair: Pair) -> str:
     """Whether names on the way down a limb speak of legs or of arms."""
-    parts = [words.limb_part(stems[tree.names[node]], has_arm=True) for node in tree.below(pair[0])]
+    parts = [
+        words.limb_part(tree.stems[tree.names[node]], has_arm=True) for node in tree.below(pair[0])
+    ]
     legs = len({part for part in parts if part in words.LEG_PARTS})
     arms = len({part for part in parts if part in words.ARM_PARTS})
     return "" if legs == arms else "legs" if legs > arms else "arms"
