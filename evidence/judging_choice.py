@@ -98,8 +98,7 @@ def draw(results: Results) -> dict[str, Any]:
             },
             "frames at large",
             "mean average precision",
-            (0.0, 1.04),
-            log_x=True,
+            (0.7, 1.01),
         )
         for name, world in results.items()
     ]
