@@ -236,7 +236,9 @@ def _query_of(path: Path, name: str | None, feature_set: "FeatureSet") -> "Keyfr
     }
     found = [full for full in records if name in (None, full, full.split("/", 1)[1])]
     if len(found) != 1:
-        some = ", ".join(list(found or records)[:_MOST_NAMES]) or "none"
+        near = found or [full for full in records if name and name.lower() in full.lower()]
+        names = near or list(records)
+        some = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
         what = "any of them" if name is None else f"{name!r}"
         raise wrong(
             "--query-name",
