@@ -59,7 +59,10 @@ NEEDS = {
     "lfingers": "F14 F34",
     "rfingers": "F13 F33",
 }
-HUMERUS = "F1 F2 F5 F6 F10 F11 F12 F13 F14 F15 F16 F17 F18 F19 F23 F24 F25 F26 F31 F33 F34 F35 F36 F38 F39"
+HUMERUS = (
+    "F1 F2 F5 F6 F10 F11 F12 F13 F14 F15 F16 F17 F18 F19 F23 F24 F25 F26 F31 F33 F34 F35 F36 "
+    "F38 F39"
+)
 
 
 @pytest.fixture(scope="module")
