@@ -15,6 +15,7 @@ from evidence.common.example_queries import (
     MOST,
     RANKS,
     Frames,
+    as_joined,
     score_distance,
 )
 from evidence.common.framewise import label_among_others, right_class, windows_of
@@ -65,7 +66,7 @@ def measure(recordings: Recordings) -> Results:
     patterns = patterns_of(templates_of(train_half), tolerance=TOLERANCE_2006)
     seconds: dict[str, float] = {}
     seconds["MT"], distances = _timed(
-        lambda: {n: _plain(corpus_distance(p, corpus, engine="numpy"))
+        lambda: {n: as_joined(corpus_distance(p, corpus, engine="numpy"))
                  for n, p in patterns.items()})  # fmt: skip
     for name in names:
         rows[name]["MT"] = score_distance(distances[name], chosen, relevant[name])
@@ -109,11 +110,6 @@ def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
     began = time.process_time()
     result = call()
     return time.process_time() - began, result
-
-
-def _plain(distance: Any) -> Floats:
-    """A distance function as `Frames.join` lays it out: two frames after each clip."""
-    return np.append(np.asarray(distance, dtype=np.float64), [np.inf, np.inf])
 
 
 def _examples(

@@ -55,6 +55,11 @@ class Frames:
         return [self.distance(query, among) for query in queries]
 
 
+def as_joined(distance: Any) -> Floats:
+    """A distance function of a corpus as `Frames.join` lays it out: the last clip ends alike."""
+    return np.append(np.asarray(distance, dtype=np.float64), [np.inf, np.inf])
+
+
 def score_distance(
     distance: Floats, clips: Sequence[Clip], relevant: NDArray[np.bool_]
 ) -> dict[str, Any]:
