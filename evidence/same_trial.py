@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.features import FULL_BODY, compute_features
+from motionary.features import FULL_BODY, FeatureSequence, compute_features
 from motionary.io import read
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.skeletons import named_mapping
@@ -113,7 +113,7 @@ def compare(pair: Pair, data: Path) -> dict[str, Any]:
             "agreement": round(float(plain[i]), 3),
             "cause": cause(i, exchanged),
         }
-        for i in np.flatnonzero(plain < ENOUGH)
+        for i in np.flatnonzero(plain < ENOUGH).tolist()
     ]
     return {
         "frames": n // 4,
@@ -136,10 +136,11 @@ def agreement(one: Floats, two: Floats) -> Floats:
     both = (a.known_features & b.known_features).astype(bool)
     same = (a.features == b.features) & both
     with np.errstate(invalid="ignore"):
-        return same.sum(axis=0) / both.sum(axis=0)
+        share: Floats = same.sum(axis=0) / both.sum(axis=0)
+    return share
 
 
-def words(positions: Floats):
+def words(positions: Floats) -> FeatureSequence:
     mapping = named_mapping("generic")
     return compute_features(Motion(GENERIC_JOINTS, positions, COMMON_HZ, mapping))
 

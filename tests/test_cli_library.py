@@ -293,7 +293,7 @@ def test_learning_advises_chooses_thresholds_and_tells_what_to_expect(motionary,
     write_bvh(synthetic_motion("wave_right", seed=30, rate_hz=RATE_HZ), odd)
     write_bvh(synthetic_motion("bow", seed=0, rate_hz=RATE_HZ), tmp_path / "other" / "bow.bvh")
     ran = motionary("learn", examples, "-o", tmp_path / "lib", "--json", "--keep-examples",
-                    "--negatives", tmp_path / "other")  # fmt: skip
+                    "--suggest", "--negatives", tmp_path / "other")  # fmt: skip
     assert ran.code == 0
     assert "class 'squat': squat/odd.bvh does not fit" in ran.err
     rows = rows_of(ran.out)
@@ -304,20 +304,38 @@ def test_learning_advises_chooses_thresholds_and_tells_what_to_expect(motionary,
     told = motionary("learn", examples, "-o", tmp_path / "lib2", "--threshold", 0.07, "--json")
     assert {row["threshold"] for row in rows_of(told.out)} == {0.07}
     assert {row["promised_recall"] for row in rows_of(told.out)} == {None}
-    told = motionary("learn", examples, "-o", tmp_path / "lib2", "--no-suggest", "--json")
+    told = motionary("learn", examples, "-o", tmp_path / "lib2", "--json")
     assert {row["threshold"] for row in rows_of(told.out)} == {0.06}
 
 
 def test_learning_with_groups_and_another_set(motionary, world, tmp_path):
-    ran = motionary("learn", world / "examples", "-o", tmp_path / "lib", "--groups", r"(\d)\.bvh",
-                    "--features", "legs-14", "--json")  # fmt: skip
+    ran = motionary("learn", world / "examples", "-o", tmp_path / "lib", "--suggest",
+                    "--groups", r"(\d)\.bvh", "--features", "legs-14", "--json")  # fmt: skip
     assert ran.code == 0, ran.err
     assert load_library(tmp_path / "lib").feature_set.name == "legs-14"
     ran = motionary("annotate", world / "examples" / "squat", "--library", tmp_path / "lib")
     assert ran.code == 0
-    ran = motionary("learn", world / "examples", "-o", tmp_path / "lib", "--groups", "actor(.)")
+    ran = motionary("learn", world / "examples", "-o", tmp_path / "lib",
+                    "--suggest", "--groups", "actor(.)")  # fmt: skip
     assert ran.code == 1
     assert "groups 'actor(.)' matches nothing in 'kick_left/kick_left 0.bvh'" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--groups", "a(.)"), "--groups: goes with --suggest"),
+        (("--negatives", "takes"), "--negatives: goes with --suggest"),
+        (("--suggest", "--threshold", 0.05), "given or chosen, not both"),
+    ],
+)
+def test_options_of_thresholds_that_do_not_go_together(
+    motionary, world, tmp_path, options, message
+):
+    ran = motionary("learn", world / "examples", "-o", tmp_path / "lib", *options)
+    assert ran.code == 2
+    assert message in " ".join(ran.err.split())
+    assert not (tmp_path / "lib").exists()
 
 
 # -- trouble --------------------------------------------------------------------------------

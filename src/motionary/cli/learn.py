@@ -58,6 +58,7 @@ def learn(
     """
     from motionary.library import learn_classes, list_examples, read_examples
 
+    thresholds.check()
     for path in (output, plot):
         check_target(path, is_folder=True)
     folder = Path(examples)
@@ -81,7 +82,7 @@ def learn(
             on_done=done,
             on_refused=lambda name, why: problems.append(f"class {name!r} is left out: {why}"),
         )
-    if thresholds.wanted and library:
+    if thresholds.suggest and library:
         library = _with_thresholds(
             library, read.classes, others, groups=thresholds.groups, teaching=teaching, jobs=jobs
         )
@@ -108,7 +109,7 @@ def _read_others(
     from motionary.batch import Failure
     from motionary.features import read_features
 
-    if not thresholds.wanted or not thresholds.negatives:
+    if not thresholds.negatives:
         return [], []
     found = find_files(thresholds.negatives)
     with screen.progress("reading others", len(found.files)) as done:

@@ -84,33 +84,46 @@ class ThresholdOptions:
             min=0.0,
             max=1.0,
             metavar="COST",
-            help="Largest cost of a match of these classes; by default chosen for each.",
+            help="Largest cost of a match of these classes.",
         ),
     ] = None
     suggest: Annotated[
         bool,
         typer.Option(
-            "--suggest/--no-suggest",
-            help="Choose thresholds on examples that are held out, and say what they promise.",
+            "--suggest",
+            help="Choose thresholds on examples that are held out, and say what they promise for "
+            "motion that is done as the examples are.",
         ),
-    ] = True
+    ] = False
     groups: Annotated[
         str | None,
         typer.Option(
             metavar="REGEX",
-            help="Hold examples out together whose names match the same, such as 'HDM_(..)_' "
-            "for actors: what is promised then holds for actors never seen.",
+            help="With --suggest: hold examples out together whose names match the same, such as "
+            "'HDM_(..)_' for actors: what is promised then holds for actors never seen.",
         ),
     ] = None
     negatives: Annotated[
         list[str] | None,
         typer.Option(
             metavar="PATH",
-            help="Other recordings, without any of these classes, to choose thresholds against.",
+            help="With --suggest: other recordings, without any of these classes, to choose "
+            "thresholds against.",
         ),
     ] = None
 
-    @property
-    def wanted(self) -> bool:
-        """Whether thresholds are to be chosen."""
-        return self.suggest and self.threshold is None
+    def check(self) -> None:
+        """Refuse options that do not go together.
+
+        Raises
+        ------
+        BadParameter
+        """
+        if self.suggest and self.threshold is not None:
+            raise typer.BadParameter(
+                "thresholds are given or chosen, not both", param_hint="--threshold, --suggest"
+            )
+        told = {"--groups": self.groups, "--negatives": self.negatives}
+        for option, value in told.items():
+            if value and not self.suggest:
+                raise typer.BadParameter("goes with --suggest", param_hint=option)

@@ -23,7 +23,7 @@ def learn(
     examples: str | Path | Mapping[str, Sequence[Motion | FeatureSequence]],
     *,
     mirror: bool = False,
-    suggest: bool | None = None,
+    suggest: bool = False,
     teaching: Teaching | None = None,
     reading: Reading | None = None,
     feature_set: FeatureSet = FULL_BODY,
@@ -35,9 +35,9 @@ def learn(
     ----------
     examples : a folder with one folder per class, or examples by class name
     mirror : also learn every class's mirror image, as a subclass of the same name
-    suggest : choose each class's threshold on examples held out, and keep what it promises;
-        see `suggest_thresholds`, which can also be told of groups and of other recordings.
-        By default if no `teaching` says a threshold
+    suggest : choose each class's threshold on examples held out, and keep what it promises
+        for motion that is done as the examples are; see `suggest_thresholds`, which can also
+        be told of groups and of other recordings
     teaching : further settings
     reading : what the files do not say themselves
     feature_set : relations that are measured
@@ -62,7 +62,7 @@ def learn(
     if not nested:
         raise InvalidInput("there are no examples to learn from; give at least one class")
     library = learn_classes(nested, teaching=settings)
-    if suggest or (suggest is None and teaching is None):
+    if suggest:
         suggestions = suggest_thresholds(nested, teaching=settings, jobs=jobs)
         library = apply_suggestions(library, suggestions)
     return library
