@@ -108,6 +108,19 @@ def test_a_recording_from_a_read_only_file_can_be_searched():
         np.testing.assert_array_equal(distance_function(PATTERN, frozen, engine=engine), DISTANCE)
 
 
+def test_frames_of_many_relations_are_told_apart_by_all_of_them():
+    rng = np.random.default_rng(7)
+    words = np.stack([rng.permutation(512).astype(np.uint64) for _ in range(8)], axis=1)
+    other = words.copy()
+    other[:, 0] = np.roll(other[:, 0], 1)
+    document = np.concatenate((words, other))
+    pattern = Pattern(words[:1], np.full((1, 8), ~np.uint64(0)), np.ones(1))
+    expected = np.bitwise_count(document ^ words[0]).sum(axis=1) / 512
+    np.testing.assert_allclose(distance_function(pattern, document), expected, rtol=1e-6)
+    costs = [found.cost for found in align(pattern, document, None, range(len(document)))]
+    np.testing.assert_allclose(costs, expected)
+
+
 def test_rarity_counts_known_frames_of_documents_only():
     words = pack([[1, 0, 1], [1, 0, 0], [1, 0, 0]])
     known = pack([[1, 1, 1], [1, 1, 0], [1, 1, 0]])

@@ -16,6 +16,8 @@ Single = NDArray[np.float32]
 
 # Frames at a time: enough that the calls cost little, few enough for a processor's caches.
 _TILE = 32768
+# Numbers of kinds of frames stay below this, so that int64 holds them.
+_MOST_KINDS = 2**62
 
 
 class Columns(NamedTuple):
@@ -170,10 +172,14 @@ def distinct_frames(words: Words, known: Words) -> tuple[NDArray[np.intp], NDArr
     ----------
     words, known : arrays, shape (frames, n_words); one row of known holds for all frames
     """
-    kind = np.zeros(len(words), dtype=np.int64)
+    kind, n_kinds = np.zeros(len(words), dtype=np.int64), 1
     for column in (*words.T, *(known.T if len(known) > 1 else ())):
         values, inverse = np.unique(column, return_inverse=True)
+        if n_kinds * len(values) > _MOST_KINDS:
+            those, kind = np.unique(kind, return_inverse=True)
+            n_kinds = len(those)
         kind = kind * len(values) + inverse
+        n_kinds *= len(values)
     _, first, same = np.unique(kind, return_index=True, return_inverse=True)
     return first, same
 
