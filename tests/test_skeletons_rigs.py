@@ -207,10 +207,13 @@ def test_the_mapping_is_said_saved_edited_and_given_back(tmp_path):
     (tmp_path / "edited.toml").write_text(text)
     edited = read(tmp_path / "rig.bvh", skeleton=str(tmp_path / "edited.toml"))
     assert edited.mapping.weights["lfingers"] == {"lHandIndex1": 1.0}
-    # An array file keeps what its joints are.
-    write(edited, tmp_path / "kept.npz")
-    kept = read(tmp_path / "kept.npz")
-    np.testing.assert_array_equal(kept.generic_positions(), edited.generic_positions())
+    # An array file keeps what its joints are, even by a table called as a known skeleton.
+    (tmp_path / "mixamo.toml").write_text(text)
+    namesake = read(tmp_path / "rig.bvh", skeleton=tmp_path / "mixamo.toml")
+    for motion in (edited, namesake):
+        write(motion, tmp_path / "kept.npz")
+        kept = read(tmp_path / "kept.npz")
+        np.testing.assert_array_equal(kept.generic_positions(), edited.generic_positions())
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,12 @@ def _events(arrays: dict[str, Array]) -> tuple[Event, ...]:
     return tuple(Event(str(n), str(s), float(t)) for n, s, t in zip(*columns, strict=True))
 
 
+def _is_known(mapping: JointMapping, names: tuple[str, ...]) -> bool:
+    """Whether a known skeleton tells the mapping: a file may change one and keep its name."""
+    name = mapping.name
+    return name in known_mappings() and named_mapping(name, names) == mapping
+
+
 def write_npz(motion: Motion, path: str | Path) -> None:
     """Write all that a motion holds but its notes; the same motion gives the same bytes.
 
@@ -184,7 +190,7 @@ def write_npz(motion: Motion, path: str | Path) -> None:
     }
     if motion.mapping is not None:
         arrays["skeleton"] = np.array(motion.mapping.name)
-        if motion.mapping.name not in known_mappings():
+        if not _is_known(motion.mapping, motion.names):
             table = format_table(motion.mapping, about=motion.mapping.name)
             arrays["skeleton_table"] = np.array(table)
     if motion.skeleton is not None:
