@@ -265,6 +265,13 @@ def test_examples_without_a_steady_relation_in_common():
         choose_query(template_of(examples[:1]), examples, examples)
 
 
+def test_examples_that_are_too_short_for_two_keyframes():
+    examples, others = problem(0)
+    short = [example.part(0, 5) for example in examples]
+    with pytest.raises(InvalidInput, match="1 of 2 keyframes that are 6 columns apart in"):
+        choose_query(template_of(short), short, others)
+
+
 @pytest.mark.parametrize(
     "settings",
     [

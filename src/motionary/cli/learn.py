@@ -86,8 +86,8 @@ def learn(
         library = _with_thresholds(
             library, read.classes, others, groups=thresholds.groups, teaching=teaching, jobs=jobs
         )
-    if options.queries is Queries.LEARNED:
-        library = _with_queries(library, read.classes, runs=options.query_runs, jobs=jobs)
+    if options.queries is not Queries.NONE:
+        library = _with_queries(library, read.classes, options, jobs=jobs)
     lost = sorted({name for name, _, _ in listed} - set(read.classes))
     problems += [f"class {name!r}: none of its examples could be read; left out" for name in lost]
     problems += _outside_of_classes(folder)
@@ -161,13 +161,18 @@ def _with_thresholds(
 
 
 def _with_queries(
-    library: "ClassLibrary", examples: "Examples", *, runs: int, jobs: int
+    library: "ClassLibrary", examples: "Examples", options: TeachingOptions, *, jobs: int
 ) -> "ClassLibrary":
     """The library with queries, and on the screen which classes have none."""
-    from motionary.library import learn_queries
+    from motionary.library import choose_queries, learn_queries
 
-    with screen.progress("breeding", len(library)) as done:
-        queried = learn_queries(library, examples, runs=runs, jobs=jobs, on_done=done)
+    with screen.progress("keyframes", len(library)) as done:
+        if options.queries is Queries.CHOSEN:
+            queried = choose_queries(library, examples, on_done=done)
+        else:
+            queried = learn_queries(
+                library, examples, runs=options.query_runs, jobs=jobs, on_done=done
+            )
     for name, reason in queried.without.items():
         screen.complain(f"class {name!r} has no queries: {reason}")
     return queried.library

@@ -19,6 +19,7 @@ class Queries(StrEnum):
 
     NONE = "none"
     LEARNED = "learned"
+    CHOSEN = "chosen"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +52,9 @@ class TeachingOptions:
     queries: Annotated[
         Queries,
         typer.Option(
-            help="Breed keyframe queries from the examples, so that a class is looked for "
-            "around their hits only.",
+            help="Keyframe queries from the examples, so that a class is looked for around their "
+            "hits only: several that vote are bred (learned), or one of two to five keyframes is "
+            "chosen (chosen).",
         ),
     ] = Queries.NONE
     query_runs: Annotated[
@@ -60,7 +62,8 @@ class TeachingOptions:
         typer.Option(
             min=1,
             default_factory=LibraryDefault("motionary.query_learning:learn_query", "runs"),
-            help="Queries to breed for each class; most of them must agree on a hit.",
+            help="With --queries learned: so many are bred for each class; most of them must "
+            "agree on a hit.",
         ),
     ]
 

@@ -114,7 +114,8 @@ def choose_query(
     ------
     InvalidInput
         If there are no examples or no counter-examples, they are over different features,
-        or the examples have nothing in common.
+        the examples have nothing in common, or they are too short for the least number of
+        keyframes.
     """
     settings = choosing or Choosing()
     _check(template, examples, counterexamples)
@@ -195,6 +196,12 @@ def _add_moments(trial: _Trial) -> _Draft:
         raise InvalidInput(
             "the examples share no relation that is steady for "
             f"{settings.steady} frames around; lower steady, or give examples that are alike"
+        )
+    if len(draft.columns) < settings.least:
+        raise InvalidInput(
+            f"the examples show {len(draft.columns)} of {settings.least} keyframes that are "
+            f"{settings.apart} columns apart in {trial.moments.n_columns}; give longer examples, "
+            "or lower apart or least"
         )
     return draft
 

@@ -22,7 +22,7 @@ from motionary.library.growing import add_examples, join_classes, keeps_examples
 from motionary.library.holding_out import N_FOLDS
 from motionary.library.keyframe_classes import class_of_query
 from motionary.library.learning import learn
-from motionary.library.querying import QueriedLibrary, learn_queries
+from motionary.library.querying import QueriedLibrary, choose_queries, learn_queries
 from motionary.library.storage import load_library, save_library
 from motionary.library.teaching import Teaching, learn_classes
 from motionary.library.thresholds import Suggestion, apply_suggestions, suggest_thresholds
@@ -43,6 +43,7 @@ __all__ = [
     "add_examples",
     "advise",
     "apply_suggestions",
+    "choose_queries",
     "class_of_query",
     "find_clashes",
     "find_subclass",

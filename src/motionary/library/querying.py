@@ -1,7 +1,8 @@
 """How do the classes of a library get keyframe queries?
 
-Bred from the examples that the classes were learned from: those of a subclass against all
-of the other classes. The template is then matched around the hits only.
+From the examples that the classes were learned from: those of a subclass against all of the
+other classes. Several queries are bred that vote (`learn_queries`), or the keyframes of a single
+one are chosen (`choose_queries`). The template is then matched around the hits only.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +12,7 @@ from typing import NamedTuple
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
-from motionary.keyframes import mirror_query
+from motionary.keyframes import Choosing, choose_query, mirror_query
 from motionary.library.classes import ClassLibrary, Subclass
 from motionary.library.examples import Examples
 from motionary.query_learning import (
@@ -22,6 +23,11 @@ from motionary.query_learning import (
     default_votes,
     state_problem,
 )
+
+#: What a single example shows by chance, a keyframe would ask of everybody.
+_LEAST_EXAMPLES = 2
+#: A subclass with queries: of itself, its examples, and counter-examples.
+_Query = Callable[[Subclass, Sequence[FeatureSequence], Sequence[FeatureSequence]], Subclass]
 
 
 class QueriedLibrary(NamedTuple):
@@ -58,23 +64,54 @@ def learn_queries(
     breeding, seed, runs, jobs : as in `learn_query`
     on_done : called after each class
     """
+    query = partial(_breed, breeding=breeding, seed=seed, runs=runs, jobs=jobs)
+    return _query_all(library, examples, query, on_done)
+
+
+def choose_queries(
+    library: ClassLibrary,
+    examples: Examples,
+    *,
+    choosing: Choosing | None = None,
+    on_done: Callable[[], None] | None = None,
+) -> QueriedLibrary:
+    """The library with a query of chosen keyframes for every subclass in `examples`.
+
+    A subclass that is the mirror image of another gets that one's query, mirrored. What
+    chosen keyframes keep and leave: docs/evidence/keyframe_choice.md.
+
+    Parameters
+    ----------
+    library : learned from the examples
+    examples : class -> subclass -> words
+    choosing : as in `choose_query`
+    on_done : called after each class
+    """
+    return _query_all(library, examples, partial(_choose, choosing=choosing), on_done)
+
+
+def _query_all(
+    library: ClassLibrary,
+    examples: Examples,
+    query: _Query,
+    on_done: Callable[[], None] | None,
+) -> QueriedLibrary:
     classes, without = [], {}
-    breed = partial(_breed, breeding=breeding, seed=seed, runs=runs, jobs=jobs)
     for motion_class in library:
         negatives = _of_others(examples, motion_class.name)
-        learned: dict[str, Subclass] = {}
+        queried: dict[str, Subclass] = {}
         for subclass in motion_class.subclasses:
             name = subclass.name
             positives = examples.get(motion_class.name, {}).get(name, ())
-            original = learned.get(name.removesuffix("Mirrored"))
+            original = queried.get(name.removesuffix("Mirrored"))
             try:
                 if not positives and original is not None:
-                    learned[name] = _mirror(subclass, original, library.feature_set)
+                    queried[name] = _mirror(subclass, original, library.feature_set)
                 else:
-                    learned[name] = breed(subclass, positives, negatives)
+                    queried[name] = query(subclass, positives, negatives)
             except InvalidInput as error:
-                learned[name], without[name] = subclass, str(error)
-        classes.append(replace(motion_class, subclasses=tuple(learned.values())))
+                queried[name], without[name] = subclass, str(error)
+        classes.append(replace(motion_class, subclasses=tuple(queried.values())))
         if on_done:
             on_done()
     return QueriedLibrary(replace(library, classes=tuple(classes)), without)
@@ -97,6 +134,23 @@ def _breed(
     done = tuple(breed_runs(problem, range(runs), jobs=jobs))
     learned = LearnedQueries(problem, done, votes=default_votes(runs))
     return replace(subclass, queries=learned.queries, votes=learned.votes)
+
+
+def _choose(
+    subclass: Subclass,
+    positives: Sequence[FeatureSequence],
+    negatives: Sequence[FeatureSequence],
+    *,
+    choosing: Choosing | None,
+) -> Subclass:
+    """The subclass with the query that finds its examples and leaves little of others."""
+    if len(positives) < _LEAST_EXAMPLES:
+        raise InvalidInput(
+            f"choosing keyframes needs at least {_LEAST_EXAMPLES} examples, got {len(positives)}; "
+            "give more, of different people if possible"
+        )
+    chosen = choose_query(subclass.template, positives, negatives, choosing=choosing)
+    return replace(subclass, queries=(chosen.query,), votes=1)
 
 
 def _mirror(subclass: Subclass, original: Subclass, feature_set: FeatureSet) -> Subclass:
