@@ -2,39 +2,40 @@
 
 Every BVH at hand by pybvh (joints; world positions in file units, compared in metres) and
 every C3D by ezc3d. Tolerance 1e-4 m.
-
-    MOTIONARY_DATA=... python evidence/other_readers.py
-
-prints a line per kind of file and one per reason why some cannot be compared, and writes
-`other_readers.json` beside this file.
 """
 
-import json
-import os
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ezc3d
 import numpy as np
 import pybvh
 
+from evidence.common.pages import table
+from evidence.common.recordings import Recordings
+from evidence.common.running import Evidence, Results, main
 from motionary.io import find_recordings, read
 from motionary.io.motion.axes import turn_up
 from motionary.motion import Motion
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 TOLERANCE_M = 1e-4
 
 
-def main() -> None:
-    data = Path(os.environ["MOTIONARY_DATA"])
+def measure(recordings: Recordings) -> Results:
+    """Both kinds of files."""
     kinds: dict[str, Callable[[Path, Motion], float]] = {
-        ".bvh": difference_from_pybvh,
-        ".c3d": difference_from_ezc3d,
+        "BVH by pybvh": difference_from_pybvh,
+        "C3D by ezc3d": difference_from_ezc3d,
     }
-    result = {suffix: compare(data, suffix, way) for suffix, way in kinds.items()}
-    Path(__file__).with_suffix(".json").write_text(json.dumps(result, indent=1) + "\n", "utf-8")
+    return {
+        kind: compare(recordings.folder, f".{kind[:3].lower()}", way) for kind, way in kinds.items()
+    }
 
 
 def compare(data: Path, suffix: str, difference: Callable[[Path, Motion], float]) -> dict[str, Any]:
@@ -53,17 +54,17 @@ def compare(data: Path, suffix: str, difference: Callable[[Path, Motion], float]
             unread[name] = f"{type(error).__name__}: {words[:160]}"
     apart = {name: d for name, d in differences.items() if d > TOLERANCE_M}
     largest = max((d for name, d in differences.items() if name not in apart), default=0.0)
-    print(
-        f"{suffix}: {len(differences) - len(apart)} files agree (largest difference "
-        f"{largest:.1e} m), {len(apart)} do not, {len(unread)} are not read by the other"
-    )
-    for why in sorted(set(unread.values())):
-        names = [name for name, reason in unread.items() if reason == why]
-        print(f"  {len(names)} files such as {names[0]}: {why}")
-    for name, d in apart.items():
-        print(f"  {name}: {d:.3g} m apart")
-    return {"agree": len(differences) - len(apart), "largest_m": largest, "apart_m": apart,
-            "unread": unread}  # fmt: skip
+    reasons = Counter(unread.values())
+    return {
+        "files": len(differences) + len(unread),
+        "agree": len(differences) - len(apart),
+        "largest_um": 1e6 * largest,
+        "apart_m": apart,
+        "unread": [
+            {"reason": why, "files": sorted(name for name in unread if unread[name] == why)}
+            for why, _ in reasons.most_common()
+        ],
+    }
 
 
 def difference_from_pybvh(path: Path, motion: Motion) -> float:
@@ -87,5 +88,48 @@ def difference_from_ezc3d(path: Path, motion: Motion) -> float:
     return float(np.nanmax(np.abs(theirs - ours)))
 
 
+def write(results: Results) -> str:
+    """Body of the page."""
+    rows = [
+        (kind, one["files"], one["agree"], f"{one['largest_um']:.1g}", len(one["apart_m"]),
+         sum(len(entry["files"]) for entry in one["unread"]))
+        for kind, one in results.items()
+    ]  # fmt: skip
+    head = ("files", "at hand", "agree", "largest difference, µm", "apart", "not read by the other")
+    reasons = [
+        (kind, len(entry["files"]), entry["files"][0], entry["reason"])
+        for kind, one in results.items()
+        for entry in one["unread"]
+    ]
+    return (
+        "Joints where another reader puts them, and where ours does: *agree* within 1e-4 m. Of "
+        "pybvh's positions, which are in units of the file, the unit is that which brings both "
+        "to one size. Our reader reads all of these files; the record names those that the other "
+        f"one does not.\n\n{table(head, rows)}\n## Why the other reader cannot\n\n"
+        f"{table(('files', 'number', 'such as', 'what it says'), reasons)}"
+    )
+
+
+def draw(_: Results) -> "dict[str, Figure]":
+    """No picture."""
+    return {}
+
+
+def describe_data(_: Recordings) -> list[dict[str, Any]]:
+    """Entries of the record: the page counts files."""
+    return []
+
+
+EVIDENCE = Evidence(
+    name="other_readers",
+    title="Beside other readers",
+    split="nothing is learned or chosen",
+    seed=0,
+    describe_data=describe_data,
+    measure=measure,
+    write=write,
+    draw=draw,
+)
+
 if __name__ == "__main__":
-    main()
+    main(EVIDENCE)
