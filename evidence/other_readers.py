@@ -15,7 +15,7 @@ import numpy as np
 import pybvh
 
 from evidence.common.pages import table
-from evidence.common.recordings import Recordings
+from evidence.common.recordings import BANDAI, CMU, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.io import find_recordings, read
 from motionary.io.motion.axes import turn_up
@@ -91,11 +91,18 @@ def difference_from_ezc3d(path: Path, motion: Motion) -> float:
 def write(results: Results) -> str:
     """Body of the page."""
     rows = [
-        (kind, one["files"], one["agree"], f"{one['largest_um']:.1g}", len(one["apart_m"]),
+        (kind, one["files"], one["agree"], f"{one['largest_um']:.3f}", len(one["apart_m"]),
          sum(len(entry["files"]) for entry in one["unread"]))
         for kind, one in results.items()
     ]  # fmt: skip
-    head = ("files", "at hand", "agree", "largest difference, µm", "apart", "not read by the other")
+    head = (
+        "files",
+        "at hand",
+        "agree",
+        "largest difference (µm)",
+        "apart",
+        "not read by the other",
+    )
     reasons = [
         (kind, len(entry["files"]), entry["files"][0], entry["reason"])
         for kind, one in results.items()
@@ -115,9 +122,13 @@ def draw(_: Results) -> "dict[str, Figure]":
     return {}
 
 
-def describe_data(_: Recordings) -> list[dict[str, Any]]:
-    """Entries of the record: the page counts files."""
-    return []
+def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
+    """Entries of the record; conversions of a recording are counted on the page only."""
+    folders = {"bandai": BANDAI, "cmu": CMU, "hdm05_takes": HDM05}
+    return [
+        data_entry(what, [w for name, w in recordings.others.items() if name.startswith(folder)])
+        for folder, what in folders.items()
+    ]
 
 
 EVIDENCE = Evidence(
