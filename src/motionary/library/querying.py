@@ -26,6 +26,9 @@ from motionary.query_learning import (
 
 #: What a single example shows by chance, a keyframe would ask of everybody.
 _LEAST_EXAMPLES = 2
+#: Keeps most of what templates find of those settings that leave at most 15 % of the frames:
+#: docs/evidence/keyframe_choice.md, "Which settings".
+_CHOOSING = Choosing(frames_left=0.05)
 #: A subclass with queries: of itself, its examples, and counter-examples.
 _Query = Callable[[Subclass, Sequence[FeatureSequence], Sequence[FeatureSequence]], Subclass]
 
@@ -72,7 +75,7 @@ def choose_queries(
     library: ClassLibrary,
     examples: Examples,
     *,
-    choosing: Choosing | None = None,
+    choosing: Choosing = _CHOOSING,
     on_done: Callable[[], None] | None = None,
 ) -> QueriedLibrary:
     """The library with a query of chosen keyframes for every subclass in `examples`.
@@ -84,7 +87,7 @@ def choose_queries(
     ----------
     library : learned from the examples
     examples : class -> subclass -> words
-    choosing : as in `choose_query`
+    choosing : as in `choose_query`; by default 5 % of the counter-examples may be left
     on_done : called after each class
     """
     return _query_all(library, examples, partial(_choose, choosing=choosing), on_done)
@@ -141,7 +144,7 @@ def _choose(
     positives: Sequence[FeatureSequence],
     negatives: Sequence[FeatureSequence],
     *,
-    choosing: Choosing | None,
+    choosing: Choosing,
 ) -> Subclass:
     """The subclass with the query that finds its examples and leaves little of others."""
     if len(positives) < _LEAST_EXAMPLES:
