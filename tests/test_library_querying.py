@@ -36,15 +36,18 @@ def frames_left(subclass, words):
     ).n_frames  # fmt: skip
 
 
-def test_every_class_has_keyframes_that_find_others_of_it(queried):
+def test_every_class_has_keyframes_that_find_others_of_it_and_leave_little(queried):
     assert queried.without == {}
+    unseen = {name: compute_features(synthetic_motion(name, seed=90)) for name in CLASSES}
     for name in CLASSES:
         subclass = queried.library[name].subclasses[0]
         assert subclass.votes == 1
         (query,) = subclass.queries
         assert 2 <= len(query) <= 5
-        unseen = {other: compute_features(synthetic_motion(other, seed=90)) for other in CLASSES}
-        assert [other for other in CLASSES if frames_left(subclass, unseen[other])] == [name]
+        left = {other: frames_left(subclass, words) for other, words in unseen.items()}
+        assert left.pop(name) > 0
+        elsewhere = sum(len(unseen[other]) for other in left)
+        assert sum(left.values()) <= 0.2 * elsewhere, left
 
 
 def test_the_mirror_image_has_the_mirrored_query(queried):
