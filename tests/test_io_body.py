@@ -9,7 +9,7 @@ from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import read, write
 from motionary.io.motion.axes import UPS, find_stance, turn_back
-from motionary.io.motion.noticing import count_rest_frames
+from motionary.io.motion.noticing import count_rest_frames, is_in_place
 from motionary.io.motion.sides import exchange_names, mirror
 from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.samples import synthetic_motion
@@ -158,6 +158,15 @@ def test_points_that_are_no_body_are_not_judged(tmp_path):
     assert "left and right as named; the body does not tell" in motion.notes
 
 
+def test_names_of_points_that_are_not_mapped_are_not_exchanged(tmp_path, walk):
+    names = [f"p{i}" for i in range(len(walk.names))]
+    path = save(tmp_path / "a.npz", walk, names=names)
+    assert not any("left and right" in note for note in read(path, sides="swapped").notes)
+    mirrored = read(path, sides="mirrored")
+    assert "left and right mirrored, as told" in mirrored.notes
+    np.testing.assert_allclose(mirrored.positions, walk.positions * (-1, 1, 1))
+
+
 def test_a_walk_on_the_spot_has_no_known_speeds(tmp_path, walk):
     still = walk.positions - walk.positions[:, :1] * (1, 0, 1)
     motion = read(save(tmp_path / "a.npz", walk, positions=still))
@@ -167,6 +176,12 @@ def test_a_walk_on_the_spot_has_no_known_speeds(tmp_path, walk):
     lost = {id_ for id_, there in zip(FULL_BODY.ids, known, strict=True) if not there}
     assert lost == {"F13", "F14", "F25", "F26", "F39"}
     assert not read(save(tmp_path / "b.npz", walk)).in_place
+
+
+def test_feet_that_turn_about_toes_or_ankle_do_not_slide(data):
+    motion = read(data / "hdm05" / "squat1Reps" / "HDM_bd_squat1Reps_006_120.amc")
+    starts = range(0, motion.n_frames - 60, 6)
+    assert not any(is_in_place(motion.cut(first, first + 60)) for first in starts)
 
 
 def test_without_feet_nothing_is_known_of_the_lowest_joint(walk):

@@ -69,11 +69,12 @@ def settle_sides(motion: Motion, sides: str | None) -> Motion:
     InvalidInput
         If nothing is told and the body contradicts the names, or an answer is unknown.
     """
+    # Without a mapping no name says left or right; only axes can be changed.
+    if motion.mapping is None and sides != "mirrored":
+        return motion
     if sides is not None:
         told = {"named": _keep, "swapped": exchange_names, "mirrored": mirror}[check_sides(sides)]
         return replace(told(motion), notes=(*motion.notes, f"left and right {sides}, as told"))
-    if motion.mapping is None:
-        return motion
     verdict = judge_sides(motion)
     if verdict is None:
         note = "left and right as named; the body does not tell"
