@@ -50,6 +50,14 @@ def test_a_mapping_is_saved_edited_and_given_back(motionary, rig, tmp_path):
     assert set(column) == {""}
 
 
+def test_a_slip_in_an_edited_mapping_is_told(motionary, rig, tmp_path):
+    table = tmp_path / "rig.toml"
+    motionary("info", rig, "--save-mapping", table)
+    table.write_text(table.read_text().replace('lknee = "lLeg"', 'lknee = "lLegg"'))
+    ran = motionary("info", rig, "--skeleton", table)
+    assert "rig: lknee is 'lLegg', which is not there; is it 'lLeg'?" in ran.out
+
+
 def test_a_mapping_is_of_one_rig(motionary, rig, tmp_path):
     write(synthetic_motion("squat", seed=1), tmp_path / "other.bvh")
     ran = motionary("info", tmp_path, "--save-mapping", tmp_path / "rig.toml")

@@ -158,9 +158,12 @@ def test_a_query_of_a_collection(motionary, world, queries):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ((), "has 3 queries for any of them"),
-        (("--query-name", "rise"), "2 queries for 'rise'"),
-        (("--query-name", "jump"), "mine/rise, mine/down, theirs/rise"),
+        ((), "has 3 queries; choose one by its name"),
+        (("--query-name", "rise"), "has 2 queries called 'rise'"),
+        (
+            ("--query-name", "jump"),
+            "has no query 'jump'; choose one by its name: mine/rise, mine/down, theirs/",
+        ),
     ],
 )
 def test_which_query_of_a_collection(motionary, world, queries, options, words):

@@ -74,6 +74,15 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
         ((*LIKE, "--unit", "furlong"), "inch"),
         ((*LIKE, "--rate", "0"), "above 0"),
         ((*LIKE, "--asf", "none.asf"), "none.asf: no such file"),
+        ((*LIKE, "--fill-by", "linear"), "--fill-by: goes with --fill-gaps SECONDS"),
+        ((*LIKE, "--excel"), "--excel: goes with --output CSV"),
+        (("info", "{world}/take.bvh", "--excel"), "--excel: goes with --output CSV"),
+        (("annotate", "{world}/take.bvh", "--library", "l", "--excel"), "goes with --output CSV"),
+        (("search", "{world}", "--query", "none.json"), "none.json: no such file"),
+        (
+            ("search", "{world}", "--query", "none.json", "--query-name", "a"),
+            "none.json: no such file",
+        ),
         (("annotate", "{world}/take.bvh"), "motionary learn EXAMPLES -o LIB"),
         (("annotate", "{world}/take.bvh", "--library", "l", "--threshold", "-1"), "--threshold"),
         (("learn", "{world}/examples"), "--output"),
@@ -183,7 +192,7 @@ def test_a_class_of_one_example_is_learned_with_a_warning(motionary, world, tmp_
     shutil.copytree(world / "examples" / "squat", tmp_path / "examples" / "squat")
     for path in sorted((tmp_path / "examples" / "squat").iterdir())[1:]:
         path.unlink()
-    ran = motionary("learn", tmp_path / "examples", "-o", tmp_path / "lib")
+    ran = motionary("learn", tmp_path / "examples", "-o", tmp_path / "lib", "--suggest")
     assert ran.code == 0
     assert "class 'squat': one example: too few" in ran.err
     assert "too little to choose its threshold by; it stays 0.06" in ran.err

@@ -197,6 +197,13 @@ def test_what_cannot_be_read_says_why(tmp_path, changes, words):
         read(put(tmp_path, some_points(), **{"labels": LABELS, **changes}))
 
 
+def test_a_file_that_ends_within_its_head_is_said_to_end(tmp_path):
+    path = put(tmp_path, some_points())
+    path.write_bytes(path.read_bytes()[:900])
+    with pytest.raises(UnreadableFile, match="at least 1024 bytes, this one ends after 900"):
+        read(path)
+
+
 def test_other_files_are_no_c3d(tmp_path):
     path = tmp_path / "a.c3d"
     for content in (b"", b"HIERARCHY", bytes(5000)):

@@ -154,3 +154,14 @@ def test_the_tables_of_truth_are_read(data):
     assert counts == {"01_01": 12, "49_08": 1, "86_01": 13, "HDM_bd_03-03_01_120": 9}
     assert tracks["annotation_2009"]["01_01"].labels[0].extra["first_frame"] == "165"
     assert len(tracks["segments_86_01"]["86_01"]) == 7
+
+
+def test_what_was_measured_says_how_much_was_known(tmp_path):
+    measured = LabelTrack("a", (Label("walk", 0, 1, cost=0.02),))
+    write_labels(measured, tmp_path / "measured.csv")
+    assert (tmp_path / "measured.csv").read_text().splitlines() == [
+        "recording,label,start_s,end_s,cost,known",
+        "a,walk,0.0,1.0,0.02,1.0",
+    ]
+    write_labels(LabelTrack("a", (Label("walk", 0, 1),)), tmp_path / "by-hand.csv")
+    assert "known" not in (tmp_path / "by-hand.csv").read_text()

@@ -100,17 +100,12 @@ def test_what_a_group_alone_has_is_not_asked_for():
         assert "own" not in {name for name, _ in fold.held_out}
 
 
-def test_one_group_is_as_none():
-    examples = made_examples(6)
-    folds = make_folds(examples, groups="class", seed=0)
-    assert len(folds) > 1
-
-
 @pytest.mark.parametrize(
     ("groups", "message"),
     [
         ("(", "groups '\\(' is no regular expression"),
         ("actor_(.)", "groups 'actor_\\(.\\)' matches nothing in 'class1/a_0.bvh'"),
+        ("class", "groups 'class' puts all examples into one group, 'class'"),
     ],
 )
 def test_groups_that_make_no_sense(groups, message):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_target, complain_of_all, find_files
+from motionary.cli.inputs import check_excel, check_target, complain_of_all, find_files
 from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
 from motionary.cli.pictures import draw_annotation
 
@@ -69,6 +69,7 @@ def annotate(
     from motionary.features import read_features
     from motionary.io import write_labels
 
+    check_excel(options.excel, options.output)
     library = _library(options)
     found = find_files(files)
     failures, tracks = [], []

@@ -10,6 +10,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.inputs import (
+    check_excel,
     check_picture,
     check_target,
     find_files,
@@ -75,6 +76,7 @@ def info(
     for target in (options.save_mapping, options.output):
         check_target(target)
     check_picture("--plot", options.plot)
+    check_excel(options.excel, options.output)
     found = find_files(files)
     work = partial(describe_file, reading=reading.reading())
     rows: list[dict[str, Any]] = []

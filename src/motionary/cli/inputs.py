@@ -97,6 +97,12 @@ def check_picture(option: str, path: str | None) -> None:
         check_target(path)
 
 
+def check_excel(excel: bool, output: str | None) -> None:
+    """Fail where there is no table to write as Excel opens it."""
+    if excel and output is None:
+        raise typer.BadParameter("goes with --output CSV", param_hint="--excel")
+
+
 def check_target(path: str | None, *, is_folder: bool = False) -> None:
     """Fail before the work, not after it, where a file or folder cannot be made.
 

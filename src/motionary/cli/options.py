@@ -195,6 +195,8 @@ class ReadingOptions:
         """The same for the library."""
         from motionary.features import Reading
 
+        if self.fill_by is not None and self.fill_gaps is None:
+            raise typer.BadParameter("goes with --fill-gaps SECONDS", param_hint="--fill-by")
         return Reading(
             asf=self.asf,
             rate_hz=self.rate,

@@ -9,7 +9,7 @@ import typer
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.cutting import cut_labels
 from motionary.cli.indexed import IndexOptions, open_recordings
-from motionary.cli.inputs import check_picture, check_target
+from motionary.cli.inputs import check_excel, check_picture, check_target
 from motionary.cli.options import AsJson, Excel, Jobs, LibraryDefault, ReadingOptions
 from motionary.cli.pictures import draw_sheet, draw_template
 from motionary.cli.sought import (
@@ -163,6 +163,7 @@ def _check_use(query: QueryOptions, results: ResultOptions) -> None:
             raise wrong(option, "goes with --like FILE")
     check_picture("--sheet", results.sheet)
     check_picture("--template", results.template)
+    check_excel(results.excel, results.output)
     for path in (results.output, results.save_query):
         check_target(path)
     for path in (results.cut, results.save_class):

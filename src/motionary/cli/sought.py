@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: So many names are told of a collection.
 _MOST_NAMES = 5
+#: No keyframe ends like these.
+_QUERY_FILES = (".json", ".txt")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +115,8 @@ def check_query(options: QueryOptions) -> None:
         raise wrong("--class", "needs the library that the class is from: --library LIB")
     if options.class_name is None and options.library is not None:
         raise wrong("--library", "goes with --class NAME")
+    if _is_meant_as_file(options.query) and not _is_file(options.query):
+        raise wrong("--query", f"{options.query}: no such file")
     if options.query_name is not None and not _is_collection(options.query):
         raise wrong("--query-name", "goes with --query FILE.json, a collection of queries")
     for_examples = {
@@ -239,11 +243,9 @@ def _query_of(path: Path, name: str | None, feature_set: "FeatureSet") -> "Keyfr
         near = found or [full for full in records if name and name.lower() in full.lower()]
         names = near or list(records)
         some = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
-        what = "any of them" if name is None else f"{name!r}"
-        raise wrong(
-            "--query-name",
-            f"{path.name} has {len(found)} queries for {what}; choose one by its name: {some}",
-        )
+        what = f"{len(found)} queries" + (f" called {name!r}" if name else "")
+        what = what if found else f"no query {name!r}"
+        raise wrong("--query-name", f"{path.name} has {what}; choose one by its name: {some}")
     record = records[found[0]]
     return from_patterns(
         record.keyframes, record.groups, distances=record.distances,
@@ -253,6 +255,10 @@ def _query_of(path: Path, name: str | None, feature_set: "FeatureSet") -> "Keyfr
 
 def _is_collection(told: str | None) -> bool:
     return _is_file(told) and Path(told or "").suffix.lower() == ".json"
+
+
+def _is_meant_as_file(told: str | None) -> bool:
+    return told is not None and told.lower().endswith(_QUERY_FILES)
 
 
 def _is_file(told: str | None) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from motionary.io.motion.sides import check_sides, settle_sides
 from motionary.io.skeleton_files import find_skeleton
 from motionary.io.suffixes import format_suffix
 from motionary.motion import NO_RELATIONS, Motion
-from motionary.skeletons import SkeletonTable, say_why_unknown
+from motionary.skeletons import SkeletonTable, known_mappings, say_why_unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +197,7 @@ def read(  # noqa: PLR0913 - each thing that files do not say has a name of its 
             f"{path}: unknown format {path.suffix!r}; known are {', '.join(_FORMATS)}"
         )
     if rate_hz is not None and not 0 < rate_hz < 1e6:
-        raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
+        raise InvalidInput(f"rate_hz must be a positive number below 1e6, got {rate_hz:g}")
     if skeleton is not None and str(skeleton).lower().endswith(".asf"):
         asf, skeleton = skeleton, None
     table = None if skeleton is None else find_skeleton(skeleton)
@@ -226,10 +227,26 @@ def _map_joints(motion: Motion, table: SkeletonTable | None) -> Motion:
                 f"{motion.source}: has none of the joints of skeleton {table.name}; its joints "
                 f"are {', '.join(motion.names[:6])}, ..."
             )
+        if table.name not in known_mappings():
+            motion = replace(motion, notes=(*motion.notes, *_misnamed(table, motion.names)))
     if motion.mapping is not None:
         return motion
     why = say_why_unknown(motion.names, motion.skeleton, motion.positions)
     return replace(motion, notes=(*motion.notes, f"{NO_RELATIONS}{why}"))
+
+
+def _misnamed(table: SkeletonTable, names: tuple[str, ...]) -> list[str]:
+    """A note on names of a table that nearly are names of the file: slips of the pen."""
+    own = {name.rpartition(":")[2]: name for name in names}
+    slips = []
+    for joint, alternatives in table.joints.items():
+        if any(all(n in own or n in names for n in source) for source in alternatives):
+            continue
+        for name in alternatives[0]:
+            near = get_close_matches(name, own, n=1, cutoff=0.8)
+            if name not in own and near and not name.startswith("End of "):
+                slips.append(f"{joint} is {name!r}, which is not there; is it {near[0]!r}?")
+    return [f"{table.name}: {slip}" for slip in slips]
 
 
 def options_of(path: str | Path) -> frozenset[str]:

@@ -65,7 +65,7 @@ def make_folds(examples: Examples, *, groups: str | None, seed: int) -> list[Fol
     Raises
     ------
     InvalidInput
-        If the expression is none, or matches some example nowhere.
+        If the expression is none, matches some example nowhere, or puts all into one group.
     """
     items = [
         (name, subclass, item)
@@ -143,8 +143,11 @@ def _deal_groups(
     names = sorted(set(keys))
     order = rng.permutation(len(names))
     parts = {names[k]: place % N_FOLDS for place, k in enumerate(order)}
-    if len(names) < 2:
-        return _deal(items, rng)
+    if len(names) == 1:
+        raise InvalidInput(
+            f"groups {groups!r} puts all examples into one group, {names[0]!r}, and none can be "
+            "held out; write an expression that tells them apart, or leave it out"
+        )
     return [parts[key] for key in keys]
 
 

@@ -48,7 +48,8 @@ def write_labels(
 ) -> None:
     """Write tracks as a table that `read_labels` reads.
 
-    Columns that say nothing are left out. A track without labels leaves no row.
+    Columns that say nothing are left out: `known` where everything was seen and no label has
+    a cost. A track without labels leaves no row.
 
     Parameters
     ----------
@@ -87,8 +88,11 @@ def _as_tracks(
 
 
 def _says(label: Label, column: str) -> bool:
-    value = getattr(label, column)
-    return value is not None and (column != "known" or value < 1)
+    # By people, everything is known; what was measured says so, lest a table's columns
+    # change with its recordings.
+    if column == "known":
+        return label.known < 1 or label.cost is not None
+    return getattr(label, column) is not None
 
 
 def _cell(label: Label, column: str) -> Cell:

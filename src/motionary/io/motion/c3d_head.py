@@ -127,8 +127,12 @@ def parse_head(content: bytes, name: str) -> Head:
     UnreadableFile
         If this is no C3D file or its parameters are damaged.
     """
-    if len(content) < 2 * BLOCK or content[1] != KEY or not content[0]:
+    if len(content) < 2 or content[1] != KEY or not content[0]:
         raise UnreadableFile(f"{name}: expected a C3D file, its first bytes are others")
+    if len(content) < 2 * BLOCK:
+        raise UnreadableFile(
+            f"{name}: a C3D file has at least {2 * BLOCK} bytes, this one ends after {len(content)}"
+        )
     start = (content[0] - 1) * BLOCK
     processor = content[start + 3] if start + 4 <= len(content) else 0
     if processor not in (_INTEL, _DEC, _MIPS):
