@@ -90,7 +90,8 @@ def suggest_thresholds(
     Raises
     ------
     InvalidInput
-        If `groups` is no regular expression, or matches nothing in an example's name.
+        If `groups` is no regular expression, matches nothing in an example's name, or puts all
+        examples into one group.
     """
     folds = make_folds(examples, groups=groups, seed=seed)
     work = partial(
