@@ -308,6 +308,13 @@ def test_an_animal_is_told_and_not_measured(named, tmp_path):
         compute_features(motion)
 
 
+def test_who_bends_down_with_bent_knees_is_no_animal(data):
+    motion = read(data / "hdm05" / "depositFloorR" / "HDM_tr_depositFloorR_029_120.amc")
+    for first in range(0, motion.n_frames - 60, 12):
+        places = motion.positions[first : first + 60]
+        assert find_mapping(motion.names, motion.skeleton, places) == motion.mapping
+
+
 def test_people_on_all_fours_are_people(data):
     for name in ("squat", "kick_left"):
         motion = synthetic_motion(name, seed=1)
