@@ -66,6 +66,8 @@ def read_npz_motion(
     arrays = read_npz(path)
     if "motionary_motion" in arrays:
         motion = _read_own(arrays, path.name, rate_hz, skeleton)
+        if unit is None and up is None:
+            return motion
         settled = settle_claims(motion, _OWN, unit=unit, up=up)
         told = [note for note in settled.notes if note.endswith("as told")]
         return replace(turn(rescale(motion, settled.metres), settled.up), notes=tuple(told))
