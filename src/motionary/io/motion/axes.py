@@ -186,7 +186,9 @@ def detect_up(stance: Stance | None, *, usual: str) -> str | None:
 def is_still(stance: Stance, *, usual: str, seen: str) -> bool:
     """Whether a body along another axis than the usual one may as well be lying still."""
     opposite = usual.removeprefix("-") == seen.removeprefix("-")
-    sure = stance.walks or stance.is_planted or stance.steadier(seen, usual)
+    # Who lies and moves may keep a foot in its place, too, but rests on the usual floor.
+    stands = stance.is_planted and stance.floors[seen] <= stance.floors[usual]
+    sure = stance.walks or stands or stance.steadier(seen, usual)
     return not (seen == usual or opposite or sure)
 
 
