@@ -15,7 +15,7 @@ from motionary.io import read, read_labels
 from motionary.samples import synthetic_motion
 
 LABEL_KEYS = {"label", "start_s", "end_s", "start_frame", "end_frame", "cost", "known"}
-HIT_KEYS = {"recording", "start_s", "end_s", "start_frame", "end_frame", "cost"}
+HIT_KEYS = {"recording", "start_s", "end_s", "start_frame", "end_frame", "cost", "known"}
 
 
 @pytest.fixture

@@ -4,12 +4,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cli_cases import EXAMPLES, run, write_bvh, write_examples, write_stream
-from motionary.features import FULL_BODY
+from motionary.features import FULL_BODY, compute_features
 from motionary.index import CACHE_VARIABLE, Index
-from motionary.io import read_labels
+from motionary.io import read, read_labels
 from motionary.keyframes import parse_queries
 from motionary.library import load_library
 from motionary.samples import synthetic_motion
@@ -153,6 +154,18 @@ def test_a_query_of_a_collection(motionary, world, queries):
         "search", world / "examples", "--query", queries, "--query-name", "mine/down", "--json"
     )
     assert again.out == ran.out
+
+
+def test_one_keyframe_finds_the_stretches_that_show_it(motionary, world):
+    path = next((world / "examples" / "kick_left").iterdir())
+    ran = motionary("search", path, "--query", "left foot raised", "--json")
+    hits = [json.loads(line) for line in ran.out.splitlines()]
+    take = compute_features(read(path))
+    shown = take.features[:, FULL_BODY.names.index("left foot raised")]
+    edges = np.flatnonzero(np.diff(shown.astype(int), prepend=0, append=0))
+    seconds = [(hit["start_s"], hit["end_s"]) for hit in hits]
+    np.testing.assert_allclose(sorted(seconds), edges.reshape(-1, 2) / 30)
+    assert {hit["cost"] for hit in hits} == {0.0}
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from motionary.annotation import annotate
 from motionary.errors import InvalidInput
-from motionary.explanation import Evidence, explain, tell_nearest
+from motionary.explanation import Evidence, Finding, explain, tell_nearest
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import read_labels
 from motionary.labels import Label
@@ -263,3 +263,9 @@ def test_every_hit_can_be_explained(raised, growing):
 
 def test_no_name_of_a_relation_reads_twice_not():
     assert not any("not" in name.split() for name in FULL_BODY.names)
+
+
+def test_a_moment_is_no_span():
+    moment = Finding("F8", "left elbow bent", 22.11, 22.14, 1.0)
+    assert str(moment) == "left elbow bent (22.1 s)"
+    assert str(moment._replace(end_s=22.3)) == "left elbow bent (22.1–22.3 s)"

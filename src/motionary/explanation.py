@@ -83,7 +83,8 @@ class Finding(NamedTuple):
     weight: float
 
     def __str__(self) -> str:
-        return f"{self.phrase} ({self.start_s:.1f}–{self.end_s:.1f} s)"
+        start, end = f"{self.start_s:.1f}", f"{self.end_s:.1f}"
+        return f"{self.phrase} ({start if start == end else f'{start}–{end}'} s)"
 
 
 @dataclass(frozen=True, slots=True)

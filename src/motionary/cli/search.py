@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from motionary.labels import LabelTrack
     from motionary.search import Growing, SearchResult
 
-_KEYS = ("recording", "start_s", "end_s", "start_frame", "end_frame", "cost")
+_KEYS = ("recording", "start_s", "end_s", "start_frame", "end_frame", "cost", "known")
 _COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">known")
 
 

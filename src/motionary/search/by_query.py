@@ -38,7 +38,8 @@ class _Piece(NamedTuple):
     Attributes
     ----------
     query : number of the query
-    frames : array, shape (hits, K), frames of the documents
+    frames : array, shape (hits, K), frames of the documents; of one keyframe the first and the
+        last that show it
     misfits, numbers : arrays, shape (hits,); documents are numbered as in the collection
     """
 
@@ -75,7 +76,10 @@ def rank_queries(
     hits = []
     for piece, row in _apart(pieces, threshold, limit):
         query, frames = piece.query, piece.frames[row]
-        path = np.column_stack([columns_of_query(queries[query]), frames])
+        columns = columns_of_query(queries[query])
+        if len(columns) == 1:
+            frames = np.arange(frames[0], frames[-1] + 1)
+        path = np.column_stack([np.broadcast_to(columns, frames.shape), frames])
         misfit = float(piece.misfits[row])
         alignment = Alignment(int(frames[0]), int(frames[-1]), misfit, path)
         sequence = collection.sequences[int(piece.numbers[row])]
@@ -102,10 +106,13 @@ def explain_absence(queries: Sequence[KeyframeQuery], collection: Collection) ->
 
 
 def _find(query: KeyframeQuery, number: int, part: Part) -> _Piece | None:
-    """The best hit for each frame at which one ends."""
+    """The best hit for each frame at which one ends; of one keyframe the runs that show it."""
     ranges = search_query(query, part.shard.word_index)
     if len(ranges) == 0:
         return None
+    if len(query) == 1:
+        runs = np.column_stack([ranges.starts, ranges.stops - 1])
+        return _Piece(number, runs, np.zeros(len(runs)), part.numbers[ranges.documents])
     windows = part.shard.cut(ranges)
     fitted = fit_hits(query, windows)
     at = np.searchsorted(windows.starts, fitted.frames[:, 0], side="right") - 1

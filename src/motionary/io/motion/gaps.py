@@ -135,7 +135,10 @@ def _say(short: list[_Gap], n_kept: int, longest_s: float, fill_by: str) -> str:
         return f"no gaps up to {longest_s:g} s to fill; {n_kept} longer or at the ends are kept"
     n_frames = sum(gap.stop - gap.start for gap in short)
     n_points = len({gap.point for gap in short})
+    gaps = "1 gap" if len(short) == 1 else f"{len(short)} gaps"
+    frames = "1 frame" if n_frames == 1 else f"{n_frames} frames"
+    points = "1 point" if n_points == 1 else f"{n_points} points"
     return (
-        f"{len(short)} gaps up to {longest_s:g} s filled ({fill_by}), {n_frames} frames of "
-        f"{n_points} points; {n_kept} longer or at the ends are kept"
+        f"{gaps} up to {longest_s:g} s filled ({fill_by}), {frames} of {points}; {n_kept} longer "
+        "or at the ends are kept"
     )
