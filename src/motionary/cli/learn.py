@@ -22,10 +22,8 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence, Reading
     from motionary.library import ClassLibrary, Examples, Teaching
 
-_COLUMNS = (
-    "class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold", ">right",
-    ">found",
-)  # fmt: skip
+_COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold")
+_PROMISES = {"promised_precision": ">right", "promised_recall": ">found"}
 
 
 def learn(
@@ -49,9 +47,9 @@ def learn(
     The files in a folder are the examples of its class. Folders in it are ways of doing the
     same, each with a template of its own.
 
-    Of each class some examples are held out in turn to choose its threshold. "right" is the
-    share of labels that are right, "found" that of motions that are labelled, to be expected
-    of recordings never seen.
+    With --suggest some examples of each class are held out in turn to choose its threshold.
+    "right" is the share of labels that are right, "found" that of motions that are labelled,
+    to be expected of recordings never seen.
 
     motionary learn examples/ -o my-classes --mirror
     with examples/squat/one.bvh, examples/squat/two.bvh, examples/kick/one.bvh, ...
@@ -212,7 +210,11 @@ def _say(library: "ClassLibrary", *, as_json: bool) -> None:
         for row in rows:
             screen.say_json(row)
     else:
-        screen.say_table(_COLUMNS, [tuple(_cells(row)) for row in rows])
+        promises = (
+            _PROMISES if any(row[key] is not None for row in rows for key in _PROMISES) else {}
+        )
+        columns = (*_COLUMNS, *promises.values())
+        screen.say_table(columns, [_cells(row)[: len(columns)] for row in rows])
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
@@ -221,6 +223,6 @@ def _cells(row: dict[str, Any]) -> list[str]:
         "fixed": f"{100 * row['fixed']:.0f} %",
         "threshold": f"{row['threshold']:.3g}",
     }
-    for key in ("promised_precision", "promised_recall"):
+    for key in _PROMISES:
         shown[key] = "" if row[key] is None else f"{100 * row[key]:.0f} %"
     return [str(value) for value in shown.values()]
