@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, settings
 
 VARIABLE = "MOTIONARY_DATA"
 RECORDING_FIXTURES = {"data", "golden"}
-MARK = "recordings"
+MARK = "real_recordings"
 
 # Derandomised: the same commit gives the same verdict everywhere. No deadline: a shared
 # machine stalls now and then, which says nothing about the code.
