@@ -9,7 +9,6 @@ import inspect
 from collections.abc import Iterator
 from typing import Any
 
-import click
 import typer
 from docutils import nodes
 from sphinx.application import Sphinx
@@ -42,13 +41,12 @@ class CommandHelp(SphinxDirective):
         return section
 
 
-def _helps(
-    command: click.Command, name: str, above: click.Context | None
-) -> Iterator[tuple[str, str]]:
+def _helps(command: Any, name: str, above: Any) -> Iterator[tuple[str, str]]:
     """Names and helps of a command and of those below it."""
-    context = click.Context(command, info_name=name.split()[-1], parent=above)
+    # Typer's commands are of click's kind; some versions bring a click of their own.
+    context = command.context_class(command, info_name=name.split()[-1], parent=above)
     yield name, command.get_help(context)
-    if isinstance(command, click.Group):
+    if hasattr(command, "list_commands"):
         for below in command.list_commands(context):
             found = command.get_command(context, below)
             if found is not None and not found.hidden:
