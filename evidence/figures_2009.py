@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from evidence.common.labelled import LABELLED, NAMES, UNSEEN
 from evidence.common.pages import pair, picture, share, table
 from evidence.common.recordings import ACTORS, CMU, HDM05, TRUTH, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
-from evidence.true_recordings import LABELLED, NAMES, UNSEEN
 from motionary.annotation import annotate, class_distance
 from motionary.evaluation import evaluate
 from motionary.features import FeatureSequence

@@ -8,9 +8,9 @@ import numpy as np
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.examples import score_judged
 from evidence.common.pages import claim, picture, share, table
-from evidence.common.recordings import HDM05, Recordings, data_entry
+from evidence.common.recordings import Recordings
 from evidence.common.running import Evidence, Results, main
-from evidence.growing_choice import SEED, choose_queries, worlds_of
+from evidence.growing_choice import SEED, choose_queries, describe_data, worlds_of
 from motionary.search import Growing
 
 #: How much wrong hits tell; by a negative number they tell nothing.
@@ -103,14 +103,6 @@ def draw(results: Results) -> dict[str, Any]:
         for name, world in results.items()
     ]
     return {"judging_choice": draw_panels(panels, columns=3, size=(2.4, 1.8))}
-
-
-def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
-    """Entries of the record."""
-    return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
-        data_entry("of these the examples", [c.words for c in choose_queries(recordings)]),
-    ]
 
 
 EVIDENCE = Evidence(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from bench.timing import compare
 
+from evidence.common.labelled import LABELLED, NAMES
 from evidence.common.labelling import Setting, Sought, labels_at, learn_all, seek, with_setting
 from evidence.common.preselecting import (
     AGAINST_MORE,
@@ -75,27 +76,6 @@ MORE = ("dance", "slash", "punch", "dataset-2_raise")
 RETRIEVAL = Setting(by_surprise=False, tolerance=0.1, mirrored=False)
 #: As many frames as the thesis' clips have, 24 minutes.
 TIMED_FRAMES = 42_586
-#: What the eleven classes are called in the authors' labels.
-SUPERCLASSES = {
-    "depositFloorR": "grabDepR",
-    "grabHighR": "grabDepR",
-    "elbowToKnee1RepsLelbowStart": "exercise",
-    "squat1Reps": "exercise",
-    "hopBothLegs1hops": "jump",
-    "jogLeftCircle4StepsRstart": "move",
-    "sneak2StepsLStart": "move",
-    "kickLFront1Reps": "kick",
-    "lieDownFloor": "sitLieDown",
-    "rotateArmsBothBackward1Reps": "rotateArms",
-    "throwBasketball": "throwR",
-}
-TRUE_FILES = {
-    "01_01": "cmu/01_01.amc",
-    "49_08": "cmu/49_08.amc",
-    "86_01": "cmu/86_01.amc",
-    "HDM_bd_03-03_01_120": "hdm05_takes/HDM_bd_03-03_01_120.amc",
-}
-
 Labelled = dict[str, list[Segment]]
 
 
@@ -217,12 +197,12 @@ def _retrieve(
 
 def _true_recordings(recordings: Recordings, results: Results) -> Row:
     """The four recordings that the authors labelled; bd, who is in one, unseen."""
-    words = {name: recordings.others[file] for name, file in TRUE_FILES.items()}
+    words = {name: recordings.others[file] for file, name in LABELLED.items()}
     tracks = read_labels(recordings.folder / "truth" / "annotation_2009.csv")
     truth = {name: to_segments(tracks[name], where=name) for name in words}
     clips = _known(recordings, ["bd"])
     taught = _teach(recordings, clips)
-    names = list(dict.fromkeys(SUPERCLASSES.values()))
+    names = list(dict.fromkeys(NAMES.values()))
     table: Row = {}
     for name, of_streams in SETTINGS.items():
         setting, table[name] = of_streams._replace(mirrored=True), {}
@@ -250,16 +230,16 @@ def _superclasses(classes: Sequence[MotionClass]) -> list[MotionClass]:
     """The authors' classes of whatever subclasses are at hand."""
     return [
         replace(
-            next(one for one in classes if SUPERCLASSES[one.name] == name),
+            next(one for one in classes if NAMES[one.name] == name),
             name=name,
             subclasses=tuple(
                 subclass
                 for one in classes
-                if SUPERCLASSES[one.name] == name
+                if NAMES[one.name] == name
                 for subclass in one.subclasses
             ),
         )
-        for name in dict.fromkeys(SUPERCLASSES.values())
+        for name in dict.fromkeys(NAMES.values())
     ]
 
 
@@ -301,7 +281,7 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
         data_entry(HDM05, [clip.words for clip in recordings.clips]),
         data_entry(CMU, [words for name, words in others if name.startswith("cmu")]),
         data_entry(BANDAI, [words for name, words in others if name.startswith("bandai")]),
-        data_entry(TRUTH, [recordings.others[name] for name in TRUE_FILES.values()]),
+        data_entry(TRUTH, [recordings.others[name] for name in LABELLED]),
     ]
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from evidence.common.drawing import Panel, draw_panels
+from evidence.common.labelled import LABELLED, NAMES, UNSEEN
 from evidence.common.labelling import (
     Labelled,
     Setting,
@@ -38,29 +39,6 @@ if TYPE_CHECKING:
 
 SEED = 12
 THRESHOLDS = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12, 0.13)
-#: Recordings and their names in the table of truth.
-LABELLED = {
-    "cmu/01_01.amc": "01_01",
-    "cmu/49_08.amc": "49_08",
-    "cmu/86_01.amc": "86_01",
-    "hdm05_takes/HDM_bd_03-03_01_120.amc": "HDM_bd_03-03_01_120",
-}
-#: The actor of the last.
-UNSEEN = "bd"
-#: What the authors of the truth call the classes of the clips.
-NAMES = {
-    "depositFloorR": "grabDepR",
-    "grabHighR": "grabDepR",
-    "elbowToKnee1RepsLelbowStart": "exercise",
-    "squat1Reps": "exercise",
-    "hopBothLegs1hops": "jump",
-    "jogLeftCircle4StepsRstart": "move",
-    "sneak2StepsLStart": "move",
-    "kickLFront1Reps": "kick",
-    "lieDownFloor": "sitLieDown",
-    "rotateArmsBothBackward1Reps": "rotateArms",
-    "throwBasketball": "throwR",
-}
 SURPRISE, EQUAL = "by surprise", "all alike"
 WAYS = {
     SURPRISE: Setting(mirrored=True),

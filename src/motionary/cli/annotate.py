@@ -12,6 +12,7 @@ from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
 from motionary.cli.pictures import draw_annotation
 
 if TYPE_CHECKING:
+    from motionary.features import FeatureSequence
     from motionary.labels import Label, LabelTrack
     from motionary.library import ClassLibrary
 
@@ -64,7 +65,6 @@ def annotate(
 
     motionary annotate takes/*.amc --library my-classes -o labels.csv --explain
     """
-    from motionary.annotation import annotate as annotate_recording
     from motionary.batch import Failure
     from motionary.features import read_features
     from motionary.io import write_labels
@@ -85,27 +85,35 @@ def annotate(
             if isinstance(words, Failure):
                 failures.append(words)
                 continue
-            track = annotate_recording(
-                words, library, threshold=options.threshold, preselect=not options.thorough
-            )
-            tracks.append(track)
-            if options.plot:
-                draw_annotation(
-                    options.plot,
-                    track,
-                    words=words,
-                    library=library,
-                    threshold=options.threshold,
-                    preselect=not options.thorough,
-                )
+            tracks.append(_label(words, library, options))
             if as_json:
-                screen.say_json(_to_json(track, explained=options.explain))
+                screen.say_json(_to_json(tracks[-1], explained=options.explain))
     if options.output:
         write_labels(tracks, options.output, excel=options.excel)
     if not as_json:
         _say(tracks, explained=options.explain)
     failed = complain_of_all(found.missing.values(), failures, given=files)
     return 1 if failed else 0
+
+
+def _label(
+    words: "FeatureSequence", library: "ClassLibrary", options: LabelOptions
+) -> "LabelTrack":
+    """Labels of a recording, drawn if that is asked for."""
+    from motionary.annotation import annotate as annotate_recording
+
+    preselect = not options.thorough
+    track = annotate_recording(words, library, threshold=options.threshold, preselect=preselect)
+    if options.plot:
+        draw_annotation(
+            options.plot,
+            track,
+            words=words,
+            library=library,
+            threshold=options.threshold,
+            preselect=preselect,
+        )
+    return track
 
 
 def _library(options: LabelOptions) -> "ClassLibrary":

@@ -1,18 +1,18 @@
 """Which files does a command work on, and can its results be written?"""
 
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
-from motionary.cli.screen import complain, name_error
+from motionary.cli.screen import complain, name_error, progress
 from motionary.errors import NO_MOTION, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
     from motionary.batch import Failure
-    from motionary.features import NamedFile, Reading
+    from motionary.features import FeatureSequence, FeatureSet, NamedFile, Reading
     from motionary.motion import Motion
 
 
@@ -37,6 +37,30 @@ def find_files(paths: Iterable[str]) -> Found:
         else:
             good.append(path)
     return Found(name_recordings(good), missing)
+
+
+def read_words(
+    files: "Mapping[str, Path]",
+    told: str,
+    *,
+    reading: "Reading",
+    feature_set: "FeatureSet",
+    jobs: int,
+) -> "tuple[list[FeatureSequence], list[Failure[NamedFile]]]":
+    """Words of recordings, and those that could not be read; `told` names what is done."""
+    from motionary.batch import Failure
+    from motionary.features import read_features
+
+    words, failures = [], []
+    with progress(told, len(files)) as done:
+        for item in read_features(
+            files.items(), reading=reading, feature_set=feature_set, jobs=jobs, on_done=done
+        ):
+            if isinstance(item, Failure):
+                failures.append(item)
+            else:
+                words.append(item)
+    return words, failures
 
 
 def read_as_told(path: Path, reading: "Reading") -> "Motion":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_target, complain_of_all, find_files
+from motionary.cli.inputs import check_target, complain_of_all, find_files, read_words
 from motionary.cli.learn_options import Queries, TeachingOptions, ThresholdOptions
 from motionary.cli.options import (
     AsJson,
@@ -21,6 +21,7 @@ from motionary.errors import InvalidInput
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence, Reading
     from motionary.library import ClassLibrary, Examples, Teaching
+    from motionary.library.examples import ReadExamples
 
 _COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold")
 _PROMISES = {"promised_precision": ">right", "promised_recall": ">found"}
@@ -54,41 +55,16 @@ def learn(
     motionary learn examples/ -o my-classes --mirror
     with examples/squat/one.bvh, examples/squat/two.bvh, examples/kick/one.bvh, ...
     """
-    from motionary.library import learn_classes, list_examples, read_examples
-
     thresholds.check()
     for path in (output, plot):
         check_target(path, is_folder=True)
-    folder = Path(examples)
-    listed = list_examples(folder)
-    with screen.progress("reading", len(listed)) as done:
-        read = read_examples(
-            folder,
-            reading=reading.reading(),
-            feature_set=find_feature_set(options.features),
-            jobs=jobs,
-            on_done=done,
-        )
+    folder, told = Path(examples), reading.reading()
+    read, lost = _read_examples(folder, options.features, told, jobs=jobs)
     complain_of_all((), read.failures)
-    others, problems = _read_others(thresholds, reading.reading(), options.features, jobs=jobs)
+    others, problems = _read_others(thresholds, options.features, told, jobs=jobs)
     _advise(read.classes, tolerance=options.tolerance)
-    teaching = options.teaching(thresholds.threshold)
-    with screen.progress("learning", len(read.classes)) as done:
-        library = learn_classes(
-            read.classes,
-            teaching=teaching,
-            on_done=done,
-            on_refused=lambda name, why: problems.append(f"class {name!r} is left out: {why}"),
-        )
-    if thresholds.suggest and library:
-        library = _with_thresholds(
-            library, read.classes, others, groups=thresholds.groups, teaching=teaching, jobs=jobs
-        )
-    if options.queries is not Queries.NONE:
-        library = _with_queries(library, read.classes, options, jobs=jobs)
-    lost = sorted({name for name, _, _ in listed} - set(read.classes))
-    problems += [f"class {name!r}: none of its examples could be read; left out" for name in lost]
-    problems += _outside_of_classes(folder)
+    library, refused = _learn(read.classes, others, options, thresholds, jobs=jobs)
+    problems += [*refused, *lost, *_outside_of_classes(folder)]
     for problem in problems:
         screen.complain(problem)
     if not library:
@@ -100,28 +76,70 @@ def learn(
     return 1 if problems or read.failures else 0
 
 
+def _read_examples(
+    folder: Path, features: str | None, reading: "Reading", *, jobs: int
+) -> "tuple[ReadExamples, list[str]]":
+    """Words of the examples, and which classes have none."""
+    from motionary.library import list_examples, read_examples
+
+    listed = list_examples(folder)
+    with screen.progress("reading", len(listed)) as done:
+        read = read_examples(
+            folder,
+            reading=reading,
+            feature_set=find_feature_set(features),
+            jobs=jobs,
+            on_done=done,
+        )
+    lost = sorted({name for name, _, _ in listed} - set(read.classes))
+    return read, [f"class {name!r}: none of its examples could be read; left out" for name in lost]
+
+
 def _read_others(
-    thresholds: ThresholdOptions, reading: "Reading", features: str | None, *, jobs: int
+    thresholds: ThresholdOptions, features: str | None, reading: "Reading", *, jobs: int
 ) -> "tuple[list[FeatureSequence], list[str]]":
     """Words of recordings without the classes, and which of them could not be read."""
-    from motionary.batch import Failure
-    from motionary.features import read_features
-
     if not thresholds.negatives:
         return [], []
     found = find_files(thresholds.negatives)
-    with screen.progress("reading others", len(found.files)) as done:
-        words = list(
-            read_features(
-                found.files.items(), reading=reading, feature_set=find_feature_set(features),
-                jobs=jobs, on_done=done,
-            )
-        )  # fmt: skip
+    words, failures = read_words(
+        found.files,
+        "reading others",
+        reading=reading,
+        feature_set=find_feature_set(features),
+        jobs=jobs,
+    )
     problems = [str(error) for error in found.missing.values()]
-    problems += [
-        screen.name_error(*item.item, item.error) for item in words if isinstance(item, Failure)
-    ]
-    return [item for item in words if not isinstance(item, Failure)], problems
+    return words, problems + [screen.name_error(*item.item, item.error) for item in failures]
+
+
+def _learn(
+    examples: "Examples",
+    others: "Sequence[FeatureSequence]",
+    options: TeachingOptions,
+    thresholds: ThresholdOptions,
+    *,
+    jobs: int,
+) -> "tuple[ClassLibrary, list[str]]":
+    """The library, and which classes are left out and why."""
+    from motionary.library import learn_classes
+
+    refused: list[str] = []
+    teaching = options.teaching(thresholds.threshold)
+    with screen.progress("learning", len(examples)) as done:
+        library = learn_classes(
+            examples,
+            teaching=teaching,
+            on_done=done,
+            on_refused=lambda name, why: refused.append(f"class {name!r} is left out: {why}"),
+        )
+    if thresholds.suggest and library:
+        library = _with_thresholds(
+            library, examples, others, groups=thresholds.groups, teaching=teaching, jobs=jobs
+        )
+    if options.queries is not Queries.NONE:
+        library = _with_queries(library, examples, options, jobs=jobs)
+    return library, refused
 
 
 def _advise(examples: "Examples", *, tolerance: float) -> None:

@@ -8,13 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_picture, check_target, complain_of_all, find_files
+from motionary.cli.inputs import (
+    check_picture,
+    check_target,
+    complain_of_all,
+    find_files,
+    read_words,
+)
 from motionary.cli.options import FeatureSetName, Jobs, ReadingOptions, find_feature_set
 from motionary.cli.pictures import draw_template
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSequence
     from motionary.library import ClassLibrary, MotionClass
     from motionary.templates import MotionTemplate
 
@@ -93,8 +98,7 @@ def edit(
     _complain_of_lost(library, name, changed[called])
     screen.say(_tell(changed[called]))
     if plot:
-        template = _find(changed[called], changes.template)
-        draw_template(plot, template, changed[called].tolerance, feature_set=changed.feature_set)
+        _draw(plot, changed, called, changes.template)
 
 
 def add(
@@ -123,41 +127,52 @@ def add(
 
     motionary library add my-classes squat new/*.bvh
     """
-    from motionary.batch import Failure
-    from motionary.features import read_features
-    from motionary.library import add_examples, kept_examples, load_library
+    from motionary.library import add_examples, load_library
 
     check_picture("--plot", plot)
     check_target(folder, is_folder=True)
     library = load_library(folder)
     found = find_files(files)
-    with screen.progress("reading", len(found.files)) as done:
-        read = list(
-            read_features(
-                found.files.items(), reading=reading.reading(), feature_set=library.feature_set,
-                jobs=jobs, on_done=done,
-            )
-        )  # fmt: skip
-    failures = [item for item in read if isinstance(item, Failure)]
-    words: list[FeatureSequence] = [item for item in read if not isinstance(item, Failure)]
+    words, failures = read_words(
+        found.files,
+        "reading",
+        reading=reading.reading(),
+        feature_set=library.feature_set,
+        jobs=jobs,
+    )
     complain_of_all(found.missing.values(), failures)
     grown = add_examples(library, name, words, subclass=template)
     if grown is library:
         screen.complain("no example is new; nothing was changed")
-    elif kept_examples(grown) is not None:
-        grown = _suggest(grown, {n for n in library.names if _is_suggested(library, n)}, jobs=jobs)
     else:
-        screen.complain(
-            "the examples that the class was learned from were not kept (learn --keep-examples): "
-            "its template stands for them, and its threshold stays"
-        )
+        grown = _with_thresholds_anew(grown, library, jobs=jobs)
     grown.save(folder)
     _complain_of_lost(library, name, grown[name])
     screen.say(_tell(grown[name]))
     if plot:
-        shown = _find(grown[name], template)
-        draw_template(plot, shown, grown[name].tolerance, feature_set=grown.feature_set)
+        _draw(plot, grown, name, template)
     return 1 if found.missing or failures else 0
+
+
+def _draw(plot: str, library: "ClassLibrary", name: str, template: str | None) -> None:
+    shown = _find(library[name], template)
+    draw_template(plot, shown, library[name].tolerance, feature_set=library.feature_set)
+
+
+def _with_thresholds_anew(
+    grown: "ClassLibrary", before: "ClassLibrary", *, jobs: int
+) -> "ClassLibrary":
+    """Thresholds that were suggested are suggested anew, where there are examples to do so."""
+    from motionary.library import kept_examples
+
+    if kept_examples(grown) is not None:
+        suggested = {name for name in before.names if _is_suggested(before, name)}
+        return _suggest(grown, suggested, jobs=jobs)
+    screen.complain(
+        "the examples that the class was learned from were not kept (learn --keep-examples): "
+        "its template stands for them, and its threshold stays"
+    )
+    return grown
 
 
 def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
