@@ -134,12 +134,9 @@ def add(
     library = load_library(folder)
     found = find_files(files)
     words, failures = read_words(
-        found.files,
-        "reading",
-        reading=reading.reading(),
-        feature_set=library.feature_set,
+        found.files, "reading", reading=reading.reading(), feature_set=library.feature_set,
         jobs=jobs,
-    )
+    )  # fmt: skip
     complain_of_all(found.missing.values(), failures)
     grown = add_examples(library, name, words, subclass=template)
     if grown is library:
