@@ -6,7 +6,7 @@ shape of their tree, by sides and by names, and the mapping says so.
 """
 
 from collections.abc import Collection, Iterable
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ def find_mapping(
     if count_people(names, _fits) > 1 or (skeleton is not None and len(_bodies(skeleton)) > 1):
         return None
     some = None if positions is None else _some(positions)
-    mapping = _fitting(names, without)
+    mapping = _fitting(names, frozenset(without))
     if mapping is None and skeleton is not None and some is not None:
         mapping = guess_from_tree(skeleton, some)
     if mapping is None:
@@ -119,7 +119,7 @@ def say_why_unknown(
             "with --skeleton NAME (skeleton=...)"
         )
     some = None if positions is None else _some(positions)
-    guess = _fitting(names, ())
+    guess = _fitting(names)
     if guess is None and skeleton is not None and some is not None:
         guess = guess_from_tree(skeleton, some)
     guess = guess or guess_from_names(names)
@@ -139,7 +139,7 @@ def _some(positions: Floats) -> Floats:
 
 def _fits(names: tuple[str, ...]) -> bool:
     """Whether joints of these names are a body."""
-    return (_fitting(names, ()) or guess_from_names(names)) is not None
+    return (_fitting(names) or guess_from_names(names)) is not None
 
 
 def _bodies(skeleton: Skeleton) -> list[tuple[str, ...]]:
@@ -158,7 +158,9 @@ def _bodies(skeleton: Skeleton) -> list[tuple[str, ...]]:
     return [names for names in trees if _fits(names)]
 
 
-def _fitting(names: tuple[str, ...], without: Collection[str]) -> JointMapping | None:
+# Folders hold many files of few rigs.
+@lru_cache(maxsize=64)
+def _fitting(names: tuple[str, ...], without: frozenset[str] = frozenset()) -> JointMapping | None:
     there = frozenset(names)
     best: tuple[bool, float, int] | None = None
     result = None

@@ -148,14 +148,13 @@ def find_stance(generic: Floats) -> Stance | None:
     cosines = along / np.maximum(lengths, 1e-12)
     size = max(float(np.median(lengths)), 1e-12)
     bodies = bodies[:, ~np.isnan(bodies).all(axis=(0, 2))]
-    shares, floors = {}, {}
+    shares = {}
     for i, letter in enumerate("xyz"):
         shares[letter] = float((cosines[:, i] > _CLEAR).mean())
         shares[f"-{letter}"] = float((cosines[:, i] < -_CLEAR).mean())
-        ends = np.nanmin(bodies[:, :, i], axis=1), np.nanmax(bodies[:, :, i], axis=1)
-        floors[letter], floors[f"-{letter}"] = (
-            _wandering(end) / size if has_feet else 0.0 for end in ends
-        )
+    ends = np.hstack((np.nanmin(bodies, axis=1), np.nanmax(bodies, axis=1)))
+    wander = _wandering(ends) / size if has_feet else np.zeros(6)
+    floors = dict(zip(("x", "y", "z", "-x", "-y", "-z"), wander.tolist(), strict=True))
     walks, is_planted = _walks(generic[seen], along, size), _is_planted(generic[seen], size)
     return Stance(shares, floors, walks, is_planted)
 
@@ -212,16 +211,17 @@ def _is_planted(bodies: Floats, size: float) -> bool:
     for joints in (("root",), _LOW):
         tracks = [bodies[:, GENERIC_JOINTS.index(joint)] for joint in joints]
         tracks = [track[~np.isnan(track).any(axis=1)] for track in tracks]
-        widths = [max(_wandering(track[:, i]) for i in range(3)) for track in tracks if len(track)]
+        widths = [float(_wandering(track).max()) for track in tracks if len(track)]
         wanders.append(min(widths, default=np.nan))
     root, foot = wanders
     return root > _STIRS * size and foot < _HALF * root
 
 
-def _wandering(ends: Floats) -> float:
-    """Width of the middle four fifths."""
-    low, high = np.percentile(ends, (10, 90))
-    return float(high - low)
+def _wandering(places: Floats) -> Floats:
+    """Width of the middle four fifths of each column."""
+    low, high = np.percentile(places, (10, 90), axis=0)
+    width: Floats = high - low
+    return width
 
 
 def _mean_of(generic: Floats, joints: tuple[str, ...]) -> Floats:

@@ -81,7 +81,7 @@ def is_in_place(motion: Motion) -> bool:
     if motion.mapping is None or motion.n_frames < 2 * step + 1:
         return False
     first = np.arange(0, motion.n_frames - step, max(1, motion.n_frames // _LOOKED_AT))
-    now, then = (_body(motion, frames) for frames in (first, first + step))
+    now = _body(motion, first)
     leg, root = _leg(now), now[:, GENERIC_JOINTS.index("root")][:, [0, 2]]
     root = root[np.isfinite(root).all(axis=1)]
     if not leg > 0 or not len(root):
@@ -89,7 +89,7 @@ def is_in_place(motion: Motion) -> bool:
     sways = float(np.ptp(root, axis=0).max()) / leg
     if sways > _ON_THE_SPOT:
         return False
-    slides = _sliding(now, then, leg) * motion.rate_hz / step
+    slides = _sliding(now, _body(motion, first + step), leg) * motion.rate_hz / step
     if not len(slides):
         return False
     median, most = np.percentile(slides, (50, 95))

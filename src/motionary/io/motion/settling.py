@@ -83,8 +83,7 @@ def settle_claims(
     length = units.measure_body(body, some.positions, some.skeleton)
     metres, unit_note = _settle_unit(motion.source, claims, unit, length)
     stance = None if body is None else axes.find_stance(body)
-    rest = _rest_axis(motion) if motion.skeleton is not None else None
-    axis, up_note = _settle_up(motion.source, claims, up, stance, rest)
+    axis, up_note = _settle_up(motion, claims, up, stance)
     return Settled(metres, axis, (unit_note, up_note))
 
 
@@ -153,8 +152,9 @@ def _settle_unit(
 
 
 def _settle_up(
-    source: str, claims: Claims, up: str | None, stance: axes.Stance | None, rest: str | None
+    motion: Motion, claims: Claims, up: str | None, stance: axes.Stance | None
 ) -> tuple[str, str]:
+    source = motion.source
     if up is not None:
         axis = axes.check_up(up)
         other = None if stance is None else stance.refutes(axis)
@@ -178,7 +178,7 @@ def _settle_up(
         if claims.up is not None or claims.by_definition:
             told_by = "as the file says" if claims.up is not None else "by definition"
             return usual, f"{usual} up, {told_by}; the body lies along {seen}, or stands still"
-        if rest not in (None, seen):
+        if _rest_axis(motion) not in (None, seen):
             raise InvalidInput(
                 f"{source}: its body stands along {seen}, or lies still where {usual} points up; "
                 f"say which with --up {seen} or --up {usual} (up=...)"
