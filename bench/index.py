@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.features import FULL_BODY, FeatureSequence
-from motionary.index import Index, collect
+from motionary.retrieval.index import Index, collect
 
 N_WORDS = 1_000_000
 DOCUMENT = 400

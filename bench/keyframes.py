@@ -20,9 +20,9 @@ import numpy as np
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import read
 from motionary.io.queries import read_query_collections
-from motionary.keyframes import KeyframeQuery, from_patterns, index_words, search_query
-from motionary.keyframes.intervals import EMPTY, Documents, Intervals, join
-from motionary.words import Words
+from motionary.models.keyframes import KeyframeQuery, from_patterns, index_words, search_query
+from motionary.models.keyframes.intervals import EMPTY, Documents, Intervals, join
+from motionary.packing import Words
 
 SIZES = (1_000_000, 42_586)
 ROUNDS = 9

@@ -15,7 +15,7 @@ import numpy as np
 
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import read
-from motionary.templates import learn_template
+from motionary.models.templates import learn_template
 from timing import compare
 
 RUNS = 9

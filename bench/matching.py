@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching import Pattern, distance_function
-from motionary.words import Words, count, full_mask, pack, unpack
+from motionary.packing import Words, count, full_mask, pack, unpack
 from timing import compare, print_ratios
 
 N_COLUMNS, N_FRAMES, N_RELATIONS = 60, 100_000, 40
@@ -45,7 +45,7 @@ def words_to_search() -> tuple[Words, str]:
     """Words of recordings, one after the other again and again; synthetic without them."""
     folder = Path(os.environ.get("MOTIONARY_DATA", "")) / "hdm05"
     if "MOTIONARY_DATA" in os.environ and folder.is_dir():
-        from motionary.index import collect
+        from motionary.retrieval.index import collect
 
         words = np.concatenate([s.words for s in collect(folder).sequences])
         return np.resize(words, (N_FRAMES, 1)), "from HDM05 clips"

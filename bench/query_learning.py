@@ -11,8 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from motionary.features import FULL_BODY, FeatureSequence, read_features
-from motionary.keyframes import index_words, search_query
-from motionary.query_learning import (
+from motionary.models.keyframes import index_words, search_query
+from motionary.models.query_learning import (
     PUBLISHED,
     Breeding,
     Problem,
@@ -20,7 +20,7 @@ from motionary.query_learning import (
     judge_clips,
     state_problem,
 )
-from motionary.query_learning.individuals import to_query
+from motionary.models.query_learning.individuals import to_query
 from timing import compare, print_ratios
 
 FRAMES = 42_586

@@ -19,12 +19,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import motionary as mo
-from motionary.annotation import class_distance
 from motionary.batch import write_atomically
 from motionary.features import FULL_BODY
-from motionary.index import Collection, collect
-from motionary.library import Teaching, learn_classes
 from motionary.matching import distance_function
+from motionary.models.library import Teaching, learn_classes
 from motionary.plots import (
     grid,
     plot_annotation,
@@ -37,8 +35,10 @@ from motionary.plots import (
 )
 from motionary.plots.page import Layout, add_legend, mark_seconds, new_page, swatch
 from motionary.plots.style import BLACK, WHITE, house_style
+from motionary.retrieval.annotation import class_distance
+from motionary.retrieval.index import Collection, collect
+from motionary.retrieval.search import Growing, SearchResult
 from motionary.samples import synthetic_motion, synthetic_stream
-from motionary.search import Growing, SearchResult
 
 IMAGES = Path(__file__).resolve().parent / "images"
 

@@ -31,7 +31,7 @@ from evidence.common.recordings import CMU, HDM05, Clip, Recordings, data_entry,
 from evidence.common.running import Evidence, Results, main
 from evidence.common.streams import AMC_STRETCHES
 from motionary.matching import corpus_distance
-from motionary.templates import pattern_of, quantise
+from motionary.models.templates import pattern_of, quantise
 
 Floats = NDArray[np.float64]
 

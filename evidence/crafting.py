@@ -15,10 +15,10 @@ from evidence.common.recordings import BANDAI, CMU, HDM05, Clip, Recordings, dat
 from evidence.common.running import Evidence, Results, main
 from motionary.features import FeatureSequence, compute_features
 from motionary.matching import corpus_distance, find_hits
+from motionary.models.templates import MotionTemplate, pattern_of, quantise, template_from_text
 from motionary.plots.style import BETWEEN, house_style
 from motionary.samples.figure import Proportions, pose_figure
 from motionary.samples.phrases import curves, end_of, parse_phrases, vary
-from motionary.templates import MotionTemplate, pattern_of, quantise, template_from_text
 
 SEED = 4
 THRESHOLDS = (0.01, 0.02, 0.04, 0.06, 0.08, 0.1)

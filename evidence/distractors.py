@@ -18,8 +18,8 @@ from evidence.common.ranking import (
 from evidence.common.recordings import BANDAI, CMU, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.features import FeatureSequence
-from motionary.library import TOLERANCE
 from motionary.matching import Pattern, corpus_distance, find_hits
+from motionary.models.library import TOLERANCE
 
 RECALLS = (0.5, 0.8, 0.9, 1.0)
 SETTINGS = {"as published": (TOLERANCE_2006, False), "by surprise": (TOLERANCE, True)}

@@ -24,8 +24,8 @@ from motionary.features import FULL_BODY_2006, FeatureSequence, compute_features
 from motionary.io import read
 from motionary.labels import Label, LabelTrack
 from motionary.matching import distance_function
+from motionary.models.templates import Learning, MotionTemplate, learn_template
 from motionary.plots import plot_distance, plot_features, plot_sheet, plot_template
-from motionary.templates import Learning, MotionTemplate, learn_template
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,19 +10,19 @@ from evidence.common.labelled import LABELLED, NAMES, UNSEEN
 from evidence.common.pages import pair, picture, share, table
 from evidence.common.recordings import ACTORS, CMU, HDM05, TRUTH, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
-from motionary.annotation import annotate, class_distance
 from motionary.evaluation import evaluate
 from motionary.features import FeatureSequence
 from motionary.io import read_labels
 from motionary.labels import Label, LabelTrack
-from motionary.library import (
+from motionary.matching import distance_function
+from motionary.models.library import (
     ClassLibrary,
     Teaching,
     learn_classes,
     learn_queries,
 )
-from motionary.matching import distance_function
 from motionary.plots import plot_annotation, plot_distance
+from motionary.retrieval.annotation import annotate, class_distance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

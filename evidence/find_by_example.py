@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evidence.baselines import position_frames
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.examples import (
     Pool,
@@ -25,9 +26,8 @@ from evidence.common.parts import Parts, at_tempo, part_costs
 from evidence.common.recordings import BANDAI, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from evidence.growing_choice import choose_queries
-from motionary.baselines import position_frames
 from motionary.features import FeatureSequence
-from motionary.search import Growing
+from motionary.retrieval.search import Growing
 
 Floats = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from evidence.common.examples import Pool, Query, mean, others_of, score_all
 from evidence.common.pages import claim, picture, share, table
 from evidence.common.recordings import HDM05, Clip, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
-from motionary.search import Growing
+from motionary.retrieval.search import Growing
 
 SEED = 1
 #: Unlike these, one at a time, or two where they act together.

@@ -14,7 +14,7 @@ from evidence.common.queries import RETRIEVAL_2008, by_choosing, index_of, lesso
 from evidence.common.recordings import ACTORS, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.features import FULL_BODY, FeatureSequence
-from motionary.keyframes import Choosing, KeyframeQuery, join_queries, search_query
+from motionary.models.keyframes import Choosing, KeyframeQuery, join_queries, search_query
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,7 +11,7 @@ from evidence.common.pages import claim, picture, share, table
 from evidence.common.recordings import Recordings
 from evidence.common.running import Evidence, Results, main
 from evidence.growing_choice import SEED, choose_queries, describe_data, worlds_of
-from motionary.search import Growing
+from motionary.retrieval.search import Growing
 
 #: How much wrong hits tell; by a negative number they tell nothing.
 PRIORS = {"right ones alone": -1.0, "3": 3.0, "10": 10.0, "30": 30.0}

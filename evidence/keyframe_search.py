@@ -17,7 +17,7 @@ from evidence.common.queries import RETRIEVAL_2008, index_of, manual_records, qu
 from evidence.common.recordings import BANDAI, CMU, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.io.queries import QueryRecord
-from motionary.keyframes import KeyframeQuery, WordIndex, search_query, select_in_index
+from motionary.models.keyframes import KeyframeQuery, WordIndex, search_query, select_in_index
 from motionary.plots.style import BLUE, VERMILLION, house_style
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from evidence.common.running import Evidence, Results, main
 from motionary.evaluation import compute_average_precision
 from motionary.labels import Label, LabelTrack
 from motionary.matching import Corpus, corpus_distance
+from motionary.models.templates import MotionTemplate, pattern_of, quantise
 from motionary.plots import plot_distance
-from motionary.templates import MotionTemplate, pattern_of, quantise
 
 Floats = NDArray[np.float64]
 Distance = Callable[[Corpus], Floats]

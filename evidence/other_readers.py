@@ -18,7 +18,7 @@ from evidence.common.pages import table
 from evidence.common.recordings import BANDAI, CMU, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.io import find_recordings, read
-from motionary.io.motion.axes import turn_up
+from motionary.io.normalise.axes import turn_up
 from motionary.motion import Motion
 
 if TYPE_CHECKING:

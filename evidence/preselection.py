@@ -56,11 +56,11 @@ from evidence.common.running import Evidence, Results, main
 from evidence.common.streams import CHOOSING, KINDS, PAIRS, REPORTING, Stream, make_streams
 from evidence.preselection_page import draw, write
 from motionary import read_labels
-from motionary.annotation import class_distance
 from motionary.evaluation import Segment, evaluate, to_segments
 from motionary.features import FeatureSequence
-from motionary.keyframes import Choosing
-from motionary.library import MotionClass
+from motionary.models.keyframes import Choosing
+from motionary.models.library import MotionClass
+from motionary.retrieval.annotation import class_distance
 
 if TYPE_CHECKING:
     pass

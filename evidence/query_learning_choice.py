@@ -23,7 +23,7 @@ from evidence.query_learning_tasks import (
     mean_of,
     split,
 )
-from motionary.query_learning import Breeding
+from motionary.models.query_learning import Breeding
 
 #: What is tried.
 COMMITTEES = tuple(

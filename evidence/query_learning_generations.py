@@ -15,7 +15,7 @@ from evidence.common.pages import picture, share, table
 from evidence.common.recordings import ACTORS, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import JOBS, Evidence, Results, main
 from evidence.query_learning_tasks import compute_all, problem_of, split
-from motionary.query_learning import PUBLISHED, breed_runs, judge_clips
+from motionary.models.query_learning import PUBLISHED, breed_runs, judge_clips
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

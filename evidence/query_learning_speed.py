@@ -26,11 +26,11 @@ from evidence.common.recordings import (
 )
 from evidence.common.running import JOBS, Evidence, Results, main
 from evidence.query_learning_tasks import manual_queries, split
-from motionary.annotation import annotate, class_distance
 from motionary.features import FULL_BODY, WORD_HZ, FeatureSequence
-from motionary.keyframes import KeyframeQuery, choose_query, select_in_words
-from motionary.library import ClassLibrary, Teaching, learn_classes, learn_queries
-from motionary.query_learning.fitness import weighted_f
+from motionary.models.keyframes import KeyframeQuery, choose_query, select_in_words
+from motionary.models.library import ClassLibrary, Teaching, learn_classes, learn_queries
+from motionary.models.query_learning.fitness import weighted_f
+from motionary.retrieval.annotation import annotate, class_distance
 
 SEED = 0
 UNSEEN = "tr"

@@ -14,7 +14,8 @@ from evidence.common.recordings import Clip, Recordings
 from motionary.batch import Failure, map_ordered
 from motionary.features import FULL_BODY, FeatureSequence
 from motionary.io.queries import read_query_collections
-from motionary.keyframes import (
+from motionary.matching import Pattern, corpus_distance
+from motionary.models.keyframes import (
     HitRanges,
     KeyframeQuery,
     WordIndex,
@@ -23,16 +24,15 @@ from motionary.keyframes import (
     search_query,
     select_in_index,
 )
-from motionary.matching import Pattern, corpus_distance
-from motionary.query_learning import (
+from motionary.models.query_learning import (
     Breeding,
     LearnedQueries,
     Problem,
     breed_runs,
     state_problem,
 )
-from motionary.query_learning.fitness import weighted_f
-from motionary.templates import MotionTemplate, pattern_of, quantise
+from motionary.models.query_learning.fitness import weighted_f
+from motionary.models.templates import MotionTemplate, pattern_of, quantise
 
 #: Thresholds at which recall that is lost, and precision, are told.
 LOW, HIGH = 0.06, 0.1

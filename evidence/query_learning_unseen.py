@@ -17,8 +17,8 @@ from evidence.query_learning_tasks import (
     mean_of,
     split,
 )
-from motionary.keyframes import KeyframeQuery, choose_query
-from motionary.query_learning import (
+from motionary.models.keyframes import KeyframeQuery, choose_query
+from motionary.models.query_learning import (
     PUBLISHED,
     RUNS,
     Breeding,
@@ -28,7 +28,7 @@ from motionary.query_learning import (
     combine_runs,
     default_votes,
 )
-from motionary.query_learning.individuals import to_query
+from motionary.models.query_learning.individuals import to_query
 
 #: Runs of the evolution as published, and of random search, for each class and actor.
 PUBLISHED_RUNS = 5

@@ -41,8 +41,8 @@ from evidence.common.streams import (
 )
 from motionary.evaluation import Counts, compute_rates, count_overlaps, pool_counts
 from motionary.features import FeatureSequence
-from motionary.library import THRESHOLD, Suggestion, Teaching, suggest_thresholds
-from motionary.library.thresholds import OTHER_PER_FRAME
+from motionary.models.library import THRESHOLD, Suggestion, Teaching, suggest_thresholds
+from motionary.models.library.thresholds import OTHER_PER_FRAME
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -31,7 +31,7 @@ from evidence.common.streams import CHOOSING, make_streams, negatives
 from evidence.true_recordings_page import write
 from motionary.evaluation import Segment, rename_segments, to_segments
 from motionary.io import read_labels
-from motionary.library import Teaching, suggest_thresholds
+from motionary.models.library import Teaching, suggest_thresholds
 from motionary.plots import plot_sheet
 
 if TYPE_CHECKING:

@@ -24,13 +24,13 @@ from evidence.variants_page import (
     draw,
     write,
 )
-from motionary.annotation import annotate
 from motionary.errors import MotionaryError
 from motionary.features import FULL_BODY, FeatureSequence, compute_features, say_yardsticks
 from motionary.io import read
 from motionary.labels import Label
-from motionary.library import ClassLibrary, Teaching, learn_classes
+from motionary.models.library import ClassLibrary, Teaching, learn_classes
 from motionary.motion import Motion
+from motionary.retrieval.annotation import annotate
 
 Bools = NDArray[np.bool_]
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 
-from motionary.keyframes import Gap, KeyframeQuery, WordIndex, index_words
-from motionary.words import Words, pack
+from motionary.models.keyframes import Gap, KeyframeQuery, WordIndex, index_words
+from motionary.packing import Words, pack
 
 SET = "a stream of yes and no"
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from motionary.features import FULL_BODY
-from word_cases import sequence
+from packing_cases import sequence
 
 
 def made_class(seed, *, n_frames=40, n_features=40):

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from motionary.matching import Pattern
-from motionary.words import Words, pack
+from motionary.packing import Words, pack
 from oracles import matching as oracle
 
 FREE = UNKNOWN = None

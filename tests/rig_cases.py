@@ -6,8 +6,8 @@ from one to another, or beside one, by metres. Of a line with @ there is one for
 
 import numpy as np
 
-from motionary.geometry import euler_to_quaternions, quaternions_to_matrices
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
+from motionary.rotations import euler_to_quaternions, quaternions_to_matrices
 from motionary.samples.figure import Proportions, figure_skeleton
 
 LIMBS = """

@@ -21,7 +21,7 @@ import pytest
 
 import motionary
 from cli_cases import run
-from motionary.index import CACHE_VARIABLE
+from motionary.retrieval.index import CACHE_VARIABLE
 from motionary.samples import synthetic_motion, synthetic_stream
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -45,7 +45,7 @@ def rooms() -> set[str]:
 
 def rooms_of_contract() -> dict[str, bool]:
     """Rooms of the layers contract, and whether each must exist."""
-    (layers,) = (contract["layers"] for contract in CONTRACTS if contract["type"] == "layers")
+    (layers,) = (c["layers"] for c in CONTRACTS if c.get("containers") == ["motionary"])
     names = [name.strip() for layer in layers for name in layer.split("|")]
     return {name.strip("()"): not name.startswith("(") for name in names}
 

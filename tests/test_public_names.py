@@ -64,9 +64,10 @@ def test_an_unknown_name_is_an_attribute_error():
 
 
 def test_importing_a_module_does_not_hide_the_function_of_its_name():
-    importlib.import_module("motionary.search")
+    importlib.import_module("motionary.retrieval.search")
     assert not isinstance(motionary.search, ModuleType)
-    code = "import motionary.search, motionary as mo; print(type(mo.search).__name__)"
+    assert isinstance(motionary.retrieval.search, ModuleType)
+    code = "import motionary.retrieval.search, motionary as mo; print(type(mo.search).__name__)"
     assert run_fresh(code) == "function"
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evidence.baselines import BASELINES, match_costs
 from evidence.common.recordings import Clip, Recordings
-from motionary.baselines import BASELINES, match_costs
 from motionary.evaluation import compute_average_precision
 
 Floats = NDArray[np.float64]

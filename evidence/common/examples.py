@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evidence.baselines import BASELINES, match_costs
 from evidence.common.ranking import clip_costs, corpus_of
 from evidence.common.recordings import Clip
-from motionary.baselines import BASELINES, match_costs
 from motionary.evaluation import compute_average_precision, compute_r_precision
 from motionary.features import FeatureSequence
-from motionary.index import Collection
 from motionary.matching import Corpus, Pattern
-from motionary.search import Growing, Judged, SearchResult, search
+from motionary.retrieval.index import Collection
+from motionary.retrieval.search import Growing, Judged, SearchResult, search
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

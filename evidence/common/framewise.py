@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evidence.baselines import FrameClassifier, position_windows, train_frame_classifier
 from evidence.common.example_queries import Frames, smallest
 from evidence.common.ranking import TOLERANCE_2006, clip_costs, corpus_of, patterns_of, templates_of
 from evidence.common.recordings import ACTORS, Clip, Recordings, examples
 from evidence.common.streams import AMC_STRETCHES, CHOOSING, REPORTING
-from motionary.annotation import annotate
-from motionary.baselines import FrameClassifier, position_windows, train_frame_classifier
 from motionary.evaluation import score_classification
 from motionary.features import FeatureSequence
-from motionary.library import Teaching, learn_classes
+from motionary.models.library import Teaching, learn_classes
+from motionary.retrieval.annotation import annotate
 
 Floats = NDArray[np.float64]
 Codes = NDArray[np.intp]

@@ -23,7 +23,7 @@ from evidence.common.queries import (
 from evidence.common.recordings import ACTORS, Recordings
 from evidence.common.streams import PAIRS
 from motionary.evaluation import compute_rates_at
-from motionary.keyframes import Choosing
+from motionary.models.keyframes import Choosing
 
 Settings = TypeVar("Settings")
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evidence.common.recordings import Clip, examples
-from motionary.annotation import ClassDistance, class_distance
 from motionary.evaluation import (
     Segment,
     compute_mean_average_precision,
@@ -24,8 +23,6 @@ from motionary.evaluation import (
     pool_counts,
 )
 from motionary.features import FULL_BODY, FeatureSequence
-from motionary.library import MotionClass, Teaching, learn_classes
-from motionary.library.teaching import measure_background
 from motionary.matching import (
     SKIP_WEIGHT,
     Alignment,
@@ -34,6 +31,9 @@ from motionary.matching import (
     find_runs,
     modify,
 )
+from motionary.models.library import MotionClass, Teaching, learn_classes
+from motionary.models.library.teaching import measure_background
+from motionary.retrieval.annotation import ClassDistance, class_distance
 
 #: Overlap at which average precision is told.
 IOU = 0.5

@@ -7,10 +7,10 @@ table 4 (the relations of a single example). Steps and weights are those of matc
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.baselines import match_costs
+from evidence.baselines import match_costs
 from motionary.matching import SKIP_WEIGHT, Corpus
-from motionary.templates import MotionTemplate
-from motionary.words import unpack
+from motionary.models.templates import MotionTemplate
+from motionary.packing import unpack
 
 Floats = NDArray[np.float64]
 

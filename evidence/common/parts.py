@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from evidence.common.ranking import clip_costs
 from motionary.features import FeatureSequence
 from motionary.matching import Corpus, surprise
-from motionary.templates import QuantisedTemplate, pattern_of
+from motionary.models.templates import QuantisedTemplate, pattern_of
 
 Floats = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import numpy as np
 from evidence.common.ranking import corpus_of
 from evidence.common.streams import Stream
 from motionary.features import FeatureSequence
-from motionary.keyframes import select_in_words
-from motionary.library import MotionClass, Subclass
 from motionary.matching import Pattern, corpus_distance, find_hits
+from motionary.models.keyframes import select_in_words
+from motionary.models.library import MotionClass, Subclass
 
 Windows = list[tuple[int, int]]
 THRESHOLDS = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.13)

@@ -14,7 +14,8 @@ from evidence.common.ranking import TOLERANCE_2006, corpus_of, templates_of
 from evidence.common.recordings import Clip, Recordings
 from motionary.features import FeatureSequence
 from motionary.io.queries import QueryRecord, read_query_collections
-from motionary.keyframes import (
+from motionary.matching import Pattern, corpus_distance
+from motionary.models.keyframes import (
     Choosing,
     KeyframeQuery,
     WordIndex,
@@ -26,16 +27,15 @@ from motionary.keyframes import (
     mirror_query,
     select_in_index,
 )
-from motionary.library import MotionClass
-from motionary.matching import Pattern, corpus_distance
-from motionary.query_learning import (
+from motionary.models.library import MotionClass
+from motionary.models.query_learning import (
     RUNS,
     LearnedQueries,
     breed_runs,
     default_votes,
     state_problem,
 )
-from motionary.templates import MotionTemplate, pattern_of, quantise
+from motionary.models.templates import MotionTemplate, pattern_of, quantise
 
 Floats = NDArray[np.float64]
 

@@ -26,8 +26,8 @@ from motionary.matching import (
     corpus_distance,
     share_of_ones,
 )
-from motionary.templates import MotionTemplate, learn_template, pattern_of, quantise
-from motionary.words import full_mask
+from motionary.models.templates import MotionTemplate, learn_template, pattern_of, quantise
+from motionary.packing import full_mask
 
 Floats = NDArray[np.float64]
 

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.geometry import (
+from motionary.io import write
+from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics, resample
+from motionary.rotations import (
     matrices_to_quaternions,
     multiply_quaternions,
     quaternions_to_matrices,
 )
-from motionary.io import write
-from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics, resample
 
 Floats = NDArray[np.float64]
 

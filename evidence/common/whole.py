@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence
 from motionary.matching import Pattern
-from motionary.words import unpack
+from motionary.packing import unpack
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.geometry import unit_vectors
+from motionary.rotations import unit_vectors
 
 GENERIC_JOINTS = (
     "root", "lhip", "lknee", "lankle", "ltoes", "rhip", "rknee", "rankle", "rtoes",

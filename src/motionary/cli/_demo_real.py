@@ -7,11 +7,11 @@ from pathlib import Path
 
 from motionary.cli import _demo_steps as steps
 from motionary.features import FeatureSequence, compute_features
-from motionary.index import Collection, collect
 from motionary.io import match_recording, read, read_labels
 from motionary.labels import Label
-from motionary.library import ClassLibrary, Teaching, learn_classes
-from motionary.search import search
+from motionary.models.library import ClassLibrary, Teaching, learn_classes
+from motionary.retrieval.index import Collection, collect
+from motionary.retrieval.search import search
 
 EXAMPLE = "squat1Reps/HDM_mm_squat1Reps_037_120.amc"
 UNSEEN_ACTOR = "bd"

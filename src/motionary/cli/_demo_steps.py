@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.annotation import annotate
 from motionary.evaluation import Scores, evaluate
-from motionary.explanation import explain
 from motionary.features import FeatureSequence
 from motionary.io import write_labels
 from motionary.labels import Label, LabelTrack
-from motionary.library import ClassLibrary
+from motionary.models.library import ClassLibrary
 from motionary.motion import Motion
 from motionary.plots import plot_annotation, plot_sheet, plot_template, save
-from motionary.search import Growing, Hit, SearchResult
+from motionary.retrieval.annotation import annotate
+from motionary.retrieval.explanation import explain
+from motionary.retrieval.search import Growing, Hit, SearchResult
 
 
 def show_hits(

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from motionary.cli import _demo_steps as steps
 from motionary.features import compute_features
-from motionary.index import Collection
 from motionary.labels import Label
-from motionary.library import Teaching, learn
+from motionary.models.library import Teaching, learn
+from motionary.retrieval.index import Collection
+from motionary.retrieval.search import search
 from motionary.samples import SYNTHETIC_CLASSES, synthetic_motion, synthetic_stream
-from motionary.search import search
 
 EXAMPLES = 6
 

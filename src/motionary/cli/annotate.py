@@ -14,7 +14,7 @@ from motionary.cli.pictures import draw_annotation
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
     from motionary.labels import Label, LabelTrack
-    from motionary.library import ClassLibrary
+    from motionary.models.library import ClassLibrary
 
 _COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
 
@@ -100,7 +100,7 @@ def _label(
     words: "FeatureSequence", library: "ClassLibrary", options: LabelOptions
 ) -> "LabelTrack":
     """Labels of a recording, drawn if that is asked for."""
-    from motionary.annotation import annotate as annotate_recording
+    from motionary.retrieval.annotation import annotate as annotate_recording
 
     preselect = not options.thorough
     track = annotate_recording(words, library, threshold=options.threshold, preselect=preselect)
@@ -124,7 +124,7 @@ def _library(options: LabelOptions) -> "ClassLibrary":
             "`motionary learn EXAMPLES -o LIB`, then pass --library LIB",
             param_hint="--library",
         )
-    from motionary.library import load_library
+    from motionary.models.library import load_library
 
     check_target(options.output)
     check_target(options.plot, is_folder=True)
@@ -132,7 +132,7 @@ def _library(options: LabelOptions) -> "ClassLibrary":
 
 
 def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
-    from motionary.explanation import explain
+    from motionary.retrieval.explanation import explain
 
     keys = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
     labels = []
@@ -151,7 +151,7 @@ def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
 
 
 def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
-    from motionary.explanation import explain
+    from motionary.retrieval.explanation import explain
 
     rows: list[tuple[str, ...]] = []
     below: dict[int, str] = {}

@@ -11,9 +11,9 @@ from motionary.cli.inputs import read_as_told
 from motionary.cli.options import AsJson, Jobs, LibraryDefault, ReadingOptions
 
 if TYPE_CHECKING:
-    from motionary.duplicates import DuplicateResult, Stretch
     from motionary.features import Reading
     from motionary.motion import Motion
+    from motionary.retrieval.duplicates import DuplicateResult, Stretch
 
 _COLUMNS = (
     ">bits", ">agreement", "recording", ">start_s", ">end_s", "other", ">start_s", ">end_s", "",
@@ -34,7 +34,9 @@ def duplicates(
             "--bits",
             min=0.0,
             metavar="BITS",
-            default_factory=LibraryDefault("motionary.duplicates:Comparing", "least_bits"),
+            default_factory=LibraryDefault(
+                "motionary.retrieval.duplicates:Comparing", "least_bits"
+            ),
             help="Least surprise of what two recordings share.",
         ),
     ],
@@ -51,8 +53,8 @@ def duplicates(
     motionary duplicates recordings/
     motionary duplicates new-delivery/ archive/
     """
-    from motionary.duplicates import Comparing, find_duplicates
     from motionary.features import FULL_BODY
+    from motionary.retrieval.duplicates import Comparing, find_duplicates
 
     told = reading.reading()
     sides = [

@@ -36,7 +36,7 @@ def index(
     motionary index //server/recordings --index recordings-index
     """
     from motionary.features import WORD_HZ
-    from motionary.index import Index
+    from motionary.retrieval.index import Index
 
     opened = Index.open(folder, at=place, reading=reading.reading())
     changes = opened.changes()

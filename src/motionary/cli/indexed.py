@@ -13,7 +13,7 @@ from motionary.errors import UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet, Reading
-    from motionary.index import Changes, Collection, Index
+    from motionary.retrieval.index import Changes, Collection, Index
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +120,7 @@ def _update(
     folder: str, at: str | None, reading: "Reading", feature_set: "FeatureSet", jobs: int
 ) -> "tuple[Index | None, bool]":
     """The index of a folder, up to date; None where the cache cannot be written."""
-    from motionary.index import Index
+    from motionary.retrieval.index import Index
 
     index = Index.open(folder, at=at, reading=reading, feature_set=feature_set)
     try:
@@ -135,7 +135,7 @@ def _update(
 def _read(
     paths: Sequence[str], *, reading: "Reading", feature_set: "FeatureSet", jobs: int
 ) -> Opened:
-    from motionary.index import read_collection
+    from motionary.retrieval.index import read_collection
 
     found = find_files(paths)
     with screen.progress("reading", len(found.files)) as done:
@@ -155,7 +155,7 @@ def _open_several(
     jobs: int,
 ) -> Opened:
     """Several folders, each by its index, and single files, under names that tell them apart."""
-    from motionary.index import join_collections, read_collection
+    from motionary.retrieval.index import join_collections, read_collection
 
     found = find_files(paths)
     names = {path.absolute(): name for name, path in found.files.items()}

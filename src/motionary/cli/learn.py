@@ -20,8 +20,8 @@ from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence, Reading
-    from motionary.library import ClassLibrary, Examples, Teaching
-    from motionary.library.examples import ReadExamples
+    from motionary.models.library import ClassLibrary, Examples, Teaching
+    from motionary.models.library.examples import ReadExamples
 
 _COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold")
 _PROMISES = {"promised_precision": ">right", "promised_recall": ">found"}
@@ -80,7 +80,7 @@ def _read_examples(
     folder: Path, features: str | None, reading: "Reading", *, jobs: int
 ) -> "tuple[ReadExamples, list[str]]":
     """Words of the examples, and which classes have none."""
-    from motionary.library import list_examples, read_examples
+    from motionary.models.library import list_examples, read_examples
 
     listed = list_examples(folder)
     with screen.progress("reading", len(listed)) as done:
@@ -122,7 +122,7 @@ def _learn(
     jobs: int,
 ) -> "tuple[ClassLibrary, list[str]]":
     """The library, and which classes are left out and why."""
-    from motionary.library import learn_classes
+    from motionary.models.library import learn_classes
 
     refused: list[str] = []
     teaching = options.teaching(thresholds.threshold)
@@ -144,7 +144,7 @@ def _learn(
 
 def _advise(examples: "Examples", *, tolerance: float) -> None:
     """Say what looks wrong with the examples; they are learned all the same."""
-    from motionary.library import advise
+    from motionary.models.library import advise
 
     for advice in advise(examples, tolerance=tolerance):
         screen.complain(str(advice))
@@ -160,7 +160,7 @@ def _with_thresholds(
     jobs: int,
 ) -> "ClassLibrary":
     """The library with thresholds that were chosen on examples held out."""
-    from motionary.library import N_FOLDS, apply_suggestions, suggest_thresholds
+    from motionary.models.library import N_FOLDS, apply_suggestions, suggest_thresholds
 
     learned = {name: examples[name] for name in library.names}
     with screen.progress("choosing thresholds", N_FOLDS) as done:
@@ -180,7 +180,7 @@ def _with_queries(
     library: "ClassLibrary", examples: "Examples", options: TeachingOptions, *, jobs: int
 ) -> "ClassLibrary":
     """The library with queries, and on the screen which classes have none."""
-    from motionary.library import choose_queries, learn_queries
+    from motionary.models.library import choose_queries, learn_queries
 
     with screen.progress("keyframes", len(library)) as done:
         if options.queries is Queries.CHOSEN:
@@ -205,7 +205,7 @@ def _outside_of_classes(folder: Path) -> list[str]:
 
 
 def _say(library: "ClassLibrary", *, as_json: bool) -> None:
-    from motionary.templates import quantise
+    from motionary.models.templates import quantise
 
     rows = []
     for motion_class in library:

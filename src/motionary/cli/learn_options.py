@@ -9,9 +9,9 @@ import typer
 from motionary.cli.options import FeatureSetName, LibraryDefault
 
 if TYPE_CHECKING:
-    from motionary.library import Teaching
+    from motionary.models.library import Teaching
 
-_TEACHING = "motionary.library:Teaching"
+_TEACHING = "motionary.models.library:Teaching"
 
 
 class Queries(StrEnum):
@@ -61,7 +61,7 @@ class TeachingOptions:
         int,
         typer.Option(
             min=1,
-            default_factory=LibraryDefault("motionary.query_learning:learn_query", "runs"),
+            default_factory=LibraryDefault("motionary.models.query_learning:learn_query", "runs"),
             help="With --queries learned: so many are bred for each class; most of them must "
             "agree on a hit.",
         ),
@@ -69,7 +69,7 @@ class TeachingOptions:
 
     def teaching(self, threshold: float | None) -> "Teaching":
         """The same for the library."""
-        from motionary.library import Teaching
+        from motionary.models.library import Teaching
 
         taught = Teaching(
             tolerance=self.tolerance, mirror=self.mirror, keep_examples=self.keep_examples

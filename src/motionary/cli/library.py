@@ -14,7 +14,7 @@ from motionary.cli.pictures import draw_library, draw_template
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.library import ClassLibrary, MotionClass, Subclass
+    from motionary.models.library import ClassLibrary, MotionClass, Subclass
 
 _COLUMNS = (
     "class", "template", ">examples", ">columns", ">fixed", ">threshold", ">right", ">found",
@@ -58,7 +58,7 @@ def list_classes(
 
     motionary library list my-classes --plot my-classes.png
     """
-    from motionary.library import load_library
+    from motionary.models.library import load_library
 
     check_picture("--plot", plot)
     loaded = load_library(folder)
@@ -90,8 +90,8 @@ def show(
 
     motionary library show my-classes squat > squat.txt
     """
-    from motionary.library import find_subclass, load_library
-    from motionary.templates import template_to_text
+    from motionary.models.library import find_subclass, load_library
+    from motionary.models.templates import template_to_text
 
     check_picture("--plot", plot)
     loaded = load_library(folder)
@@ -125,7 +125,7 @@ def merge(
 
     motionary library merge my-classes yours -o ours --on-clash first
     """
-    from motionary.library import find_clashes, load_library, merge_libraries
+    from motionary.models.library import find_clashes, load_library, merge_libraries
 
     check_picture("--plot", plot)
     check_target(output, is_folder=True)
@@ -163,7 +163,7 @@ def _describe(library: "ClassLibrary", folder: str) -> str:
 def _row(
     library: "ClassLibrary", motion_class: "MotionClass", subclass: "Subclass"
 ) -> dict[str, Any]:
-    from motionary.templates import quantise
+    from motionary.models.templates import quantise
 
     template = subclass.template
     quantised = quantise(template, tolerance=motion_class.tolerance)

@@ -20,8 +20,8 @@ from motionary.cli.pictures import draw_template
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.library import ClassLibrary, MotionClass
-    from motionary.templates import MotionTemplate
+    from motionary.models.library import ClassLibrary, MotionClass
+    from motionary.models.templates import MotionTemplate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +127,7 @@ def add(
 
     motionary library add my-classes squat new/*.bvh
     """
-    from motionary.library import add_examples, load_library
+    from motionary.models.library import add_examples, load_library
 
     check_picture("--plot", plot)
     check_target(folder, is_folder=True)
@@ -160,7 +160,7 @@ def _with_thresholds_anew(
     grown: "ClassLibrary", before: "ClassLibrary", *, jobs: int
 ) -> "ClassLibrary":
     """Thresholds that were suggested are suggested anew, where there are examples to do so."""
-    from motionary.library import kept_examples
+    from motionary.models.library import kept_examples
 
     if kept_examples(grown) is not None:
         suggested = {name for name in before.names if _is_suggested(before, name)}
@@ -173,7 +173,7 @@ def _with_thresholds_anew(
 
 
 def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
-    from motionary.library import ClassLibrary, load_library
+    from motionary.models.library import ClassLibrary, load_library
 
     if new and not (Path(folder) / "library.toml").exists():
         return ClassLibrary((), find_feature_set(features))
@@ -182,14 +182,14 @@ def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
 
 def _change(library: "ClassLibrary", name: str, changes: Changes) -> "tuple[ClassLibrary, str]":
     """The library with a changed class, and what the class is called then."""
-    from motionary.library import (
+    from motionary.models.library import (
         join_classes,
         remove_class,
         rename_class,
         replace_class,
         replace_template,
     )
-    from motionary.templates import restrict
+    from motionary.models.templates import restrict
 
     if changes.remove:
         return remove_class(library, name), name
@@ -216,8 +216,8 @@ def _change(library: "ClassLibrary", name: str, changes: Changes) -> "tuple[Clas
 
 
 def _take_text(library: "ClassLibrary", name: str, changes: Changes) -> "ClassLibrary":
-    from motionary.library import MotionClass, Subclass, replace_template
-    from motionary.templates import revise_template, template_from_text
+    from motionary.models.library import MotionClass, Subclass, replace_template
+    from motionary.models.templates import revise_template, template_from_text
 
     text = _read_text(str(changes.text))
     feature_set = library.feature_set
@@ -259,7 +259,7 @@ def _is_suggested(library: "ClassLibrary", name: str) -> bool:
 
 def _suggest(library: "ClassLibrary", names: set[str], *, jobs: int = 1) -> "ClassLibrary":
     """The library with thresholds of some classes chosen anew, if all examples are kept."""
-    from motionary.library import (
+    from motionary.models.library import (
         N_FOLDS,
         Teaching,
         apply_suggestions,
@@ -288,14 +288,14 @@ def _complain_of_lost(before: "ClassLibrary", name: str, after: "MotionClass") -
 
 
 def _find(motion_class: "MotionClass", name: str | None) -> "MotionTemplate":
-    from motionary.library import find_subclass
+    from motionary.models.library import find_subclass
 
     return find_subclass(motion_class, name).template
 
 
 def _tell(motion_class: "MotionClass") -> str:
     """A class in a line."""
-    from motionary.templates import quantise
+    from motionary.models.templates import quantise
 
     parts = []
     for subclass in motion_class.subclasses:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class LibraryDefault:
-    """Default of a parameter of the library, such as ("motionary.search:search", "limit").
+    """Default of a parameter of the library, such as ("motionary.retrieval.search:search", …).
 
     The help shows it; a module is imported for it only where that help is asked for.
     """
@@ -72,7 +72,7 @@ def _check_skeleton(value: str | None) -> str | None:
 
 def _check_unit(value: str | None) -> str | None:
     if value is not None:
-        from motionary.io.motion.units import metres_per_unit
+        from motionary.io.normalise.units import metres_per_unit
 
         try:
             metres_per_unit(value)
@@ -83,7 +83,7 @@ def _check_unit(value: str | None) -> str | None:
 
 def _check_up(value: str | None) -> str | None:
     if value is not None:
-        from motionary.io.motion.axes import check_up
+        from motionary.io.normalise.axes import check_up
 
         try:
             check_up(value)
@@ -94,7 +94,7 @@ def _check_up(value: str | None) -> str | None:
 
 def _check_sides(value: str | None) -> str | None:
     if value is not None:
-        from motionary.io.motion.sides import check_sides
+        from motionary.io.normalise.sides import check_sides
 
         try:
             check_sides(value)
@@ -111,7 +111,7 @@ def _check_seconds(value: float | None) -> float | None:
 
 def _check_filling(value: str | None) -> str | None:
     if value is not None:
-        from motionary.io.motion.gaps import check_filling
+        from motionary.io.normalise.gaps import check_filling
 
         try:
             check_filling(value)

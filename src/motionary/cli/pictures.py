@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from motionary.cli.example import Example
     from motionary.features import FeatureSequence, FeatureSet, Reading
     from motionary.labels import LabelTrack
-    from motionary.library import ClassLibrary, MotionClass
+    from motionary.models.library import ClassLibrary, MotionClass
+    from motionary.models.templates import MotionTemplate
     from motionary.motion import Floats, Motion
-    from motionary.search import Hit
-    from motionary.templates import MotionTemplate
+    from motionary.retrieval.search import Hit
 
 
 def draw_sheet(
@@ -73,8 +73,8 @@ def draw_annotation(
     preselect: bool = True,
 ) -> None:
     """Labels of a recording below the distances of the classes, into a folder."""
-    from motionary.annotation import class_distance
     from motionary.plots import plot_annotation, save
+    from motionary.retrieval.annotation import class_distance
 
     distances = {
         one.name: class_distance(words, one, threshold=threshold, preselect=preselect).modified

@@ -9,10 +9,10 @@ from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet
-    from motionary.index import Collection
-    from motionary.keyframes import KeyframeQuery
-    from motionary.search import Growing, SearchResult
-    from motionary.templates import MotionTemplate
+    from motionary.models.keyframes import KeyframeQuery
+    from motionary.models.templates import MotionTemplate
+    from motionary.retrieval.index import Collection
+    from motionary.retrieval.search import Growing, SearchResult
 
 
 #: Shares of the frames that keyframes may leave: in a small collection of a few classes,
@@ -30,7 +30,7 @@ def derive(
     InvalidInput
         If there are none.
     """
-    from motionary.search import Deriving, derive_queries
+    from motionary.retrieval.search import Deriving, derive_queries
 
     for share in _MAY_BE_LEFT:
         deriving = Deriving(frames_left=share)
@@ -45,7 +45,7 @@ def save_queries(
 ) -> None:
     """Write keyframes as text."""
     from motionary.io.text import write_text
-    from motionary.keyframes import format_queries
+    from motionary.models.keyframes import format_queries
 
     write_text(path, format_queries(queries, vocabulary=feature_set))
 
@@ -57,7 +57,7 @@ def save_class(
 
     It is found at the same costs as here, and around the same keyframes if there were any.
     """
-    from motionary.library import ClassLibrary, MotionClass, Subclass, load_library
+    from motionary.models.library import ClassLibrary, MotionClass, Subclass, load_library
 
     library = ClassLibrary((), collection.feature_set)
     if (Path(folder) / "library.toml").exists():

@@ -23,9 +23,9 @@ from motionary.cli.sought import (
 )
 
 if TYPE_CHECKING:
-    from motionary.index import Collection
     from motionary.labels import LabelTrack
-    from motionary.search import Growing, SearchResult
+    from motionary.retrieval.index import Collection
+    from motionary.retrieval.search import Growing, SearchResult
 
 _KEYS = ("recording", "start_s", "end_s", "start_frame", "end_frame", "cost", "known")
 _COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">known")
@@ -48,7 +48,7 @@ class HitOptions:
         typer.Option(
             min=0,
             metavar="N",
-            default_factory=LibraryDefault("motionary.search:search", "limit"),
+            default_factory=LibraryDefault("motionary.retrieval.search:search", "limit"),
             help="Most hits; 0: all.",
         ),
     ]
@@ -114,8 +114,8 @@ def search(
     motionary search recordings/ --class squat --library my-classes
     motionary search recordings/ --query "right hand fast, then within 0.5 s right hand low"
     """
-    from motionary.search import Growing
-    from motionary.search import search as search_for
+    from motionary.retrieval.search import Growing
+    from motionary.retrieval.search import search as search_for
 
     _check_use(query, results)
     ranks = read_ranks(query)
@@ -256,7 +256,7 @@ def _keyframe_lines(result: "SearchResult", collection: "Collection") -> list[st
     """Keyframes around which was matched, in the words that a person writes them with."""
     if not result.queries:
         return []
-    from motionary.keyframes import format_queries
+    from motionary.models.keyframes import format_queries
 
     text = format_queries(result.queries, vocabulary=collection.feature_set)
     told = [line for line in text.splitlines() if not line.startswith("features: ")]

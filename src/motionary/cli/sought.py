@@ -13,9 +13,9 @@ from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence, FeatureSet, Reading
-    from motionary.keyframes import KeyframeQuery
-    from motionary.library import MotionClass
-    from motionary.search import Hit, Judged
+    from motionary.models.keyframes import KeyframeQuery
+    from motionary.models.library import MotionClass
+    from motionary.retrieval.search import Hit, Judged
 
 #: So many names are told of a collection.
 _MOST_NAMES = 5
@@ -42,7 +42,7 @@ class QueryOptions:
         typer.Option(
             min=0,
             metavar="N",
-            default_factory=LibraryDefault("motionary.search:Growing", "hits"),
+            default_factory=LibraryDefault("motionary.retrieval.search:Growing", "hits"),
             help="Learn from the example and its N nearest hits what may vary; 0: nothing may.",
         ),
     ]
@@ -175,7 +175,7 @@ def judge(
     BadParameter
         If there are not so many hits.
     """
-    from motionary.search import Judged
+    from motionary.retrieval.search import Judged
 
     most = max([*ranks[0], *ranks[1]])
     if most > len(hits):
@@ -199,7 +199,7 @@ def wrong(option: str, problem: str) -> typer.BadParameter:
 
 
 def _motion_class(options: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
-    from motionary.library import load_library
+    from motionary.models.library import load_library
 
     library = load_library(options.library or "")
     name = options.class_name or ""
@@ -215,7 +215,7 @@ def _read_queries(options: QueryOptions, feature_set: "FeatureSet") -> "tuple[Ke
     if told is None:
         return ()
     from motionary.io.text import read_text
-    from motionary.keyframes import parse_queries
+    from motionary.models.keyframes import parse_queries
 
     is_file = _is_file(told)
     try:
@@ -231,7 +231,7 @@ def _read_queries(options: QueryOptions, feature_set: "FeatureSet") -> "tuple[Ke
 def _query_of(path: Path, name: str | None, feature_set: "FeatureSet") -> "KeyframeQuery":
     """One query of a collection, by its name or as COLLECTION/NAME."""
     from motionary.io.queries import read_query_collections
-    from motionary.keyframes import from_patterns
+    from motionary.models.keyframes import from_patterns
 
     records = {
         f"{collection}/{query}": record

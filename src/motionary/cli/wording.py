@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet
-    from motionary.templates import MotionTemplate, QuantisedTemplate
+    from motionary.models.templates import MotionTemplate, QuantisedTemplate
 
 Bools = NDArray[np.bool_]
 
@@ -44,7 +44,7 @@ def describe_template(
     tolerance : as in `quantise`
     feature_set : the relations that the template's columns have
     """
-    from motionary.templates import quantise
+    from motionary.models.templates import quantise
 
     quantised = quantise(template, tolerance=tolerance)
     share = 100 * quantised.n_fixed / quantised.fixed.size

@@ -18,8 +18,8 @@ from motionary.features.sequence import FeatureSequence
 from motionary.features.travel import needs_travel
 from motionary.features.vectors import Floats
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, resample
+from motionary.packing import pack
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
-from motionary.words import pack
 
 Bools = NDArray[np.bool_]
 

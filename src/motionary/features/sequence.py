@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features.relations import FeatureSet
-from motionary.words import Words, count_words, unpack
+from motionary.packing import Words, count_words, unpack
 
 WORD_HZ = 30.0
 

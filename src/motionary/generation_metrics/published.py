@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
-from motionary.geometry import unit_vectors
+from motionary.rotations import unit_vectors
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

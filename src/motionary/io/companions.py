@@ -35,7 +35,7 @@ class Companions:
         """A number that changes when the companion of a recording does; `NONE` without one."""
         if not has_companion(path.name):
             return NONE
-        from motionary.io.motion.acclaim import find_asf
+        from motionary.io.formats.acclaim import find_asf
 
         try:
             companion = self._asf or find_asf(path, listing=self._list)
@@ -47,14 +47,14 @@ class Companions:
         """A number that changes when anything does that the companions there depend on."""
         if self._asf is not None:
             return _digest([_describe(self._asf)])
-        from motionary.io.motion.acclaim import places_of_asf
+        from motionary.io.formats.acclaim import places_of_asf
 
         places = places_of_asf(folder / "any")
         lines = ([*map(_describe, sorted(self._list(p).values())), ""] for p in places)
         return _digest(line for part in lines for line in part)
 
     def _list(self, folder: Path) -> dict[str, Path]:
-        from motionary.io.motion.acclaim import list_asf
+        from motionary.io.formats.acclaim import list_asf
 
         if folder not in self._listed:
             self._listed[folder] = list_asf(folder)

@@ -86,7 +86,7 @@ def copy_skeleton(path: str | Path, folder: str | Path, *, asf: str | Path | Non
     path, folder = Path(path), Path(folder)
     if _suffix(path) != ".amc":
         return
-    from motionary.io.motion.acclaim import find_asf
+    from motionary.io.formats.acclaim import find_asf
 
     source = find_asf(path) if asf is None else Path(asf)
     stem = stem_of(path)

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.io.motion.gaps import check_filling, fill_gaps
-from motionary.io.motion.noticing import notice
-from motionary.io.motion.sides import check_sides, settle_sides
+from motionary.io.normalise.gaps import check_filling, fill_gaps
+from motionary.io.normalise.quality import notice
+from motionary.io.normalise.sides import check_sides, settle_sides
 from motionary.io.skeleton_files import find_skeleton
 from motionary.io.suffixes import format_suffix
 from motionary.motion import NO_RELATIONS, Motion
@@ -31,7 +31,7 @@ class _Told:
 
 # Modules of formats are imported when a file of theirs is read.
 def _read_amc(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.acclaim import read_amc
+    from motionary.io.formats.acclaim import read_amc
 
     return read_amc(
         path,
@@ -44,25 +44,25 @@ def _read_amc(path: Path, told: _Told) -> Motion:
 
 
 def _read_bvh(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.bvh import read_bvh
+    from motionary.io.formats.bvh import read_bvh
 
     return read_bvh(path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up)
 
 
 def _read_c3d(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.c3d import read_c3d
+    from motionary.io.formats.c3d import read_c3d
 
     return read_c3d(path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up)
 
 
 def _read_trc(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.trc import read_trc
+    from motionary.io.formats.trc import read_trc
 
     return read_trc(path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up)
 
 
 def _read_opensim(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.opensim import read_opensim
+    from motionary.io.formats.opensim import read_opensim
 
     return read_opensim(
         path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up
@@ -70,7 +70,7 @@ def _read_opensim(path: Path, told: _Told) -> Motion:
 
 
 def _read_npz(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.npz import read_npz_motion
+    from motionary.io.formats.npz import read_npz_motion
 
     return read_npz_motion(
         path,
@@ -83,7 +83,7 @@ def _read_npz(path: Path, told: _Told) -> Motion:
 
 
 def _read_npy(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.arrays import read_array
+    from motionary.io.formats.arrays import read_array
 
     return read_array(
         path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up
@@ -91,7 +91,7 @@ def _read_npy(path: Path, told: _Told) -> Motion:
 
 
 def _read_pkl(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.pickled import read_pickle
+    from motionary.io.formats.pickled import read_pickle
 
     return read_pickle(
         path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up
@@ -99,7 +99,7 @@ def _read_pkl(path: Path, told: _Told) -> Motion:
 
 
 def _read_fbx(path: Path, told: _Told) -> Motion:
-    from motionary.io.motion.fbx import read_fbx
+    from motionary.io.formats.fbx import read_fbx
 
     return read_fbx(path, rate_hz=told.rate_hz, skeleton=told.skeleton, unit=told.unit, up=told.up)
 

@@ -10,31 +10,31 @@ from motionary.motion import Motion
 
 # Modules of formats are imported when a file of theirs is written.
 def _write_amc(motion: Motion, path: Path, asf: str | Path | None, unit: float | str) -> None:
-    from motionary.io.motion.acclaim_writing import write_amc
+    from motionary.io.formats.acclaim_writing import write_amc
 
     write_amc(motion, path, asf=asf)
 
 
 def _write_bvh(motion: Motion, path: Path, asf: str | Path | None, unit: float | str) -> None:
-    from motionary.io.motion.bvh_writing import write_bvh
+    from motionary.io.formats.bvh_writing import write_bvh
 
     write_bvh(motion, path, unit=unit)
 
 
 def _write_c3d(motion: Motion, path: Path, asf: str | Path | None, unit: float | str) -> None:
-    from motionary.io.motion.c3d import write_c3d
+    from motionary.io.formats.c3d import write_c3d
 
     write_c3d(motion, path)
 
 
 def _write_npz(motion: Motion, path: Path, asf: str | Path | None, unit: float | str) -> None:
-    from motionary.io.motion.npz import write_npz
+    from motionary.io.formats.npz import write_npz
 
     write_npz(motion, path)
 
 
 def _write_trc(motion: Motion, path: Path, asf: str | Path | None, unit: float | str) -> None:
-    from motionary.io.motion.trc import write_trc
+    from motionary.io.formats.trc import write_trc
 
     write_trc(motion, path)
 

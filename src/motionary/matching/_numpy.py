@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching.pattern import Floats, Pattern, byte_tables
-from motionary.words import Words, count, unpack
+from motionary.packing import Words, count, unpack
 
 Single = NDArray[np.float32]
 

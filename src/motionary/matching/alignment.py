@@ -22,7 +22,7 @@ from motionary.matching.pattern import (
     check_document,
     check_skip_weight,
 )
-from motionary.words import Words
+from motionary.packing import Words
 
 _STEPS = ((1, 1), (1, 2), (2, 1))
 #: Costs are sums of fractions; equal ones may differ in the last bits.

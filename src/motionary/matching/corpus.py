@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.words import Words
+from motionary.packing import Words
 
 PADDING = 2
 

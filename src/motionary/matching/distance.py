@@ -22,7 +22,7 @@ from motionary.errors import InvalidInput
 from motionary.matching._numpy import march, prepare, row_costs
 from motionary.matching.corpus import Corpus
 from motionary.matching.pattern import Pattern, check_document, check_skip_weight
-from motionary.words import Words
+from motionary.packing import Words
 
 Engine = Literal["auto", "numpy", "compiled"]
 Single = NDArray[np.float32]

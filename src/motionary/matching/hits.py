@@ -16,7 +16,7 @@ from motionary.errors import InvalidInput
 from motionary.matching.alignment import align
 from motionary.matching.distance import SKIP_WEIGHT
 from motionary.matching.pattern import Pattern
-from motionary.words import Words
+from motionary.packing import Words
 
 Single = NDArray[np.float32]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.words import Words, count, count_words, pack
+from motionary.packing import Words, count, count_words, pack
 
 Floats = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ def _check_fixed(values: Words, fixed: Words) -> Words:
     if values.dtype != np.uint64 or fixed.dtype != np.uint64:
         raise InvalidInput(
             f"a pattern needs packed relations (uint64), got {values.dtype} and {fixed.dtype}; "
-            "see motionary.words.pack"
+            "see motionary.packing.pack"
         )
     if 0 in values.shape:
         raise InvalidInput(f"a pattern needs at least one column and word, got {values.shape}")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.matching.corpus import Corpus
-from motionary.words import unpack
+from motionary.packing import unpack
 
 Floats = NDArray[np.float64]
 

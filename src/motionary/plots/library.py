@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.library import ClassLibrary, MotionClass, Subclass
+from motionary.models.library import ClassLibrary, MotionClass, Subclass
+from motionary.models.templates import RATE_HZ
+from motionary.models.templates import quantise as quantise_template
 from motionary.plots.lettering import fit, text_width
 from motionary.plots.page import Layout, add_legend, mark_seconds, new_page, swatch
 from motionary.plots.style import BLACK, FREE, RULE, WHITE, house_style
-from motionary.templates import RATE_HZ
-from motionary.templates import quantise as quantise_template
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motionary.features import FeatureSet
+from motionary.models.templates import RATE_HZ, MotionTemplate, quantise
+from motionary.models.templates.template import ROUNDING_SLACK
 from motionary.plots.grid import (
     ROW_HEIGHT,
     Floats,
@@ -31,8 +33,6 @@ from motionary.plots.page import (
     swatch,
 )
 from motionary.plots.style import BETWEEN, BLACK, BLUE, FREE, RULE, WHITE, house_style
-from motionary.templates import RATE_HZ, MotionTemplate, quantise
-from motionary.templates.template import ROUNDING_SLACK
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

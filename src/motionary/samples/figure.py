@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motionary.geometry import euler_to_quaternions, quaternions_to_matrices
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
+from motionary.rotations import euler_to_quaternions, quaternions_to_matrices
 from motionary.samples.phrases import Floats
 from motionary.skeletons import named_mapping
 

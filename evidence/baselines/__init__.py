@@ -1,0 +1,31 @@
+"""What motion templates are compared with: one example by DTW, and frames one by one.
+
+Random search, beside the evolution of queries and with as many evaluations, is
+`motionary.models.query_learning.breed_runs(..., by_chance=True)`.
+"""
+
+from evidence.baselines.dtw import Matches, match_costs
+from evidence.baselines.examples import BASELINES, Baseline, find_example
+from evidence.baselines.frame_classifier import (
+    FrameClassifier,
+    FrameTraining,
+    train_frame_classifier,
+)
+from evidence.baselines.frames import position_frames, relation_frames, rotation_frames
+from evidence.baselines.windows import Window, position_windows
+
+__all__ = [
+    "BASELINES",
+    "Baseline",
+    "FrameClassifier",
+    "FrameTraining",
+    "Matches",
+    "Window",
+    "find_example",
+    "match_costs",
+    "position_frames",
+    "position_windows",
+    "relation_frames",
+    "rotation_frames",
+    "train_frame_classifier",
+]

@@ -1,0 +1,338 @@
+"""What did a body do, according to a BVH file?
+
+Conventions: a joint turns about its moving axes in the sequence of its channels.
+Position channels replace the joint's offset, on whichever joint they stand. An End Site
+becomes a joint named "End of" its parent; one without length is a missing joint. Frames
+count from 0; a rest pose at the beginning stays.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+
+from motionary.errors import UnreadableFile
+from motionary.io.formats.numbers import read_frames
+from motionary.io.formats.pose import place_joints
+from motionary.io.normalise.body_frame import Claims, settle
+from motionary.io.text import read_text
+from motionary.motion import Motion, Skeleton
+from motionary.rotations import Floats, euler_to_quaternions
+from motionary.skeletons import SkeletonTable, find_mapping
+
+_CHANNELS = {f"{axis}{kind}": axis.upper() for axis in "xyz" for kind in ("position", "rotation")}
+_MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
+_FRAMES = re.compile(r"\s*Frames\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
+_FRAME_TIME = re.compile(r"\s*Frame\s+Time\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
+
+# Rates are printed rounded: within this share of a whole number they are that number, but
+# video's rates lie just as near: 29.97 is 30 / 1.001. A hair above 0.1 %: .0333 is 30.
+_ROUNDING = 1.001e-3
+_VIDEO_HZ = (24, 30, 48, 60, 120)
+_MAX_RATE_HZ = 1e5
+
+
+@dataclass(slots=True)
+class _Node:
+    """A joint as written; `channels` as (kind, axis letter), kind "p" or "r"."""
+
+    name: str
+    parent: int
+    is_end: bool = False
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    channels: tuple[tuple[str, str], ...] = ()
+
+
+class _Table(NamedTuple):
+    """The part below MOTION: header values, numbers as text, the line they start at."""
+
+    n_frames: str
+    frame_time: str
+    text: str
+    line: int
+
+
+def read_bvh(
+    path: str | Path,
+    *,
+    rate_hz: float | None = None,
+    skeleton: SkeletonTable | None = None,
+    unit: float | str | None = None,
+    up: str | None = None,
+) -> Motion:
+    """Read a BVH file.
+
+    Parameters
+    ----------
+    path : the file
+    rate_hz : frames per second; by default what the file says
+    skeleton : what the joints are; by default what their names and tree tell
+    unit : a name of `units.METRES` or metres per file unit; by default by body size
+    up : axis that points up in the file; by default by the body, y where it does not tell
+
+    Returns
+    -------
+    Motion, metres; its notes say which unit was taken and what else was noticed
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing or broken; the message names the line.
+    InvalidInput
+        If the caller contradicts the body.
+    """
+    path = Path(path)
+    text = read_text(path)
+    start = _MOTION.search(text)
+    if start is None:
+        raise UnreadableFile(f"{path.name}: no line MOTION found; expected a BVH file")
+    nodes, notes = _HierarchyReader(path.name).read(text[: start.start()])
+    table = _read_header(text, start.end(), path.name)
+    values = _read_values(table, sum(len(node.channels) for node in nodes), path.name)
+    notes += _compare_length(table, len(values), path.name)
+    rate = _rate(table, path.name) if rate_hz is None else rate_hz
+    motion = _to_motion(path.name, nodes, values, rate, skeleton, notes)
+    return settle(motion, Claims(), unit=unit, up=up)
+
+
+class _HierarchyReader:
+    """Walks the lines above MOTION and remembers where it is, for the errors."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.line = 0
+        self.nodes: list[_Node] = []
+        self.open: list[int] = []
+
+    def fail(self, problem: str) -> NoReturn:
+        raise UnreadableFile(f"{self.name}, line {self.line}: {problem}")
+
+    def read(self, text: str) -> tuple[list[_Node], list[str]]:
+        """Joints, parents first and End Sites without length left out, and notes."""
+        for self.line, line in enumerate(text.split("\n"), start=1):
+            for part in re.split(r"([{}])", line):
+                words = part.split()
+                if words:
+                    self.read_statement(words)
+        if not self.nodes:
+            self.fail("no joints before MOTION; expected HIERARCHY and ROOT")
+        if self.open:
+            self.fail(f"{self.nodes[self.open[-1]].name!r} is not closed with }} before MOTION")
+        return self.without_missing()
+
+    def read_statement(self, words: list[str]) -> None:
+        keyword = words[0].upper()
+        if keyword in ("ROOT", "JOINT"):
+            self.start(" ".join(words[1:]), is_root=keyword == "ROOT")
+        elif keyword == "END":
+            self.add(_Node(f"End of {self.current().name}", self.open[-1], is_end=True))
+        elif keyword == "OFFSET":
+            self.current().offset = self.numbers(words[1:])
+        elif keyword == "CHANNELS":
+            self.current().channels = self.channels(words[1:])
+            if self.current().is_end and self.current().channels:
+                self.fail("an End Site has no channels")
+        elif keyword == "}":
+            self.current()
+            self.open.pop()
+        elif keyword not in ("{", "HIERARCHY"):
+            self.fail(f"expected ROOT, JOINT, OFFSET or CHANNELS, got {' '.join(words)[:40]!r}")
+
+    def start(self, name: str, *, is_root: bool) -> None:
+        if is_root == bool(self.open):
+            self.fail("a ROOT stands outside of joints, JOINT and End Site inside of one")
+        if not name:
+            self.fail("a joint needs a name")
+        self.add(_Node(name, self.open[-1] if self.open else -1))
+
+    def add(self, node: _Node) -> None:
+        if node.parent >= 0 and self.nodes[node.parent].is_end:
+            self.fail("an End Site has no joints")
+        self.open.append(len(self.nodes))
+        self.nodes.append(node)
+
+    def current(self) -> _Node:
+        if not self.open:
+            self.fail("this stands outside of a joint")
+        return self.nodes[self.open[-1]]
+
+    def numbers(self, words: list[str]) -> tuple[float, ...]:
+        try:
+            values = tuple(float(word) for word in words)
+        except ValueError:
+            values = ()
+        if len(values) != 3 or not all(math.isfinite(value) for value in values):
+            self.fail(f"OFFSET needs three numbers, got {' '.join(words)[:40]!r}")
+        return values
+
+    def channels(self, words: list[str]) -> tuple[tuple[str, str], ...]:
+        names = [word.lower() for word in words[1:]]
+        if not words or not words[0].isdecimal() or int(words[0][:9]) != len(names):
+            self.fail(
+                f"CHANNELS needs their number and as many names, got {' '.join(words)[:60]!r}"
+            )
+        unknown = [name for name in names if name not in _CHANNELS]
+        if unknown or len(set(names)) != len(names):
+            self.fail(
+                "channels are Xposition ... Zrotation, each once a joint, "
+                f"got {' '.join(words[1:])[:60]!r}"
+            )
+        return tuple((name[1], _CHANNELS[name]) for name in names)
+
+    def without_missing(self) -> tuple[list[_Node], list[str]]:
+        kept: list[_Node] = []
+        place, missing = {-1: -1}, 0
+        for i, node in enumerate(self.nodes):
+            if node.is_end and not any(node.offset):
+                missing += 1
+                continue
+            place[i] = len(kept)
+            node.parent = place[node.parent]
+            kept.append(node)
+        renamed = _rename_doubles(kept)
+        notes = []
+        if missing:
+            notes.append(f"{missing} End Sites without length count as missing joints")
+        if renamed:
+            notes.append(f"joint names that occur twice got a number: {', '.join(renamed[:5])}")
+        return kept, notes
+
+
+def _rename_doubles(nodes: list[_Node]) -> list[str]:
+    """Number the second and further joints of a name; returns the names concerned."""
+    taken = {node.name for node in nodes}
+    counts: dict[str, int] = {}
+    for node in nodes:
+        name = node.name
+        counts[name] = counts.get(name, 0) + 1
+        if counts[name] > 1:
+            while f"{name} ({counts[name]})" in taken:
+                counts[name] += 1
+            node.name = f"{name} ({counts[name]})"
+            taken.add(node.name)
+    return [name for name, count in counts.items() if count > 1]
+
+
+def _read_header(text: str, start: int, name: str) -> _Table:
+    frames = _FRAMES.match(text, start)
+    frame_time = _FRAME_TIME.match(text, frames.end()) if frames else None
+    if frames is None or frame_time is None:
+        line = text.count("\n", 0, start) + 2
+        raise UnreadableFile(f"{name}, line {line}: expected 'Frames: N' and 'Frame Time: seconds'")
+    end = frame_time.end()
+    line = text.count("\n", 0, end) + 1
+    return _Table(frames.group(1), frame_time.group(1), text[end:], line)
+
+
+def _read_values(table: _Table, n_channels: int, name: str) -> Floats:
+    if not n_channels:
+        raise UnreadableFile(f"{name}: no joint has channels, so nothing moves")
+    values = read_frames(table.text.encode(), [None] * n_channels)
+    if values is None:
+        _fail_at_line(table, n_channels, name)
+    return values
+
+
+def _fail_at_line(table: _Table, n_channels: int, name: str) -> NoReturn:
+    """Go line by line to say where the numbers are wrong."""
+    seen = 0
+    for number, line in enumerate(table.text.split("\n"), start=table.line):
+        words = line.split()
+        seen += len(words)
+        for word in words:
+            if not _is_number(word):
+                raise UnreadableFile(f"{name}, line {number}: expected a number, got {word[:40]!r}")
+        if words and len(words) != n_channels:
+            raise UnreadableFile(
+                f"{name}, line {number}: a frame has {n_channels} numbers, this one {len(words)}"
+            )
+    raise UnreadableFile(f"{name}: expected {n_channels} numbers per frame, got {seen} in all")
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word)) and "_" not in word
+    except ValueError:
+        return False
+
+
+def _compare_length(table: _Table, n_frames: int, name: str) -> list[str]:
+    """Notes on a wrong number of frames; a file that was cut off is an error."""
+    if not table.n_frames.isdecimal():
+        raise UnreadableFile(f"{name}: 'Frames:' needs a whole number, got {table.n_frames[:40]!r}")
+    promised = int(table.n_frames[:20])
+    if promised > n_frames:
+        raise UnreadableFile(
+            f"{name}: 'Frames:' promises {promised} frames, the file ends after {n_frames}; "
+            "get the whole file, or correct the number to read what is there"
+        )
+    if promised < n_frames:
+        return [f"'Frames:' promises {promised} frames, all {n_frames} in the file were read"]
+    return []
+
+
+def _rate(table: _Table, name: str) -> float:
+    frame_time = float(table.frame_time) if _is_number(table.frame_time) else 0.0
+    if not frame_time > 1 / _MAX_RATE_HZ:
+        raise UnreadableFile(
+            f"{name}: 'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; "
+            "pass the frames per second with --rate (rate_hz=...)"
+        )
+    rate = 1 / frame_time
+    usual = [float(round(rate)), *(hz / 1.001 for hz in _VIDEO_HZ)]
+    nearest = min(usual, key=lambda hz: abs(hz - rate))
+    return nearest if abs(frame_time * nearest - 1) <= _ROUNDING else rate
+
+
+def _to_motion(
+    name: str,
+    nodes: list[_Node],
+    values: Floats,
+    rate_hz: float,
+    told: SkeletonTable | None,
+    notes: list[str],
+) -> Motion:
+    """The motion in the file's unit and axes."""
+    names = tuple(node.name for node in nodes)
+    parents = np.array([node.parent for node in nodes], dtype=np.intp)
+    skeleton = Skeleton(names, parents, np.array([node.offset for node in nodes]))
+    rotations, translations = _split_channels(nodes, values)
+    origin = np.zeros((len(values), 3))
+    positions = place_joints(skeleton, rotations, origin, translations=translations, source=name)
+    return Motion(
+        names=names,
+        positions=positions,
+        rate_hz=rate_hz,
+        mapping=find_mapping(names, skeleton, positions, told=told),
+        skeleton=skeleton,
+        rotations=rotations,
+        source=name,
+        notes=tuple(notes),
+    )
+
+
+def _split_channels(nodes: list[_Node], values: Floats) -> tuple[Floats, dict[int, Floats]]:
+    """Local rotations (frames, joints, 4) and, by joint, translations (frames, 3)."""
+    turns = np.zeros((len(nodes), 4, len(values)))
+    turns[:, 0] = 1.0
+    translations = {}
+    column = 0
+    for joint, node in enumerate(nodes):
+        order, angles, moved = "", [], {}
+        for kind, axis in node.channels:
+            if kind == "p":
+                moved["XYZ".index(axis)] = values[:, column]
+            else:
+                order += axis
+                angles.append(values[:, column])
+            column += 1
+        if angles:
+            degrees = np.stack(angles).T
+            turns[joint] = euler_to_quaternions(np.radians(degrees), order).T
+        if moved:
+            place = [moved.get(i, np.full(len(values), node.offset[i])) for i in range(3)]
+            translations[joint] = np.stack(place, axis=1)
+    return np.moveaxis(turns, -1, 0), translations

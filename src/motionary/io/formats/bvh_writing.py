@@ -1,0 +1,166 @@
+"""How is a motion written as BVH, in its own rig?
+
+Joints keep their names, places and turns; angles are written in the order Z X Y, lengths in
+centimetres unless told otherwise. A joint that moves against its parent has position
+channels. In an Acclaim skeleton a joint is the end of its bone and turns it: there each
+joint gets a second one, "start of" it, at the place of its parent, which does the turning.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.io.normalise.units import metres_per_unit
+from motionary.io.text import write_text
+from motionary.motion import Motion, Skeleton
+from motionary.rotations import (
+    conjugate_quaternions,
+    multiply_quaternions,
+    quaternions_to_euler,
+    rotate,
+)
+
+Floats = NDArray[np.float64]
+
+_ORDER = "ZXY"
+_ROTATIONS = "Zrotation Xrotation Yrotation"
+_POSITIONS = "Xposition Yposition Zposition"
+# A joint that moves less against its parent keeps its offset.
+_STILL_M = 1e-6
+_TURNED = 1e-9
+_NUMBER = "%.6f"
+
+
+@dataclass(slots=True)
+class _Node:
+    """A joint to write; `turns` is None for an End Site, `places` where the offset stays."""
+
+    name: str
+    offset: Floats
+    turns: Floats | None
+    places: Floats | None
+    children: list["_Node"]
+
+
+def write_bvh(motion: Motion, path: str | Path, *, unit: float | str = "cm") -> None:
+    """Write a motion that has a rig.
+
+    Parameters
+    ----------
+    motion : with skeleton and rotations
+    path : the file; packed where its name ends in .gz
+    unit : of lengths in the file, as in `read`
+
+    Raises
+    ------
+    InvalidInput
+        If the motion has no rig, gaps, or a name that the format does not hold.
+    UnwritableFile
+        If the file cannot be written.
+    """
+    metres = metres_per_unit(unit)
+    roots = _build(motion)
+    write_text(path, _format(motion, roots, metres))
+
+
+def _build(motion: Motion) -> list[_Node]:
+    skeleton, rotations = motion.skeleton, motion.rotations
+    if skeleton is None or rotations is None:
+        raise InvalidInput(
+            f"{motion.source or 'motion'}: BVH holds the turns of a rig, and this motion has "
+            "places of points only; write .trc, .c3d or .npz"
+        )
+    if np.isnan(motion.positions).any():
+        raise InvalidInput(f"{motion.source or 'motion'}: BVH holds no gaps; fill or cut them")
+    bad = [n for n in motion.names if not n or n != " ".join(n.split()) or set(n) & set("{}")]
+    if bad:
+        raise InvalidInput(f"names of BVH joints are without braces and blank ends, got {bad[0]!r}")
+    return _build_ends(motion) if skeleton.ends else _build_starts(motion)
+
+
+def _build_starts(motion: Motion) -> list[_Node]:
+    """Nodes of a tree whose joints turn what lies below them."""
+    skeleton, rotations = _rig(motion)
+    world: list[Floats] = []
+    nodes: list[_Node] = []
+    roots = []
+    leaves = set(range(len(motion.names))) - set(skeleton.parents.tolist())
+    for joint, (name, parent) in enumerate(zip(motion.names, skeleton.parents, strict=True)):
+        place, turns = motion.positions[:, joint], rotations[:, joint]
+        if parent < 0:
+            world.append(turns)
+            nodes.append(_Node(name, skeleton.offsets[joint], turns, place, []))
+            roots.append(nodes[-1])
+            continue
+        away = rotate(conjugate_quaternions(world[parent]), place - motion.positions[:, parent])
+        offset = away[0] if np.ptp(away, axis=0).max() < _STILL_M else skeleton.offsets[joint]
+        still = np.abs(away - offset).max() < _STILL_M
+        ends = joint in leaves and name == f"End of {motion.names[parent]}" and still
+        ends = ends and np.abs(offset).max() > 0 and (1 - np.abs(turns[:, 0])).max() < _TURNED
+        world.append(multiply_quaternions(world[parent], turns))
+        node = _Node(name, offset, None if ends else turns, None if still else away, [])
+        nodes[parent].children.append(node)
+        nodes.append(node)
+    return roots
+
+
+def _build_ends(motion: Motion) -> list[_Node]:
+    """Nodes of a tree whose joints are the ends of the bones that they turn."""
+    skeleton, rotations = _rig(motion)
+    at_rest = np.zeros((motion.n_frames, 4))
+    at_rest[:, 0] = 1.0
+    nodes: list[_Node] = []
+    roots = []
+    for joint, (name, parent) in enumerate(zip(motion.names, skeleton.parents, strict=True)):
+        turns, offset = rotations[:, joint], skeleton.offsets[joint]
+        if parent < 0:
+            nodes.append(_Node(name, offset, turns, motion.positions[:, joint], []))
+            roots.append(nodes[-1])
+            continue
+        end = _Node(name, offset, at_rest, None, [])
+        nodes[parent].children.append(_Node(f"start of {name}", np.zeros(3), turns, None, [end]))
+        nodes.append(end)
+    return roots
+
+
+def _rig(motion: Motion) -> tuple[Skeleton, Floats]:
+    if motion.skeleton is None or motion.rotations is None:
+        raise InvalidInput("motion: has no rig")
+    return motion.skeleton, motion.rotations
+
+
+def _format(motion: Motion, roots: list[_Node], metres: float) -> Iterator[str]:
+    yield "HIERARCHY\n"
+    columns: list[Floats] = []
+    for root in roots:
+        yield from _format_node(root, 0, metres, columns)
+    yield f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.rate_hz!r}\n"
+    line = " ".join([_NUMBER] * sum(column.shape[1] for column in columns)) + "\n"
+    step = 1024
+    for start in range(0, motion.n_frames, step):
+        block = np.concatenate([column[start : start + step] for column in columns], axis=1)
+        yield "".join(line % tuple(row) for row in block.tolist())
+
+
+def _format_node(node: _Node, depth: int, metres: float, columns: list[Floats]) -> Iterator[str]:
+    """Lines of a joint and those below; its channels are added to the columns."""
+    indent = "\t" * depth
+    title = "End Site" if node.turns is None else f"{'JOINT' if depth else 'ROOT'} {node.name}"
+    yield f"{indent}{title}\n{indent}{{\n"
+    yield f"{indent}\tOFFSET {' '.join(_NUMBER % (v / metres) for v in node.offset.tolist())}\n"
+    if node.turns is not None:
+        channels = _ROTATIONS if node.places is None else f"{_POSITIONS} {_ROTATIONS}"
+        yield f"{indent}\tCHANNELS {len(channels.split())} {channels}\n"
+        if node.places is not None:
+            columns.append(node.places / metres)
+        columns.append(np.degrees(quaternions_to_euler(node.turns, _ORDER)))
+        if not node.children:
+            # Programs expect that a branch ends so; without length it is no joint.
+            yield f"{indent}\tEnd Site\n{indent}\t{{\n{indent}\t\tOFFSET 0 0 0\n{indent}\t}}\n"
+    for child in node.children:
+        yield from _format_node(child, depth + 1, metres, columns)
+    yield f"{indent}}}\n"

@@ -1,0 +1,1 @@
+"""What a file says becomes metres, y up, sides as named; once for all formats."""

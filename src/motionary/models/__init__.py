@@ -1,0 +1,1 @@
+"""Models of motion: templates, keyframe queries, the class library and their learning."""

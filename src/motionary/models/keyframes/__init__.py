@@ -1,0 +1,83 @@
+"""Keyframe queries: a few poses with elastic gaps, found in hours of motion."""
+
+from motionary.models.keyframes.building import (
+    Vocabulary,
+    from_patterns,
+    from_relations,
+    from_template,
+    join_queries,
+    mirror_query,
+)
+from motionary.models.keyframes.choosing import Choice, choose_keyframes
+from motionary.models.keyframes.choosing_query import Choosing, ChosenQuery, choose_query
+from motionary.models.keyframes.fitting import FittedHits, fit_hits
+from motionary.models.keyframes.query import (
+    Gap,
+    KeyframeQuery,
+    Spring,
+    check_features,
+    gap_of,
+    gap_of_seconds,
+    spring_of,
+)
+from motionary.models.keyframes.ranges import (
+    HitRange,
+    HitRanges,
+    agree,
+    check_votes,
+    extend,
+    margins,
+)
+from motionary.models.keyframes.ranking import columns_of_query, template_of_query
+from motionary.models.keyframes.search import search_query, search_words
+from motionary.models.keyframes.selecting import select_in_index, select_in_words
+from motionary.models.keyframes.single import single_hits
+from motionary.models.keyframes.text import (
+    format_queries,
+    format_query,
+    parse_queries,
+    parse_query,
+)
+from motionary.models.keyframes.word_index import WordIndex, index_words
+
+__all__ = [
+    "Choice",
+    "Choosing",
+    "ChosenQuery",
+    "FittedHits",
+    "Gap",
+    "HitRange",
+    "HitRanges",
+    "KeyframeQuery",
+    "Spring",
+    "Vocabulary",
+    "WordIndex",
+    "agree",
+    "check_features",
+    "check_votes",
+    "choose_keyframes",
+    "choose_query",
+    "columns_of_query",
+    "extend",
+    "fit_hits",
+    "format_queries",
+    "format_query",
+    "from_patterns",
+    "from_relations",
+    "from_template",
+    "gap_of",
+    "gap_of_seconds",
+    "index_words",
+    "join_queries",
+    "margins",
+    "mirror_query",
+    "parse_queries",
+    "parse_query",
+    "search_query",
+    "search_words",
+    "select_in_index",
+    "select_in_words",
+    "single_hits",
+    "spring_of",
+    "template_of_query",
+]

@@ -1,0 +1,235 @@
+"""What is a keyframe query?
+
+A sequence of keyframes, each a pose of which some relations are fixed and the others free,
+and of gaps: how many frames may lie between neighbours. After Baak, Müller and Seidel
+(2008), section 3.2; gaps as in Baak (2012), eq. 4.3.
+
+Conventions: a gap counts frames from one keyframe to the next and includes both its ends;
+0 means the same frame. Template positions count columns from 0.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from motionary.errors import InvalidInput
+from motionary.packing import Words, count_words, full_mask
+
+#: A product such as 0.7 * 10 may come out beside the whole number that it means.
+_SLACK = 1e-9
+
+#: Seconds are written with few digits; so many frames beside a frame still mean that frame.
+_SNAP = 0.05
+
+
+#: Longer than any recording: gaps beyond are a mistake for "no bound".
+_LONGEST = 1 << 40
+
+
+class Gap(NamedTuple):
+    """How many frames may lie between two neighbouring keyframes.
+
+    Attributes
+    ----------
+    least, most : frames, both included; most is None where there is no bound
+    """
+
+    least: int
+    most: int | None
+
+
+class Spring(NamedTuple):
+    """A gap as distance and stiffness: from `stiffness * distance` to `distance / stiffness`."""
+
+    distance: float
+    stiffness: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyframeQuery:
+    """Keyframes in their order, and the gaps between them.
+
+    Attributes
+    ----------
+    values, fixed : arrays, shape (K, n_words), uint64
+        Relations of each keyframe and which of them are fixed; read-only.
+    gaps : K - 1 gaps
+    feature_set : name of the set that the relations belong to
+    feature_ids : its ids, in the order of the bits
+    positions : columns of the template that the keyframes come from, or None
+    """
+
+    values: Words
+    fixed: Words
+    gaps: tuple[Gap, ...]
+    feature_set: str
+    feature_ids: tuple[str, ...]
+    positions: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        values, fixed = _check_words(self.values, self.fixed, n_features=len(self.feature_ids))
+        n_keyframes = len(values)
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "fixed", fixed)
+        object.__setattr__(self, "feature_ids", tuple(self.feature_ids))
+        object.__setattr__(self, "gaps", check_gaps(self.gaps, n_keyframes=n_keyframes))
+        if self.positions is not None:
+            positions = _check_positions(self.positions, n_keyframes=n_keyframes)
+            object.__setattr__(self, "positions", positions)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, KeyframeQuery):
+            return NotImplemented
+        return self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def _key(self) -> tuple[object, ...]:
+        words = self.values.shape, self.values.tobytes(), self.fixed.tobytes()
+        return (*words, self.gaps, self.feature_set, self.feature_ids, self.positions)
+
+    @property
+    def springs(self) -> tuple[Spring, ...]:
+        """The gaps as distance and stiffness (Baak 2012, eqs 4.7 and 4.8)."""
+        return tuple(spring_of(gap) for gap in self.gaps)
+
+
+def spring_of(gap: Gap) -> Spring:
+    """Distance and stiffness of a gap; `gap_of` gives the gap back.
+
+    A gap of 0 to `most` frames is no spring: its view is that of 0 to infinity, unless
+    `most` is 0 too (distance 0, stiffness 1).
+    """
+    if gap.most is None:
+        # Any stiffness above 0 bounds a gap, so `least` is not told by this view.
+        return Spring(math.inf, 0.0)
+    if gap.most == 0:
+        return Spring(0.0, 1.0)
+    return Spring(math.sqrt(gap.least * gap.most), math.sqrt(gap.least / gap.most))
+
+
+def gap_of(distance: float, stiffness: float) -> Gap:
+    """Gap of a spring: from `ceil(stiffness * distance)` to `floor(distance / stiffness)`.
+
+    Parameters
+    ----------
+    distance : frames between the keyframes, at least 0
+    stiffness : in [0, 1]; 0 leaves the gap without an upper bound
+
+    Raises
+    ------
+    InvalidInput
+        If distance or stiffness lie outside these ranges.
+    """
+    if not 0.0 <= stiffness <= 1.0:
+        raise InvalidInput(f"stiffness must lie between 0 and 1, got {stiffness}")
+    if not distance >= 0.0:
+        raise InvalidInput(f"distance must be at least 0 frames, got {distance}")
+    if stiffness == 0.0:
+        return Gap(0, None)
+    if math.isinf(distance):
+        raise InvalidInput("an infinite distance needs a stiffness of 0")
+    least = math.ceil(stiffness * distance - _SLACK)
+    return Gap(least, math.floor(distance / stiffness + _SLACK))
+
+
+def gap_of_seconds(least_s: float, most_s: float, *, rate_hz: float) -> Gap:
+    """Gap of at least and at most so many seconds; infinity means no upper bound.
+
+    Raises
+    ------
+    InvalidInput
+        If the bounds contradict each other, or no frame lies between them.
+    """
+    if not 0.0 <= least_s < math.inf or not least_s <= most_s:
+        raise InvalidInput(f"a gap needs 0 <= least <= most, got {least_s} to {most_s} s")
+    least = _whole(least_s * rate_hz, math.ceil(least_s * rate_hz))
+    if math.isinf(most_s):
+        return Gap(least, None)
+    most = _whole(most_s * rate_hz, math.floor(most_s * rate_hz))
+    if most < least:
+        raise InvalidInput(
+            f"no frame of {rate_hz:g} Hz lies between {least_s:g} and {most_s:g} s; "
+            f"frames are {1.0 / rate_hz:.3f} s apart"
+        )
+    return Gap(least, most)
+
+
+def check_gaps(gaps: Sequence[Gap], *, n_keyframes: int) -> tuple[Gap, ...]:
+    """The gaps as whole numbers.
+
+    Raises
+    ------
+    InvalidInput
+        If their number does not fit the keyframes, or one contradicts itself.
+    """
+    if len(gaps) != n_keyframes - 1:
+        raise InvalidInput(f"{n_keyframes} keyframes need {n_keyframes - 1} gaps, got {len(gaps)}")
+    checked = []
+    for number, (least, most) in enumerate(gaps, start=1):
+        if least < 0 or (most is not None and most < least):
+            raise InvalidInput(
+                f"gap {number} contradicts itself: it needs 0 <= least <= most, "
+                f"got {least} to {most} frames"
+            )
+        if max(least, most or 0) > _LONGEST:
+            raise InvalidInput(f"gap {number} is longer than any recording; None means no bound")
+        checked.append(Gap(int(least), None if most is None else int(most)))
+    return tuple(checked)
+
+
+def check_features(query: KeyframeQuery, feature_set: str, feature_ids: Sequence[str]) -> None:
+    """Refuse a query over other features than those of the words.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if query.feature_set == feature_set and query.feature_ids == tuple(feature_ids):
+        return
+    raise InvalidInput(
+        f"the query is over {query.feature_set!r} ({len(query.feature_ids)} features), the words "
+        f"over {feature_set!r} ({len(feature_ids)} features); both must be of one set"
+    )
+
+
+def _whole(frames: float, otherwise: int) -> int:
+    nearest = round(frames)
+    return nearest if abs(frames - nearest) <= _SNAP else otherwise
+
+
+def _check_words(values: Words, fixed: Words, *, n_features: int) -> tuple[Words, Words]:
+    fixed, values = np.array(fixed, dtype=np.uint64), np.array(values, dtype=np.uint64)
+    if values.ndim != 2 or values.shape != fixed.shape or n_features == 0:
+        raise InvalidInput(
+            "a query needs features, and values and fixed of one shape (keyframes, words), "
+            f"got {n_features} features, {values.shape} and {fixed.shape}"
+        )
+    if len(values) == 0:
+        raise InvalidInput("a query needs at least one keyframe, got none")
+    if values.shape[1] != count_words(n_features):
+        raise InvalidInput(
+            f"{n_features} features need {count_words(n_features)} integers a keyframe, "
+            f"got {values.shape[1]}"
+        )
+    if (fixed & ~full_mask(1, n_features)).any():
+        raise InvalidInput(f"the keyframes fix relations beyond the {n_features} named features")
+    values &= fixed
+    values.flags.writeable = fixed.flags.writeable = False
+    return values, fixed
+
+
+def _check_positions(positions: Sequence[int], *, n_keyframes: int) -> tuple[int, ...]:
+    whole = tuple(int(position) for position in positions)
+    if len(whole) != n_keyframes or list(whole) != sorted(whole) or whole[0] < 0:
+        raise InvalidInput(
+            f"{n_keyframes} keyframes need as many positions, ascending from 0, got {whole}"
+        )
+    return whole

@@ -1,0 +1,206 @@
+"""Below which cost is a match of a class to be believed?
+
+Examples are held out in turn and sought, with templates learned from the rest, in streams
+of held-out examples and other recordings. Of each class the threshold with the best F of
+segments is taken and, as few examples would decide by chance, drawn towards the one
+threshold that is best for all. What the thresholds promise is measured as annotation
+decides between classes, in each part with thresholds chosen on the others.
+
+Conventions: frames are words at 30 Hz; seeded.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.batch import Failure, map_ordered
+from motionary.evaluation import Counts, pool_counts
+from motionary.features import WORD_HZ, FeatureSequence
+from motionary.models.library.classes import ClassLibrary
+from motionary.models.library.examples import Examples
+from motionary.models.library.holding_out import Fold, make_folds
+from motionary.models.library.teaching import Teaching
+from motionary.models.library.trials import Trial, count_alone, count_together, run_trial
+
+Floats = NDArray[np.float64]
+
+#: Thresholds that are tried.
+TRIED = tuple(round(0.005 * step, 3) for step in range(1, 31))
+#: Frames of other motion for each frame of the examples, in the recordings to be labelled.
+#: Where fewer are at hand, each false hit stands for several.
+OTHER_PER_FRAME = 3.0
+#: What is common to all classes weighs as much as so many examples.
+COMMON_WEIGHS = 20.0
+
+
+class Suggestion(NamedTuple):
+    """A threshold, and what to expect of it on examples that were not learned.
+
+    Attributes
+    ----------
+    threshold : largest cost of a match
+    precision : share of the labels that are right, in recordings with `OTHER_PER_FRAME` as
+        much other motion as examples, as if one more label had been right and one more false
+    recall : share of the examples that are found, with one more found and one more missed
+    n_positives : examples that were held out
+    negative_minutes : minutes of other motion, other classes included, that they were
+        told from
+    """
+
+    threshold: float
+    precision: float
+    recall: float
+    n_positives: int
+    negative_minutes: float
+
+
+def suggest_thresholds(
+    examples: Examples,
+    *,
+    groups: str | None = None,
+    negatives: Sequence[FeatureSequence] = (),
+    teaching: Teaching | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+    on_done: Callable[[tuple[int, Fold]], None] | None = None,
+) -> dict[str, Suggestion]:
+    """Threshold for each class of which examples can be held out.
+
+    Parameters
+    ----------
+    examples : class -> subclass -> words
+    groups : regular expression on the names of examples, such as "HDM_(..)_" for actors;
+        those with the same match are held out together, so that what is promised holds for
+        actors never seen. Without it examples are dealt at random.
+    negatives : other recordings, without any of the classes: the more, the better
+    teaching : how classes are learned
+    seed : of the parts and the streams
+    jobs : processes; the result does not depend on it
+    on_done : called after each part, of which there are `N_FOLDS` at most
+
+    Returns
+    -------
+    dict of Suggestion by class; without classes of which nothing can be held out, or that
+    there is nothing to tell from
+
+    Raises
+    ------
+    InvalidInput
+        If `groups` is no regular expression, matches nothing in an example's name, or puts all
+        examples into one group.
+    """
+    folds = make_folds(examples, groups=groups, seed=seed)
+    work = partial(
+        run_trial,
+        others=negatives,
+        other_per_frame=OTHER_PER_FRAME,
+        teaching=teaching or Teaching(),
+        most_cost=TRIED[-1],
+        seed=seed,
+    )
+    trials: list[Trial] = []
+    for trial in map_ordered(work, enumerate(folds), jobs=jobs, on_done=on_done):
+        if isinstance(trial, Failure):
+            raise trial.error
+        trials.append(trial)
+    told_from = _frames_told_from(trials)
+    names = [name for name in examples if told_from.get(name, 0) > 0]
+    if not names:
+        return {}
+    weight = _weight_of_false(trials)
+    counts = np.array([[count_alone(t, name, TRIED) for name in names] for t in trials])
+    chosen = dict(zip(names, _choose(counts, weight), strict=True))
+    promised = _promise(trials, names, counts, weight)
+    return {
+        name: Suggestion(
+            chosen[name],
+            _cautious(seen.correct, weight * (seen.predicted - seen.correct), weight),
+            _cautious(seen.found, seen.true - seen.found, 1.0),
+            seen.true,
+            told_from[name] / WORD_HZ / 60,
+        )
+        for name, seen in promised.items()
+    }
+
+
+def apply_suggestions(library: ClassLibrary, suggestions: Mapping[str, Suggestion]) -> ClassLibrary:
+    """Library whose classes have the suggested thresholds, and promise what was measured."""
+    classes = []
+    for one in library:
+        if one.name in suggestions:
+            suggested = suggestions[one.name]
+            one = replace(
+                one,
+                threshold=suggested.threshold,
+                promised_precision=round(suggested.precision, 3),
+                promised_recall=round(suggested.recall, 3),
+            )
+        classes.append(one)
+    return replace(library, classes=tuple(classes))
+
+
+def _frames_told_from(trials: Sequence[Trial]) -> dict[str, int]:
+    """Frames of other motion that each class was sought in."""
+    frames: dict[str, int] = {}
+    for trial in trials:
+        for name in trial.names:
+            other = trial.n_frames - trial.frames_of(name)
+            frames[name] = frames.get(name, 0) + other
+    return frames
+
+
+def _weight_of_false(trials: Sequence[Trial]) -> float:
+    """So many false hits one of the streams stands for."""
+    total = sum(trial.n_frames for trial in trials)
+    of_examples = total - sum(trial.other_frames for trial in trials)
+    return max((1 + OTHER_PER_FRAME) * of_examples / total, 1.0)
+
+
+def _choose(counts: NDArray[np.int64], weight: float) -> list[float]:
+    """Thresholds of counts (trials, classes, thresholds, 4)."""
+    of_classes = counts.sum(axis=0)
+    n_examples = of_classes[:, 0, 3]
+    own = np.array([_best(_f_score(one, weight)) for one in of_classes])
+    common = _best(_f_score(of_classes.sum(axis=0), weight))
+    drawn = (n_examples * own + COMMON_WEIGHS * common) / (n_examples + COMMON_WEIGHS)
+    return [round(float(threshold), 4) for threshold in drawn]
+
+
+def _f_score(counts: NDArray[np.int64], weight: float) -> Floats:
+    """F of segments at each threshold, with false ones weighed."""
+    correct, claimed, found, true = counts.T
+    precision = correct / np.maximum(correct + weight * (claimed - correct), 1)
+    recall = found / np.maximum(true, 1)
+    score: Floats = 2 * precision * recall / np.maximum(precision + recall, 1e-9)
+    return score
+
+
+def _best(scores: Floats) -> float:
+    """Threshold of the best score, smoothed; of equal ones that in the middle."""
+    around = np.pad(scores, 1, mode="edge")
+    smooth = (around[:-2] + 2 * around[1:-1] + around[2:]) / 4
+    best = np.flatnonzero(smooth >= smooth.max() - 1e-9)
+    return TRIED[int(best[len(best) // 2])]
+
+
+def _promise(
+    trials: Sequence[Trial], names: Sequence[str], counts: NDArray[np.int64], weight: float
+) -> dict[str, Counts]:
+    """Counts of each class, in each trial with thresholds chosen on the others."""
+    totals: dict[str, list[Counts]] = {name: [] for name in names}
+    for i, trial in enumerate(trials):
+        others = np.delete(counts, i, axis=0) if len(trials) > 1 else counts
+        thresholds = dict(zip(names, _choose(others, weight), strict=True))
+        for name, counted in count_together(trial, thresholds).items():
+            if name in totals:
+                totals[name].append(counted)
+    return {name: pool_counts(rows) for name, rows in totals.items()}
+
+
+def _cautious(right: float, wrong: float, weight: float) -> float:
+    """Share of the right ones, had there been one more right and one more wrong."""
+    return (right + 1) / (right + 1 + wrong + weight)

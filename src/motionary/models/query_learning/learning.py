@@ -1,0 +1,377 @@
+"""How are the queries of a class learned?
+
+Many runs of the evolution, each from a seed of its own, so that any of them can be
+computed alone: in whatever process, before or after a break. Their queries vote; the
+keyframes on which they agree make one query besides.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.batch import Failure, map_ordered
+from motionary.errors import InvalidInput
+from motionary.features import FeatureSequence, FeatureSet
+from motionary.models.keyframes import (
+    HitRanges,
+    KeyframeQuery,
+    WordIndex,
+    check_votes,
+    index_words,
+    search_query,
+    select_in_index,
+)
+from motionary.models.query_learning.accumulation import (
+    Accumulation,
+    accumulate,
+    frequent_keyframes,
+)
+from motionary.models.query_learning.clips import Clips
+from motionary.models.query_learning.copies import vary_clip
+from motionary.models.query_learning.evolution import (
+    Breeding,
+    Evolved,
+    Judge,
+    evolve,
+    gaps_alone,
+    genetic,
+    random_search,
+)
+from motionary.models.query_learning.fitness import fitness_of
+from motionary.models.query_learning.individuals import to_query
+from motionary.models.query_learning.operators import GenePool, assemble, gene_pool
+from motionary.models.query_learning.simplifying import simplify
+from motionary.models.templates import MotionTemplate, learn_template, quantise
+
+#: Runs, and so queries that vote.
+RUNS = 5
+#: Share of the queries that must agree.
+AGREEMENT = 0.6
+#: Turns of each process, so that none waits long for another, and progress is seen.
+_TURNS = 4
+#: Seed of the optimisation of gaps, apart from those of the runs.
+_GAPS = 1 << 31
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """Examples that a query is to tell apart, and how it is sought.
+
+    Attributes
+    ----------
+    positives, negatives : clips that show the class, and that do not
+    groups : array, shape (positives,): number of the group of each, such as its actor
+    pool : columns of the strict template of the positives
+    breeding : settings
+    seed : of all runs
+    """
+
+    positives: tuple[FeatureSequence, ...]
+    negatives: tuple[FeatureSequence, ...]
+    groups: NDArray[np.intp]
+    pool: GenePool
+    breeding: Breeding
+    seed: int
+
+    @property
+    def feature_set(self) -> FeatureSet:
+        """What the relations are."""
+        return self.positives[0].feature_set
+
+    def rng(self, number: int) -> np.random.Generator:
+        """Source of all chance in one run: child `number` of the seed."""
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,)))
+
+    def judge(self) -> Judge:
+        """Scores on the examples."""
+        return judge_clips(
+            self.positives, self.negatives, groups=self.groups, breeding=self.breeding
+        )
+
+    def judge_varied(self, rng: np.random.Generator) -> Judge:
+        """Scores on the examples and varied copies of them."""
+        copying = self.breeding.copying
+        positives, negatives = [*self.positives], [*self.negatives]
+        for _ in range(copying.copies):
+            positives += [vary_clip(clip, copying, rng) for clip in self.positives]
+        for _ in range(copying.negative_copies):
+            negatives += [vary_clip(clip, copying, rng) for clip in self.negatives]
+        groups = np.tile(self.groups, copying.copies + 1)
+        return judge_clips(positives, negatives, groups=groups, breeding=self.breeding)
+
+
+def judge_clips(
+    positives: Sequence[FeatureSequence],
+    negatives: Sequence[FeatureSequence],
+    *,
+    breeding: Breeding,
+    groups: NDArray[np.intp] | None = None,
+) -> Judge:
+    """Scores on clips; without groups all positives are one."""
+    if groups is None:
+        groups = np.zeros(len(positives), dtype=np.intp)
+    clips = [*positives, *negatives]
+    feature_set = positives[0].feature_set
+    every = all(bool(clip.known_features.all()) for clip in clips)
+    index = index_words(
+        [clip.words for clip in clips],
+        None if every else [clip.known for clip in clips],
+        feature_set=feature_set.name,
+        feature_ids=feature_set.ids,
+    )
+    return Judge(Clips(index), fitness_of(groups, beta=breeding.beta, across=breeding.across))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LearnedQueries:
+    """What many runs found.
+
+    Attributes
+    ----------
+    problem : what they sought
+    runs : result of each, by number
+    votes : queries that must agree
+    """
+
+    problem: Problem
+    runs: tuple[Evolved, ...]
+    votes: int
+
+    def __post_init__(self) -> None:
+        check_votes(self.votes, n_queries=len(self.runs))
+
+    @property
+    def queries(self) -> tuple[KeyframeQuery, ...]:
+        """The query of each run."""
+        features = self.problem.feature_set
+        return tuple(to_query(run.best, features.name, features.ids) for run in self.runs)
+
+    @property
+    def accumulation(self) -> Accumulation:
+        """All keyframes added up (Baak 2012, Fig. 4.2)."""
+        return accumulate([run.best for run in self.runs], self.problem.pool)
+
+    def search(self, index: WordIndex) -> HitRanges:
+        """Frames to look at for the class: ranges of hits with what the template has around them.
+
+        Parameters
+        ----------
+        index : of documents, over the features of the examples
+        """
+        n_columns = len(self.problem.pool)
+        return select_in_index(self.queries, n_columns, index, votes=self.votes)
+
+    def documents(self, index: WordIndex) -> NDArray[np.int64]:
+        """Documents in which enough queries have a hit, ascending."""
+        hits = np.zeros(index.n_documents, dtype=np.int64)
+        for query in self.queries:
+            hits[search_query(query, index).hit_documents] += 1
+        return np.flatnonzero(hits >= self.votes)
+
+
+def learn_query(
+    positives: Sequence[FeatureSequence],
+    negatives: Sequence[FeatureSequence],
+    *,
+    breeding: Breeding | None = None,
+    groups: Sequence[str] | None = None,
+    seed: int = 0,
+    runs: int = RUNS,
+    jobs: int = 1,
+    on_done: Callable[[int], None] | None = None,
+) -> LearnedQueries:
+    """Queries that find clips of one class and no others.
+
+    Parameters
+    ----------
+    positives, negatives : clips of the class, at least two, and of others
+    breeding : settings
+    groups : of each positive, such as its actor; for settings that look across groups
+    seed : same seed, same result
+    runs : of the evolution; each gives a query
+    jobs : processes; the result does not depend on it
+    on_done : called with the number of each run that is done
+
+    Raises
+    ------
+    InvalidInput
+        If there are too few examples, they do not fit together, or the positives have no
+        relation in common.
+    """
+    if runs < 1:
+        raise InvalidInput(f"learning needs at least 1 run, got {runs}")
+    problem = state_problem(positives, negatives, breeding=breeding, groups=groups, seed=seed)
+    done = tuple(breed_runs(problem, range(runs), jobs=jobs, on_done=on_done))
+    return LearnedQueries(problem, done, votes=default_votes(runs))
+
+
+def continue_learning(
+    learned: LearnedQueries,
+    *,
+    runs: int,
+    jobs: int = 1,
+    on_done: Callable[[int], None] | None = None,
+) -> LearnedQueries:
+    """The same after more runs, equal to all of them at once."""
+    numbers = range(len(learned.runs), max(runs, len(learned.runs)))
+    done = learned.runs + tuple(breed_runs(learned.problem, numbers, jobs=jobs, on_done=on_done))
+    return replace(learned, runs=done, votes=default_votes(len(done)))
+
+
+def default_votes(n_queries: int) -> int:
+    """Queries that must agree unless told otherwise."""
+    return max(1, round(AGREEMENT * n_queries))
+
+
+def state_problem(
+    positives: Sequence[FeatureSequence],
+    negatives: Sequence[FeatureSequence],
+    *,
+    breeding: Breeding | None = None,
+    groups: Sequence[str] | None = None,
+    seed: int = 0,
+    template: MotionTemplate | None = None,
+) -> Problem:
+    """Checked examples with the columns that queries are made of.
+
+    Parameters
+    ----------
+    template : of the positives, if it is known already; learned otherwise
+
+    Raises
+    ------
+    InvalidInput
+        As `learn_query`.
+    """
+    _check_examples(positives, negatives)
+    names = list(groups) if groups is not None else [""] * len(positives)
+    if len(names) != len(positives):
+        raise InvalidInput(f"{len(positives)} positives need as many groups, got {len(names)}")
+    numbers = np.unique(names, return_inverse=True)[1]
+    pool = _strict_pool(template or _learn_template(positives))
+    settings = breeding or Breeding()
+    return Problem(tuple(positives), tuple(negatives), numbers, pool, settings, seed)
+
+
+def breed_runs(
+    problem: Problem,
+    numbers: Iterable[int],
+    *,
+    jobs: int = 1,
+    by_chance: bool = False,
+    verification: Judge | None = None,
+    on_done: Callable[[int], None] | None = None,
+) -> Iterator[Evolved]:
+    """Results of the runs of these numbers, in their order.
+
+    Each depends on the problem and its number only: what is there already need not be
+    computed again.
+
+    Parameters
+    ----------
+    by_chance : random search with as many individuals in place of the evolution
+    verification : judge whose scores are to be recorded beside
+    """
+    run = partial(_runs, problem=problem, by_chance=by_chance, verification=verification)
+    wanted = list(numbers)
+    for number, result in zip(wanted, _in_order(run, wanted, jobs), strict=True):
+        if on_done:
+            on_done(number)
+        yield result
+
+
+def combine_runs(learned: LearnedQueries) -> Evolved:
+    """One query of the keyframes that most runs agree on, its gaps bred by mutation alone."""
+    problem = learned.problem
+    keyframes = frequent_keyframes([run.best for run in learned.runs], problem.pool)
+    rng = problem.rng(_GAPS)
+    ways = gaps_alone(partial(assemble, keyframes))
+    return evolve(ways, problem.judge(), breeding=problem.breeding, rng=rng)
+
+
+def _in_order(
+    run: Callable[[Sequence[int]], Iterator[Evolved]], numbers: Sequence[int], jobs: int
+) -> Iterator[Evolved]:
+    """Results of all runs, several to a process at a time: they share what is costly."""
+    if jobs == 1:
+        yield from run(numbers)
+        return
+    size = max(1, len(numbers) // (jobs * _TURNS))
+    several = [numbers[first : first + size] for first in range(0, len(numbers), size)]
+    for results in map_ordered(partial(_listed, run), several, jobs=jobs):
+        if isinstance(results, Failure):
+            raise results.error
+        yield from results
+
+
+def _listed(
+    run: Callable[[Sequence[int]], Iterator[Evolved]], numbers: Sequence[int]
+) -> list[Evolved]:
+    return list(run(numbers))
+
+
+def _runs(
+    numbers: Sequence[int], *, problem: Problem, by_chance: bool, verification: Judge | None
+) -> Iterator[Evolved]:
+    """Runs one after the other; only bitmaps of clips pass from one to the next."""
+    shared = problem.judge()
+    ways = random_search(problem.pool) if by_chance else genetic(problem.pool)
+    for number in numbers:
+        rng = problem.rng(number)
+        judge = Judge(shared.clips, shared.fitness)
+        run = evolve(ways, judge, breeding=problem.breeding, rng=rng, verification=verification)
+        if problem.breeding.simplify:
+            best = simplify(run.best, problem.judge_varied(rng), rng)
+            run = run._replace(best=best, score=judge(best))
+        yield run
+
+
+def _learn_template(positives: Sequence[FeatureSequence]) -> MotionTemplate:
+    feature_set = positives[0].feature_set
+    every = all(bool(clip.known_features.all()) for clip in positives)
+    return learn_template(
+        [clip.features for clip in positives],
+        known=None if every else [clip.known_features.view(np.bool_) for clip in positives],
+        feature_names=feature_set.ids,
+        feature_set=feature_set.name,
+    )
+
+
+def _strict_pool(template: MotionTemplate) -> GenePool:
+    strict = quantise(template, tolerance=0.0)
+    if strict.n_fixed == 0:
+        raise InvalidInput(
+            "the positives have no relation in common at any moment, so that there is nothing "
+            "to breed from; split the class, or leave out examples that do not belong"
+        )
+    return gene_pool(template, strict)
+
+
+def _check_examples(
+    positives: Sequence[FeatureSequence], negatives: Sequence[FeatureSequence]
+) -> None:
+    if len(positives) < 2:
+        raise InvalidInput(
+            f"learning a query needs at least 2 positives, got {len(positives)}; a single one "
+            "does not tell what may vary"
+        )
+    if len(negatives) == 0:
+        raise InvalidInput(
+            "learning a query needs negatives, got none; give clips of other classes, or "
+            "anything would do"
+        )
+    for kind, clips in (("positive", positives), ("negative", negatives)):
+        for number, clip in enumerate(clips):
+            if clip.feature_set != positives[0].feature_set:
+                raise InvalidInput(
+                    f"{kind} {number} is over features {clip.feature_set.name!r}, the first "
+                    f"positive over {positives[0].feature_set.name!r}; use one set for all"
+                )
+            if kind == "positive" and len(clip) < 2:
+                raise InvalidInput(
+                    f"positive {number} ({clip.source or 'unnamed'}) has {len(clip)} frames, "
+                    "shorter than any query; a clip needs at least 2 frames of 30 Hz"
+                )

@@ -1,0 +1,259 @@
+"""What is a motion template, and which of its cells are fixed?
+
+A class of motion as a matrix of relations over time, after Müller and Röder (2006),
+section 4: a cell near 0 or 1 is a relation that all examples share at that moment, a cell
+between is one in which they differ.
+
+Conventions: time first, (columns, features); columns at 30 Hz; a tolerance counts
+inclusively: at most `tolerance` is 0, at least `1 - tolerance` is 1, the rest is free.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motionary.errors import InvalidInput
+from motionary.packing import Words, pack
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+RATE_HZ = 30.0
+
+#: Averages carry rounding noise: a mean of ten values with a single one may come out as
+#: 0.1 + 2e-17 and still is 0.1. Far above such noise, far below what one example can move.
+ROUNDING_SLACK = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionTemplate:
+    """What the examples of one class of motion have in common.
+
+    Attributes
+    ----------
+    values : array, shape (columns, features), float64, in [0, 1]
+        Share of the examples in which the relation holds; read-only.
+    weights : array, shape (columns,), float64, positive
+        Time a column stands for, in columns of 30 Hz; read-only.
+    feature_names : names of the features, in the order of `values`
+    feature_set : name of the set that they belong to
+    provenance : where the template comes from, in words
+    n_examples : number of examples it was learned from
+    """
+
+    values: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    feature_names: tuple[str, ...]
+    feature_set: str
+    provenance: str = ""
+    n_examples: int = 1
+
+    def __post_init__(self) -> None:
+        values = check_values(self.values)
+        names = _check_names(self.feature_names, n_features=values.shape[1])
+        if not self.feature_set:
+            raise InvalidInput("a template needs the name of its feature set, got an empty one")
+        if self.n_examples < 1:
+            raise InvalidInput(f"a template needs n_examples of at least 1, got {self.n_examples}")
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "weights", _check_weights(self.weights, n_columns=len(values)))
+        object.__setattr__(self, "feature_names", names)
+
+    @property
+    def n_columns(self) -> int:
+        """Number of columns."""
+        return len(self.values)
+
+    @property
+    def n_features(self) -> int:
+        """Number of features."""
+        return len(self.feature_names)
+
+    @property
+    def rate_hz(self) -> float:
+        """Columns per second: 30."""
+        return RATE_HZ
+
+    @property
+    def duration_s(self) -> float:
+        """Time that the columns stand for: the mean length of the examples, in seconds."""
+        return float(self.weights.sum()) / RATE_HZ
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuantisedTemplate:
+    """A template whose cells are 0, 1 or free.
+
+    An all-free template is legal; `n_fixed` tells.
+
+    Attributes
+    ----------
+    values : array, shape (columns, features), bool
+        Value of the fixed cells, False in free ones; read-only.
+    fixed : array, shape (columns, features), bool
+        Which cells are fixed; read-only.
+    weights : array, shape (columns,), float64, positive
+    feature_names, feature_set : as in `MotionTemplate`
+    value_words, fixed_words : array, shape (columns, n_words), uint64
+        `values` and `fixed`, packed.
+    """
+
+    values: NDArray[np.bool_]
+    fixed: NDArray[np.bool_]
+    weights: NDArray[np.float64]
+    feature_names: tuple[str, ...]
+    feature_set: str
+    value_words: Words = field(init=False, repr=False)
+    fixed_words: Words = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        fixed = np.array(self.fixed, dtype=np.bool_)
+        values = np.array(self.values, dtype=np.bool_)
+        if values.ndim != 2 or 0 in values.shape or values.shape != fixed.shape:
+            raise InvalidInput(
+                "values and fixed need the same shape (columns, features), each at least 1, "
+                f"got {values.shape} and {fixed.shape}"
+            )
+        values &= fixed
+        names = _check_names(self.feature_names, n_features=values.shape[1])
+        object.__setattr__(self, "values", _read_only(values))
+        object.__setattr__(self, "fixed", _read_only(fixed))
+        object.__setattr__(self, "weights", _check_weights(self.weights, n_columns=len(values)))
+        object.__setattr__(self, "feature_names", names)
+        object.__setattr__(self, "value_words", _read_only(pack(values)))
+        object.__setattr__(self, "fixed_words", _read_only(pack(fixed)))
+
+    @property
+    def n_columns(self) -> int:
+        """Number of columns."""
+        return len(self.values)
+
+    @property
+    def n_features(self) -> int:
+        """Number of features."""
+        return len(self.feature_names)
+
+    @property
+    def n_fixed(self) -> int:
+        """Number of fixed cells; 0 for a template that matches everything."""
+        return int(np.count_nonzero(self.fixed))
+
+
+def quantise(template: MotionTemplate, *, tolerance: float) -> QuantisedTemplate:
+    """Template of fixed and free cells.
+
+    Parameters
+    ----------
+    template : MotionTemplate
+    tolerance : float, in [0, 0.5)
+        A cell of at most `tolerance` becomes 0, of at least `1 - tolerance` becomes 1, both
+        inclusive and with a slack of 1e-9 for the rounding of averages; others become free.
+        0.1 in Müller and Röder (2006), 0.05 in Müller, Baak and Seidel (2009).
+
+    Raises
+    ------
+    InvalidInput
+        If the tolerance lies outside [0, 0.5).
+    """
+    if not 0.0 <= tolerance < 0.5:
+        raise InvalidInput(
+            f"tolerance needs to be at least 0 and below 0.5, got {tolerance}; "
+            "at 0.5 a cell would be 0 and 1 at once"
+        )
+    ones = template.values >= 1.0 - tolerance - ROUNDING_SLACK
+    zeros = template.values <= tolerance + ROUNDING_SLACK
+    return QuantisedTemplate(
+        values=ones,
+        fixed=ones ^ zeros,
+        weights=template.weights,
+        feature_names=template.feature_names,
+        feature_set=template.feature_set,
+    )
+
+
+def mirror(template: MotionTemplate, order: ArrayLike) -> MotionTemplate:
+    """Template of the mirrored motion.
+
+    Parameters
+    ----------
+    template : MotionTemplate
+    order : array, shape (features,), of int
+        Feature that takes the place of each: the partner of the other side, or the feature
+        itself. Names stay where they are.
+
+    Raises
+    ------
+    InvalidInput
+        If `order` is not a swap of pairs of the template's features.
+    """
+    partners = np.asarray(order)
+    identity = np.arange(template.n_features)
+    is_order = partners.shape == identity.shape and np.issubdtype(partners.dtype, np.integer)
+    if not is_order or not np.array_equal(np.sort(partners), identity):
+        raise InvalidInput(
+            f"order needs to name each of the template's {template.n_features} features once, "
+            f"got {order!r}"
+        )
+    if not np.array_equal(partners[partners], identity):
+        raise InvalidInput(
+            "order needs to swap pairs, so that mirroring twice gives the template back, "
+            f"got {order!r}"
+        )
+    origin = template.provenance or "a template of unknown origin"
+    return replace(
+        template,
+        values=template.values[:, partners],
+        provenance=f"mirror image of {origin}",
+    )
+
+
+def check_values(values: ArrayLike) -> NDArray[np.float64]:
+    """Read-only copy of template values, shape (columns, features), clipped to [0, 1].
+
+    Raises
+    ------
+    InvalidInput
+        If the shape is not (columns, features), each at least 1, or a value is not a number
+        in [0, 1] (within a rounding slack of 1e-9).
+    """
+    matrix = np.array(values, dtype=np.float64)
+    if matrix.ndim != 2 or 0 in matrix.shape:
+        raise InvalidInput(
+            "a template needs values of shape (columns, features), each at least 1, "
+            f"got {matrix.shape}"
+        )
+    in_range = (matrix >= -ROUNDING_SLACK) & (matrix <= 1.0 + ROUNDING_SLACK)
+    if not in_range.all():
+        raise InvalidInput(
+            "template values need to be numbers in [0, 1], "
+            f"got {matrix[~in_range][0]} and {np.count_nonzero(~in_range) - 1} more outside"
+        )
+    return _read_only(np.clip(matrix, 0.0, 1.0))
+
+
+def _check_weights(weights: ArrayLike, *, n_columns: int) -> NDArray[np.float64]:
+    array = np.array(weights, dtype=np.float64)
+    if array.shape != (n_columns,):
+        raise InvalidInput(
+            f"a template of {n_columns} columns needs weights of shape ({n_columns},), "
+            f"got {array.shape}"
+        )
+    if not (np.isfinite(array) & (array > 0.0)).all():
+        raise InvalidInput("column weights need to be positive and finite, got some that are not")
+    return _read_only(array)
+
+
+def _check_names(names: Sequence[str], *, n_features: int) -> tuple[str, ...]:
+    if len(names) != n_features or len(set(names)) != n_features:
+        raise InvalidInput(
+            f"{n_features} features need as many different names, "
+            f"got {len(names)} ({len(set(names))} different)"
+        )
+    return tuple(names)
+
+
+def _read_only(array: NDArray[Scalar]) -> NDArray[Scalar]:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,1 @@
+"""Retrieval: index, search, annotation, explanation, duplicates."""

@@ -1,0 +1,252 @@
+"""Which motions occur in a recording, and when?
+
+The annotation procedure of Müller, Baak and Seidel (2009), section 4: per class a modified
+distance function that gives every frame of a match the cost of the match; per frame the
+class with the least; runs of one class, extended while the class's own function does not
+rise. Where a class has keyframes, its distance is computed around their hits only and
+infinite elsewhere (section 5).
+
+Conventions: frames are words at 30 Hz, 0-based; ties go to the earlier class.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.features import WORD_HZ, FeatureSequence, compute_features
+from motionary.labels import Label, LabelTrack
+from motionary.matching import (
+    SKIP_WEIGHT,
+    Alignment,
+    Pattern,
+    Segment,
+    align,
+    annotate_distances,
+    concatenate,
+    corpus_distance,
+    find_runs,
+    local_minima,
+    modify,
+)
+from motionary.models.keyframes import select_in_words
+from motionary.models.library import ClassLibrary, MotionClass, Subclass
+from motionary.motion import Motion
+from motionary.packing import count, full_mask
+from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, tell_nearest
+
+Floats = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassDistance:
+    """How one class fits one recording.
+
+    Attributes
+    ----------
+    modified : array, shape (frames,), cost of the cheapest match that covers a frame
+    owner : array, shape (frames,), index into `matches` of that match, -1 without one
+    matches : every local minimum below the threshold of which enough was seen
+    least : cheapest match of the recording, whatever the threshold; None if none fits
+    """
+
+    modified: Floats
+    owner: NDArray[np.intp]
+    matches: tuple[Evidence, ...]
+    least: Evidence | None
+
+
+def annotate(
+    recording: Motion | FeatureSequence,
+    library: ClassLibrary,
+    *,
+    threshold: float | None = None,
+    preselect: bool = True,
+    skip_weight: float = SKIP_WEIGHT,
+) -> LabelTrack:
+    """Labels of one recording.
+
+    Parameters
+    ----------
+    recording : Motion or FeatureSequence
+    library : classes to look for
+    threshold : largest cost of a match; by default each class's own
+    preselect : whether classes that have keyframes are looked for only around them
+    skip_weight : how often the cell after a (2, 1) step counts
+
+    Returns
+    -------
+    LabelTrack; each label carries the evidence that `explain` reads
+
+    Raises
+    ------
+    InvalidInput
+        If the library is empty or has another feature set.
+    """
+    sequence = _words_of(recording, library)
+    distance = partial(class_distance, sequence, threshold=threshold, skip_weight=skip_weight)
+    distances = [distance(motion_class, preselect=preselect) for motion_class in library]
+    segments = annotate_distances([d.modified for d in distances])
+    labels = tuple(_label(sequence, distances[s.class_index], s) for s in segments)
+    nearest = ""
+    if not labels:
+        everywhere = [
+            distance(motion_class, preselect=False) if _has_keyframes(motion_class) else found
+            for motion_class, found in zip(library, distances, strict=True)
+        ]
+        nearest = _nearest(sequence, library, everywhere, threshold)
+    return LabelTrack(
+        recording=sequence.source,
+        labels=labels,
+        duration_s=sequence.duration_s,
+        rate_hz=sequence.file_rate_hz,
+        unassessed=unassessed(sequence),
+        nearest=nearest,
+    )
+
+
+def class_distance(
+    sequence: FeatureSequence,
+    motion_class: MotionClass,
+    *,
+    threshold: float | None = None,
+    preselect: bool = True,
+    skip_weight: float = SKIP_WEIGHT,
+) -> ClassDistance:
+    """Modified distance function of a class: the least over its templates."""
+    limit = motion_class.threshold if threshold is None else threshold
+    matches: list[Evidence] = []
+    cheapest: list[Evidence] = []
+    whole = [(0, len(sequence))]
+    for subclass, (template, pattern) in zip(
+        motion_class.subclasses, motion_class.sought(), strict=True
+    ):
+        windows = _windows(subclass, sequence) if preselect and subclass.queries else whole
+        distance = _distance(pattern, sequence, windows, skip_weight)
+        minima = local_minima(distance, threshold=limit)
+        least = [int(np.argmin(distance))] if np.isfinite(distance).any() else []
+        for ends, into in ((minima, matches), (least, cheapest)):
+            for found in _align(pattern, sequence, windows, np.asarray(ends), skip_weight):
+                evidence = Evidence(motion_class.name, template, pattern, sequence, found)
+                if evidence.is_assessed:
+                    into.append(evidence)
+    modified, owner = modify([match.alignment for match in matches], n_frames=len(sequence))
+    nearest = min(cheapest, key=lambda e: e.alignment.cost, default=None)
+    return ClassDistance(modified, owner, tuple(matches), nearest)
+
+
+def _windows(subclass: Subclass, sequence: FeatureSequence) -> list[tuple[int, int]]:
+    """Where a subclass is looked for: around the hits of its keyframes."""
+    ranges = select_in_words(
+        subclass.queries,
+        subclass.template.n_columns,
+        sequence.words,
+        sequence.known,
+        votes=subclass.votes,
+    )
+    return ranges.of(0)
+
+
+def _distance(
+    pattern: Pattern,
+    sequence: FeatureSequence,
+    windows: Sequence[tuple[int, int]],
+    skip_weight: float,
+) -> Single:
+    """Distance function, infinite outside of the windows; no path leaves one."""
+    distance = np.full(len(sequence), np.inf, dtype=np.float32)
+    if not windows:
+        return distance
+    corpus = concatenate(
+        [sequence.words[start:stop] for start, stop in windows],
+        [sequence.known[start:stop] for start, stop in windows],
+        full=full_mask(1, len(sequence.feature_set))[0],
+    )
+    inside = corpus_distance(pattern, corpus, skip_weight=skip_weight)
+    for (start, stop), part in zip(windows, corpus.split(inside), strict=True):
+        distance[start:stop] = part
+    return distance
+
+
+def _align(
+    pattern: Pattern,
+    sequence: FeatureSequence,
+    windows: Sequence[tuple[int, int]],
+    ends: NDArray[np.intp],
+    skip_weight: float,
+) -> list[Alignment]:
+    """Matches that end at some frames, each within the window of its end."""
+    if len(ends) == 0:
+        return []
+    starts = np.array([start for start, _ in windows])
+    since = starts[np.searchsorted(starts, ends, side="right") - 1]
+    words, known = sequence.words, sequence.known
+    return align(pattern, words, known, ends, skip_weight=skip_weight, since=since)
+
+
+def unassessed(sequence: FeatureSequence) -> tuple[tuple[float, float], ...]:
+    """Stretches (start_s, end_s) in which fewer than half of the relations are known."""
+    known = count(sequence.known) / len(sequence.feature_set)
+    return tuple(
+        (sequence.seconds(start), sequence.seconds(stop))
+        for blind, start, stop in find_runs((known < ASSESSED_FROM).astype(np.intp))
+        if blind
+    )
+
+
+def _words_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
+    if not library:
+        raise InvalidInput("the library has no classes, so there is nothing to look for")
+    if isinstance(recording, Motion):
+        return compute_features(recording, feature_set=library.feature_set)
+    if recording.feature_set.name != library.feature_set.name:
+        raise InvalidInput(
+            f"{recording.source}: words of {recording.feature_set.name!r}, but the library "
+            f"uses {library.feature_set.name!r}; compute them with feature_set="
+        )
+    return recording
+
+
+def _label(sequence: FeatureSequence, distance: ClassDistance, segment: Segment) -> Label:
+    inside = distance.modified[segment.start : segment.stop]
+    best = segment.start + int(np.argmin(inside))
+    evidence = distance.matches[distance.owner[best]]
+    start_s, end_s = sequence.seconds(segment.start), sequence.seconds(segment.stop)
+    return Label(
+        evidence.name, start_s, end_s,
+        cost=float(inside.min()),
+        known=evidence.known,
+        start_frame=sequence.file_frame(start_s),
+        end_frame=sequence.last_file_frame(end_s),
+        evidence=evidence,
+    )  # fmt: skip
+
+
+def _nearest(
+    sequence: FeatureSequence,
+    library: ClassLibrary,
+    everywhere: Sequence[ClassDistance],
+    threshold: float | None,
+) -> str:
+    """What came closest, with keyframes or without, for a recording without labels."""
+    least = zip((d.least for d in everywhere), library, strict=True)
+    found = [(evidence, motion_class) for evidence, motion_class in least if evidence]
+    if not found:
+        return f"no class fits into what was seen in {sequence.duration_s:.1f} s"
+    evidence, motion_class = min(found, key=lambda f: f[0].alignment.cost)
+    limit = motion_class.threshold if threshold is None else threshold
+    cost, start = evidence.alignment.cost, evidence.alignment.start
+    if cost <= limit:
+        return (
+            "no class shows the keyframes that it needs; nearest without them: "
+            f"{motion_class.name} {cost:.3f} at {start / WORD_HZ:.1f} s"
+        )
+    return tell_nearest(evidence, what=motion_class.name, threshold=limit)
+
+
+def _has_keyframes(motion_class: MotionClass) -> bool:
+    return any(subclass.queries for subclass in motion_class.subclasses)

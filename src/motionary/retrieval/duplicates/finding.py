@@ -1,0 +1,276 @@
+"""Which files show the same motion?
+
+Words say where to look: landmarks propose pairs of recordings and an offset, the surprise of
+what they share says how much that means. Then the files themselves are compared, since a
+motion that is repeated well changes its relations in the same sequence. Compared is at equal
+tempo; recordings in which hardly anything changes cannot be told apart and are left out.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.batch import Failure
+from motionary.errors import InvalidInput, MotionaryError
+from motionary.features import WORD_HZ, FeatureSequence
+from motionary.motion import Motion
+from motionary.retrieval.duplicates.curves import MIRROR_ORDER, RATE_HZ, agreement, curves_of
+from motionary.retrieval.duplicates.evidence import Evidence, Signs, rates_of, weigh
+from motionary.retrieval.duplicates.landmarks import (
+    Candidates,
+    Changes,
+    changes_of,
+    find_candidates,
+    mirrored,
+)
+from motionary.retrieval.index import Collection
+
+
+@dataclass(frozen=True, slots=True)
+class Comparing:
+    """When two stretches are the same motion.
+
+    Attributes
+    ----------
+    least_bits : surprise of the changes that both show
+    least_agreement : of the changes of acceleration; chosen on HDM05, CMU and Bandai, where
+        two performances reach .71 and one by two systems .80 to 1
+    least_s : length of what both show; within less, two performances may agree
+    least_votes : landmarks at one offset
+    """
+
+    least_bits: float = 50.0
+    least_agreement: float = 0.76
+    least_s: float = 0.75
+    least_votes: int = 6
+
+
+class Stretch(NamedTuple):
+    """Part of a recording, seconds, half-open."""
+
+    recording: str
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Duplicate:
+    """One motion in two recordings.
+
+    Attributes
+    ----------
+    left, right : where it is
+    is_mirrored : whether one is the mirror image of the other
+    bits : surprise of the changes of relations that both show
+    shared : share of the changes that both show
+    agreement : of the changes of acceleration, at most 1
+    """
+
+    left: Stretch
+    right: Stretch
+    is_mirrored: bool
+    bits: float
+    shared: float
+    agreement: float
+
+
+@dataclass(frozen=True, slots=True)
+class DuplicateResult:
+    """Duplicates and what was not one.
+
+    Attributes
+    ----------
+    duplicates : most bits first
+    n_alike : pairs whose relations change alike, but that are performances of their own
+    still : recordings in which too little changes to tell them apart
+    failures : pairs of recordings that could not be compared, and why
+    """
+
+    duplicates: tuple[Duplicate, ...]
+    n_alike: int = 0
+    still: tuple[str, ...] = ()
+    failures: tuple[Failure[str], ...] = field(default=())
+
+
+class _Pair(NamedTuple):
+    """Documents with the best evidence for them."""
+
+    left: int
+    right: int
+    offset: int
+    is_mirrored: bool
+    evidence: Evidence
+
+
+def find_duplicates(
+    left: Collection,
+    right: Collection | None = None,
+    *,
+    read: Callable[[str], Motion],
+    read_right: Callable[[str], Motion] | None = None,
+    comparing: Comparing | None = None,
+) -> DuplicateResult:
+    """The same motion in different recordings.
+
+    Parameters
+    ----------
+    left : recordings
+    right : others to compare them with; among themselves if left out
+    read : reads a recording by its name; called once for each that may have a copy
+    read_right : the same for the others; by default as for the first
+    comparing : settings
+
+    Raises
+    ------
+    InvalidInput
+        If the collections are over different features.
+    """
+    settings = comparing or Comparing()
+    if right is not None and right.feature_set.name != left.feature_set.name:
+        raise InvalidInput("both collections need words of one feature set")
+    sides = _Sides(left, right)
+    pairs = sides.propose(settings)
+    read_left = cache(lambda name: curves_of(read(name)))
+    read_other = cache(lambda name: curves_of(read_right(name))) if read_right else read_left
+    duplicates, failures, n_alike = [], [], 0
+    for pair in pairs:
+        names = sides.names(pair)
+        try:
+            found = _compare(pair, sides, read_left(names[0]), read_other(names[1]))
+        except MotionaryError as error:
+            failures.append(Failure(" and ".join(names), error))
+            continue
+        if found.agreement >= settings.least_agreement:
+            duplicates.append(found)
+        else:
+            n_alike += 1
+    return DuplicateResult(tuple(duplicates), n_alike, sides.still(settings), tuple(failures))
+
+
+class _Sides:
+    """Words and changes of the recordings on both sides; the same ones if there is one side."""
+
+    def __init__(self, left: Collection, right: Collection | None) -> None:
+        self.is_one = right is None
+        self.left = list(left.sequences)
+        self.right = self.left if right is None else list(right.sequences)
+        feature_set = left.feature_set
+        self.n_relations = len(feature_set)
+        self.mirror_order = feature_set.mirror_order
+        self.left_changes = self._changes(self.left)
+        self.right_changes = self.left_changes if self.is_one else self._changes(self.right)
+        counts = np.zeros(2 * self.n_relations, dtype=np.int64)
+        for changes in (self.left_changes, self.right_changes):
+            counts += np.bincount(changes.symbols, minlength=len(counts))
+        n_frames = sum(map(len, self.left)) + sum(map(len, self.right))
+        self.rates = rates_of(counts, n_frames)
+
+    def _changes(self, sequences: Sequence[FeatureSequence]) -> Changes:
+        if not sequences:
+            raise InvalidInput("there is no readable recording to compare")
+        words, known = [s.words for s in sequences], [s.known for s in sequences]
+        return changes_of(words, known, self.n_relations)
+
+    def names(self, pair: _Pair) -> tuple[str, str]:
+        return self.left[pair.left].source, self.right[pair.right].source
+
+    def propose(self, settings: Comparing) -> list[_Pair]:
+        """Pairs with enough evidence, most bits first; each pair of recordings once."""
+        best: dict[tuple[int, int], _Pair] = {}
+        for is_mirrored in (False, True):
+            right = self.right_changes
+            if is_mirrored:
+                right = mirrored(right, self.mirror_order)
+            found = find_candidates(
+                self.left_changes,
+                right,
+                n_relations=self.n_relations,
+                n_right=len(self.right),
+                least_votes=settings.least_votes,
+            )
+            for pair in self._weigh(found, is_mirrored):
+                key = (pair.left, pair.right)
+                if key not in best or pair.evidence.bits > best[key].evidence.bits:
+                    best[key] = pair
+        enough = [
+            pair
+            for pair in best.values()
+            if pair.evidence.bits >= settings.least_bits
+            and pair.evidence.stop - pair.evidence.start >= settings.least_s * WORD_HZ
+        ]
+        return sorted(enough, key=lambda p: (-p.evidence.bits, p.left, p.right))
+
+    def still(self, settings: Comparing) -> tuple[str, ...]:
+        """Recordings whose changes could not make enough bits."""
+        names = []
+        sides = [(self.left, self.left_changes)]
+        if not self.is_one:
+            sides.append((self.right, self.right_changes))
+        worth = -np.log2(np.minimum(self.rates, 1.0))
+        for sequences, changes in sides:
+            bits = np.bincount(
+                changes.documents, weights=worth[changes.symbols], minlength=len(sequences)
+            )
+            names += [s.source for s, b in zip(sequences, bits, strict=True)
+                      if b < settings.least_bits]  # fmt: skip
+        return tuple(names)
+
+    def _weigh(self, found: Candidates, is_mirrored: bool) -> list[_Pair]:
+        pairs = []
+        proposed = set()
+        for left, right, offset, _ in np.stack(found, axis=1).tolist():
+            if self.is_one and left > right:
+                # The mirror image of one beside the other is the other's beside the one.
+                left, right, offset = right, left, -offset
+            if (self.is_one and left == right) or (left, right, offset) in proposed:
+                continue
+            proposed.add((left, right, offset))
+            signs = self._signs(self.left_changes, self.left, left, False)
+            others = self._signs(self.right_changes, self.right, right, is_mirrored)
+            evidence = weigh(signs, others, offset, self.rates)
+            pairs.append(_Pair(left, right, offset, is_mirrored, evidence))
+        return pairs
+
+    def _signs(
+        self, changes: Changes, sequences: Sequence[FeatureSequence], document: int, flip: bool
+    ) -> Signs:
+        """Changes of one document as a matrix of signs."""
+        first, stop = np.searchsorted(changes.documents, [document, document + 1])
+        symbols = changes.symbols[first:stop]
+        relations = symbols // 2
+        if flip:
+            relations = self.mirror_order[relations]
+        signs = np.zeros((len(sequences[document]), self.n_relations), dtype=np.int8)
+        signs[changes.frames[first:stop], relations] = np.where(symbols % 2, 1, -1)
+        return signs
+
+
+def _compare(
+    pair: _Pair, sides: _Sides, left: NDArray[np.float64], right: NDArray[np.float64]
+) -> Duplicate:
+    """Compare the files of a pair where their words agree."""
+    per_word = round(RATE_HZ / WORD_HZ)
+    start, stop = pair.evidence.start, pair.evidence.stop + 1
+    if pair.is_mirrored:
+        right = right[:, MIRROR_ORDER]
+    value, at = agreement(
+        left[start * per_word : stop * per_word],
+        right,
+        (pair.offset - start) * per_word,
+        within=2 * per_word,
+    )
+    shift_s = start / WORD_HZ + at / RATE_HZ
+    names = sides.names(pair)
+    start_s, end_s = start / WORD_HZ, stop / WORD_HZ
+    return Duplicate(
+        Stretch(names[0], start_s, end_s),
+        Stretch(names[1], max(start_s - shift_s, 0.0), end_s - shift_s),
+        pair.is_mirrored,
+        pair.evidence.bits,
+        pair.evidence.shared,
+        value,
+    )

@@ -1,0 +1,232 @@
+"""Why was this stretch called that?
+
+Every match is a path through a template; each fixed cell on it asks for a relation to hold
+or not. An explanation lists which of them held, which failed, and when.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.features import FeatureSequence
+from motionary.matching import Alignment, Pattern
+from motionary.models.templates import QuantisedTemplate
+from motionary.packing import unpack
+
+Bools = NDArray[np.bool_]
+
+#: Where less of what is asked for was seen, nothing is told from it.
+ASSESSED_FROM = 0.5
+
+_MOST_PHRASES = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What a label or hit stands on.
+
+    Attributes
+    ----------
+    name : of the class
+    template, pattern : what was sought, cell by cell and as the matcher saw it
+    sequence : words of the recording
+    alignment : path through both
+    """
+
+    name: str
+    template: QuantisedTemplate
+    pattern: Pattern
+    sequence: FeatureSequence
+    alignment: Alignment
+
+    @property
+    def known(self) -> float:
+        """Share of the cells that the template asks for and that were seen, in [0, 1]."""
+        asked, seen, _ = _cells(self)
+        n_asked = int(asked.sum())
+        return float((asked & seen).sum() / n_asked) if n_asked else 1.0
+
+    @property
+    def is_assessed(self) -> bool:
+        """Whether enough was seen to tell: what was not seen is no match at any threshold."""
+        return self.known >= ASSESSED_FROM
+
+
+class Explainable(Protocol):
+    """A label or a hit."""
+
+    @property
+    def evidence(self) -> Evidence | None:
+        """What it stands on; None if it was read from a table."""
+
+
+class Finding(NamedTuple):
+    """One relation over one stretch.
+
+    Attributes
+    ----------
+    relation : id ("F20")
+    phrase : in words, with "not" where the class asks for the relation not to hold
+    start_s, end_s : seconds, half-open
+    weight : how much it tells: the mean weight of its cells, times the root of their number,
+        so that a short rare thing comes before a long common one
+    """
+
+    relation: str
+    phrase: str
+    start_s: float
+    end_s: float
+    weight: float
+
+    def __str__(self) -> str:
+        start, end = f"{self.start_s:.1f}", f"{self.end_s:.1f}"
+        return f"{self.phrase} ({start if start == end else f'{start}–{end}'} s)"
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Which relations held and which failed; `str()` puts it into a sentence.
+
+    Attributes
+    ----------
+    name, recording, start_s, end_s, cost : of the match
+    held, failed : what the class asks for and the recording shows, or does not
+    unknown : phrases of relations that the class asks for and that were not seen
+    share_held : share of the seen cells that held
+    """
+
+    name: str
+    recording: str
+    start_s: float
+    end_s: float
+    cost: float
+    held: tuple[Finding, ...]
+    failed: tuple[Finding, ...]
+    unknown: tuple[str, ...]
+    share_held: float
+
+    def __str__(self) -> str:
+        parts = [
+            f"{self.name} at {self.start_s:.1f}–{self.end_s:.1f} s, cost {self.cost:.3f}: "
+            f"{100 * self.share_held:.0f} % of what the class asks for held"
+        ]
+        if self.held:
+            parts.append("held: " + ", ".join(str(f) for f in _telling(self.held)))
+        if self.failed:
+            parts.append("failed: " + ", ".join(str(f) for f in self.worst()))
+        if self.unknown:
+            parts.append("not seen: " + ", ".join(self.unknown[:_MOST_PHRASES]))
+        return "; ".join(parts)
+
+    def worst(self) -> list[Finding]:
+        """The failed relations that tell most, most telling first."""
+        return sorted(self.failed, key=lambda f: -f.weight)[:_MOST_PHRASES]
+
+
+def explain(match: Explainable | Evidence) -> Explanation:
+    """Why a label or hit was given.
+
+    Parameters
+    ----------
+    match : Label of `annotate`, Hit of `search`, or their evidence
+
+    Raises
+    ------
+    InvalidInput
+        If the label carries no evidence, because it was read from a table.
+    """
+    evidence = match if isinstance(match, Evidence) else match.evidence
+    if evidence is None:
+        raise InvalidInput(
+            "a label that was read from a table cannot be explained; "
+            "annotate the recording again and explain those labels"
+        )
+    asked, seen, agrees = _cells(evidence)
+    frames = evidence.alignment.path[:, 1]
+    phrases = np.array(evidence.sequence.feature_set.names)
+    n_seen = int((asked & seen).sum())
+    return Explanation(
+        name=evidence.name,
+        recording=evidence.sequence.source,
+        start_s=evidence.sequence.seconds(evidence.alignment.start),
+        end_s=evidence.sequence.seconds(evidence.alignment.end + 1),
+        cost=evidence.alignment.cost,
+        held=tuple(_findings(evidence, asked & seen & agrees, frames)),
+        failed=tuple(_findings(evidence, asked & seen & ~agrees, frames)),
+        unknown=tuple(phrases[(asked & ~seen).any(axis=0)]),
+        share_held=float((asked & seen & agrees).sum() / n_seen) if n_seen else 0.0,
+    )
+
+
+def tell_nearest(evidence: Evidence, *, what: str, threshold: float) -> str:
+    """What came closest where nothing matched, and what it lacked, in a sentence.
+
+    Parameters
+    ----------
+    evidence : of the cheapest match
+    what : class or recording that came closest
+    threshold : cost that it did not reach
+    """
+    why = explain(evidence)
+    nearest = f"{what} {why.cost:.3f} at {why.start_s:.1f} s"
+    text = f"nothing below {threshold:g}; nearest: {nearest}"
+    if why.failed:
+        text += ", failed: " + ", ".join(str(f) for f in why.worst())
+    if why.unknown:
+        text += ", not seen: " + ", ".join(why.unknown[:_MOST_PHRASES])
+    return text
+
+
+def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
+    """What is asked for, seen, and agrees, per cell of the path and relation."""
+    columns, frames = evidence.alignment.path.T
+    n = len(evidence.sequence.feature_set)
+    seen = unpack(evidence.sequence.known[frames], n)
+    shown = unpack(evidence.sequence.words[frames], n)
+    asked = evidence.template.fixed[columns]
+    return asked, seen, shown == evidence.template.values[columns]
+
+
+def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Iterator[Finding]:
+    """Runs along the path in which one relation is asked for with one value."""
+    columns = evidence.alignment.path[:, 0]
+    wanted = evidence.template.values[columns]
+    weights = _cell_weights(evidence)[columns]
+    seconds = evidence.sequence.seconds
+    for i, relation in enumerate(evidence.sequence.feature_set.relations):
+        for value in (True, False):
+            phrase = relation.name if value else f"not {relation.name}"
+            for first, last in _runs(where[:, i] & (wanted[:, i] == value)):
+                yield Finding(
+                    relation.id,
+                    phrase,
+                    seconds(int(frames[first])),
+                    seconds(int(frames[last]) + 1),
+                    float(weights[first : last + 1, i].sum() / np.sqrt(last + 1 - first)),
+                )
+
+
+def _cell_weights(evidence: Evidence) -> NDArray[np.float64]:
+    """How much each cell of the template tells, shape (columns, relations)."""
+    if evidence.pattern.entry_weights is not None:
+        return evidence.pattern.entry_weights
+    # What a class does says more than what it leaves undone: most relations rarely hold.
+    return np.where(evidence.template.values, 1.0, 0.25)
+
+
+def _runs(where: Bools) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]])))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
+def _telling(held: tuple[Finding, ...]) -> list[Finding]:
+    """The findings that tell most, one a relation, in the order of time."""
+    ranked = sorted(held, key=lambda f: -f.weight)
+    first_of_each = {f.relation: f for f in reversed(ranked)}
+    best = sorted(first_of_each.values(), key=lambda f: -f.weight)[:_MOST_PHRASES]
+    return sorted(best, key=lambda f: f.start_s)

@@ -1,0 +1,24 @@
+"""The words of many recordings, in memory and kept on disk."""
+
+from motionary.retrieval.index.changes import Changes
+from motionary.retrieval.index.collection import (
+    Collection,
+    Part,
+    collect,
+    join_collections,
+    read_collection,
+)
+from motionary.retrieval.index.folder import CACHE_VARIABLE, Index
+from motionary.retrieval.index.shard import Shard
+
+__all__ = [
+    "CACHE_VARIABLE",
+    "Changes",
+    "Collection",
+    "Index",
+    "Part",
+    "Shard",
+    "collect",
+    "join_collections",
+    "read_collection",
+]

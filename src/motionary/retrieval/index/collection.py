@@ -1,0 +1,237 @@
+"""What is searched: the words of many recordings, and what could not be read."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple, Self, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.batch import Failure
+from motionary.errors import InvalidInput
+from motionary.features import (
+    FULL_BODY,
+    FeatureSequence,
+    FeatureSet,
+    NamedFile,
+    Reading,
+    compute_features,
+    read_features,
+)
+from motionary.io import name_recordings
+from motionary.matching import share_of_counts
+from motionary.motion import Motion
+from motionary.retrieval.index.shard import Shard, make_shard, select
+
+_MOST_REASONS = 3
+
+
+class Part(NamedTuple):
+    """A shard of a collection, and the number that each of its documents has there."""
+
+    shard: Shard
+    numbers: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Collection:
+    """Recordings as words.
+
+    Attributes
+    ----------
+    sequences : words of the recordings
+    feature_set : what the bits mean
+    failures : files that could not be read, and why
+    """
+
+    sequences: Sequence[FeatureSequence]
+    feature_set: FeatureSet = FULL_BODY
+    failures: tuple[Failure[NamedFile], ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        if isinstance(self.sequences, _Documents):
+            return
+        stray = [s for s in self.sequences if s.feature_set.name != self.feature_set.name]
+        if stray:
+            raise InvalidInput(
+                f"{stray[0].source}: words of {stray[0].feature_set.name!r}, the collection "
+                f"is of {self.feature_set.name!r}"
+            )
+
+    @classmethod
+    def of_shards(
+        cls,
+        shards: Sequence[Shard],
+        feature_set: FeatureSet,
+        failures: tuple[Failure[NamedFile], ...] = (),
+    ) -> Self:
+        """The documents of shards, sorted by name; nothing is copied."""
+        names = [name for shard in shards for name in shard.names]
+        order = np.array(sorted(range(len(names)), key=names.__getitem__), dtype=np.int64)
+        numbers = np.empty_like(order)
+        numbers[order] = np.arange(len(order))
+        borders = np.cumsum([len(shard) for shard in shards])[:-1]
+        split = np.split(numbers, borders) if shards else []
+        parts = tuple(Part(shard, part) for shard, part in zip(shards, split, strict=True))
+        return cls(_Documents(parts, order), feature_set, failures)
+
+    def __len__(self) -> int:
+        return len(self.sequences)
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The recordings as the matcher and keyframe queries take them.
+
+        Raises
+        ------
+        InvalidInput
+            If there is no recording.
+        """
+        if not self.sequences:
+            reasons = "".join(f"; {f.item[0]}: {f.error}" for f in self.failures[:_MOST_REASONS])
+            raise InvalidInput(f"there is no readable recording to search{reasons}")
+        if isinstance(self.sequences, _Documents):
+            return self.sequences.parts
+        shard = make_shard(self.sequences, self.feature_set)
+        return (Part(shard, np.arange(len(shard))),)
+
+    def locate(self, number: int) -> tuple[int, int]:
+        """Part in which a recording stands, and its document there."""
+        if isinstance(self.sequences, _Documents):
+            return self.sequences.locate(number)
+        return 0, number
+
+    @property
+    def n_frames(self) -> int:
+        """Words of all recordings."""
+        return sum(part.shard.n_frames for part in self.parts) if len(self) else 0
+
+    @cached_property
+    def share_of_ones(self) -> NDArray[np.float64]:
+        """Share of known frames in which each relation holds; see `matching.rarity`."""
+        counts = np.sum([part.shard.word_index.counts for part in self.parts], axis=0)
+        return share_of_counts(counts[1:-1:2], counts[0:-1:2] + counts[1:-1:2])
+
+
+class _Documents(Sequence[FeatureSequence]):
+    """Documents of shards in the order of their names, made when they are asked for."""
+
+    def __init__(self, parts: tuple[Part, ...], order: NDArray[np.int64]) -> None:
+        self.parts = parts
+        self._order = order
+        self._ends = np.cumsum([len(part.shard) for part in parts])
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    @overload
+    def __getitem__(self, index: int) -> FeatureSequence: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[FeatureSequence]: ...
+    def __getitem__(self, index: int | slice) -> FeatureSequence | Sequence[FeatureSequence]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        part, document = self.locate(index)
+        return self.parts[part].shard.sequence(document)
+
+    def locate(self, index: int) -> tuple[int, int]:
+        place = int(self._order[index])
+        part = int(np.searchsorted(self._ends, place, side="right"))
+        return part, place - int(self._ends[part]) + len(self.parts[part].shard)
+
+
+def collect(
+    recordings: str | Path | Sequence[str | Path | Motion | FeatureSequence],
+    *,
+    reading: Reading | None = None,
+    feature_set: FeatureSet = FULL_BODY,
+    jobs: int = 1,
+    on_done: Callable[[NamedFile], None] | None = None,
+) -> Collection:
+    """Words of recordings.
+
+    Parameters
+    ----------
+    recordings : a folder, file or pattern, or a sequence of such, of motions or of words
+    reading : what the files do not say themselves
+    jobs : processes that read; the result does not depend on it
+    on_done : called after each file
+
+    Raises
+    ------
+    UnreadableFile
+        If a path does not exist or holds no recording. A file that is there and cannot be
+        read is listed in `failures` instead.
+    """
+    given = [recordings] if isinstance(recordings, str | Path) else list(recordings)
+    paths = [g for g in given if isinstance(g, str | Path)]
+    words = [_words(g, feature_set) for g in given if isinstance(g, Motion | FeatureSequence)]
+    if not paths:
+        return Collection(tuple(words), feature_set)
+    read = read_collection(
+        name_recordings(paths).items(),
+        reading=reading,
+        feature_set=feature_set,
+        jobs=jobs,
+        on_done=on_done,
+    )
+    return replace(read, sequences=(*words, *read.sequences))
+
+
+def read_collection(
+    files: Iterable[NamedFile],
+    *,
+    reading: Reading | None = None,
+    feature_set: FeatureSet = FULL_BODY,
+    jobs: int = 1,
+    on_done: Callable[[NamedFile], None] | None = None,
+) -> Collection:
+    """Words of files whose names are settled; otherwise as `collect`.
+
+    Parameters
+    ----------
+    files : pairs of a recording's name and its path
+    reading, jobs, on_done : as in `collect`
+    """
+    items = list(
+        read_features(files, reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done)
+    )
+    return Collection(
+        tuple(item for item in items if not isinstance(item, Failure)),
+        feature_set,
+        tuple(item for item in items if isinstance(item, Failure)),
+    )
+
+
+def join_collections(
+    collections: Sequence[Collection], names: Sequence[Mapping[str, str]]
+) -> Collection:
+    """One collection of several over one feature set, sorted by name.
+
+    Parameters
+    ----------
+    collections : at least one
+    names : for each, the new name of each recording; those without one are left out
+    """
+    shards = []
+    failures: list[Failure[NamedFile]] = []
+    for collection, new in zip(collections, names, strict=True):
+        for failure in collection.failures:
+            name, path = failure.item
+            if name in new:
+                failures.append(Failure((new[name], path), failure.error))
+        for shard, _ in collection.parts if len(collection) else ():
+            kept = np.array([i for i, name in enumerate(shard.names) if name in new], dtype=np.intp)
+            if len(kept):
+                part = shard if len(kept) == len(shard) else select([shard], [kept])
+                shards.append(replace(part, names=tuple(new[name] for name in part.names)))
+    failures.sort(key=lambda failure: failure.item[0])
+    return Collection.of_shards(shards, collections[0].feature_set, tuple(failures))
+
+
+def _words(item: Motion | FeatureSequence, feature_set: FeatureSet) -> FeatureSequence:
+    if isinstance(item, Motion):
+        return compute_features(item, feature_set=feature_set)
+    return item

@@ -1,0 +1,219 @@
+"""How do the words of many recordings stand in memory, and in a file of the same form?
+
+A shard: documents one behind the other as the matcher wants them, with room between, and
+bitmaps of their relations as keyframe queries want them. All are plain arrays, which may be
+memory-mapped.
+
+Conventions: a position counts frames of the shard, the room between documents included.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.features import FeatureSequence, FeatureSet
+from motionary.matching import PADDING, Corpus, concatenate
+from motionary.models.keyframes import HitRanges, WordIndex, index_words
+from motionary.packing import Words, full_mask
+
+#: What is known of a document beside its words. `mtime_ns`, `size` and `companion` tell the
+#: state of the file that it was read from; they are 0 where there is none.
+DOCUMENT = np.dtype(
+    [
+        ("length", "<i8"),
+        ("file_frames", "<i8"),
+        ("first_frame", "<i8"),
+        ("rate_hz", "<f8"),
+        ("mtime_ns", "<i8"),
+        ("size", "<i8"),
+        ("companion", "<u8"),
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Shard:
+    """Words of some recordings, never changed.
+
+    Attributes
+    ----------
+    names : of the documents
+    table : array, shape (documents,), of `DOCUMENT`
+    words : array, shape (positions, n_words), uint64; unknown relations are 0
+    masks : array, shape (runs, 1 + n_words), uint64
+        Which relations are known: one past the last position of a run, and the mask that
+        holds in it.
+    feature_set : what the bits mean
+    planes : bitmaps of `keyframes.WordIndex`; made when they are needed if None
+    """
+
+    names: tuple[str, ...]
+    table: NDArray[np.void]
+    words: Words
+    masks: Words
+    feature_set: FeatureSet
+    planes: Words | None = None
+
+    def __post_init__(self) -> None:
+        n_words = full_mask(1, len(self.feature_set)).shape[1]
+        n_positions = int(self.starts[-1] + self.lengths[-1]) if len(self) else 0
+        shapes = self.words.shape, self.masks.shape[1:], len(self.names)
+        if shapes != ((n_positions, n_words), (1 + n_words,), len(self.table)):
+            raise InvalidInput(
+                f"a shard of {len(self.table)} documents needs words of shape "
+                f"({n_positions}, {n_words}), got {len(self.names)} names and {self.words.shape}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        """Words of each document, shape (documents,)."""
+        return np.asarray(self.table["length"], dtype=np.int64)
+
+    @cached_property
+    def starts(self) -> NDArray[np.int64]:
+        """Position of the first word of each document, shape (documents,)."""
+        steps = self.lengths + PADDING
+        return np.cumsum(steps) - steps
+
+    @property
+    def n_frames(self) -> int:
+        """Words of all documents."""
+        return int(self.lengths.sum())
+
+    @cached_property
+    def corpus(self) -> Corpus:
+        """What the matcher takes; words are not copied."""
+        blocked = np.ones(len(self.words), dtype=np.bool_)
+        blocked[_inside(self.starts, self.lengths)] = False
+        known = self._known(0, len(self.words))
+        return Corpus(self.words, known, self.starts, self.lengths, np.flatnonzero(blocked))
+
+    @cached_property
+    def word_index(self) -> WordIndex:
+        """What keyframe queries take."""
+        name, ids = self.feature_set.name, self.feature_set.ids
+        if self.planes is not None:
+            return WordIndex(self.planes, self.lengths, name, ids)
+        parts = [self.words_of(i) for i in range(len(self))]
+        return index_words(
+            [words for words, _ in parts],
+            [known for _, known in parts],
+            feature_set=name,
+            feature_ids=ids,
+        )
+
+    def cut(self, ranges: HitRanges) -> Corpus:
+        """Some stretches of documents, at least one, as documents of their own."""
+        lengths = ranges.stops - ranges.starts
+        starts = np.cumsum(lengths + PADDING) - lengths - PADDING
+        n_positions = int(starts[-1] + lengths[-1])
+        inside = _inside(starts, lengths)
+        begins = self.starts[ranges.documents] + ranges.starts
+        source = _inside(begins, lengths)
+        words = np.zeros((n_positions, self.words.shape[1]), dtype=np.uint64)
+        words[inside] = self.words[source]
+        run = np.zeros(n_positions, dtype=np.intp)
+        run[inside] = np.searchsorted(self.masks[:, 0].astype(np.int64), source, side="right")
+        blocked = np.ones(n_positions, dtype=np.bool_)
+        blocked[inside] = False
+        return Corpus(words, self.masks[run, 1:], starts, lengths, np.flatnonzero(blocked))
+
+    def words_of(self, number: int) -> tuple[Words, Words]:
+        """Words and mask of a document."""
+        start = int(self.starts[number])
+        stop = start + int(self.table["length"][number])
+        return self.words[start:stop], self._known(start, stop)
+
+    def sequence(self, number: int) -> FeatureSequence:
+        """A document."""
+        words, known = self.words_of(number)
+        row = self.table[number]
+        return FeatureSequence(
+            words,
+            known,
+            self.feature_set,
+            source=self.names[number],
+            file_rate_hz=float(row["rate_hz"]),
+            file_frames=int(row["file_frames"]),
+            first_frame=int(row["first_frame"]),
+        )
+
+    def _known(self, start: int, stop: int) -> Words:
+        stops = self.masks[:, 0].astype(np.int64)
+        first, last = np.searchsorted(stops, [start, max(stop - 1, start)], side="right")
+        if first == last:
+            mask = self.masks[first, 1:]
+            return np.broadcast_to(mask, (stop - start, len(mask)))
+        inside = np.clip(stops[first : last + 1], start, stop)
+        lengths = inside - np.concatenate([[start], inside[:-1]])
+        return np.repeat(self.masks[first : last + 1, 1:], lengths, axis=0)
+
+
+def make_shard(
+    sequences: Sequence[FeatureSequence],
+    feature_set: FeatureSet,
+    *,
+    states: NDArray[np.void] | None = None,
+) -> Shard:
+    """Shard of recordings.
+
+    Parameters
+    ----------
+    sequences : at least one, over `feature_set`
+    feature_set : what the bits mean
+    states : array, shape (documents,), of `DOCUMENT`, whose file states are taken over
+
+    Raises
+    ------
+    InvalidInput
+        If there is no recording, or words and masks do not fit.
+    """
+    table = np.zeros(len(sequences), dtype=DOCUMENT)
+    if states is not None:
+        table[:] = states
+    table["length"] = [len(s) for s in sequences]
+    table["file_frames"] = [s.file_frames for s in sequences]
+    table["first_frame"] = [s.first_frame for s in sequences]
+    table["rate_hz"] = [s.file_rate_hz for s in sequences]
+    full = full_mask(1, len(feature_set))[0]
+    corpus = concatenate([s.words for s in sequences], [s.known for s in sequences], full=full)
+    # What stands between documents does not count: the same as before it, runs are fewest.
+    known = corpus.known.copy()
+    for back in range(PADDING):
+        between = corpus.blocked[back::PADDING]
+        known[between] = known[np.maximum(between - 1, 0)]
+    names = tuple(s.source for s in sequences)
+    return Shard(names, table, corpus.words, _runs(known), feature_set)
+
+
+def join_shards(shards: Sequence[Shard]) -> Shard:
+    """One shard with the documents of several, in their order."""
+    return select(shards, [np.arange(len(shard)) for shard in shards])
+
+
+def select(shards: Sequence[Shard], chosen: Sequence[NDArray[np.intp]]) -> Shard:
+    """One shard with the chosen documents of several."""
+    pairs = [(s, int(i)) for s, numbers in zip(shards, chosen, strict=True) for i in numbers]
+    states = np.array([shard.table[i] for shard, i in pairs], dtype=DOCUMENT)
+    sequences = [shard.sequence(i) for shard, i in pairs]
+    return make_shard(sequences, shards[0].feature_set, states=states)
+
+
+def _inside(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Positions of stretches, one after the other."""
+    before = np.cumsum(lengths) - lengths
+    return np.repeat(starts - before, lengths) + np.arange(lengths.sum())
+
+
+def _runs(known: Words) -> Words:
+    """Masks as runs: one past the last position, and the mask."""
+    change = np.flatnonzero((known[1:] != known[:-1]).any(axis=1)) + 1
+    stops = np.concatenate([change, [len(known)]])
+    return np.column_stack([stops.astype(np.uint64), known[stops - 1]])

@@ -1,0 +1,346 @@
+"""Commands when something is wrong: what is said, where, and how they end."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from cli_cases import CLASSES, RATE_HZ, run, write_bvh, write_examples, write_stream
+from motionary.samples import synthetic_motion
+
+COMMAND = [sys.executable, "-m", "motionary.cli"]
+
+
+@pytest.fixture
+def motionary(capsys, monkeypatch):
+    """Runs a command in this process."""
+    return lambda *arguments: run(capsys, monkeypatch, *arguments)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    """Examples, a library learned from them, and a recording with several motions."""
+    from motionary.models.library import learn
+
+    folder = tmp_path_factory.mktemp("world")
+    write_examples(folder / "examples")
+    learn(folder / "examples").save(folder / "library")
+    write_stream(folder / "take.bvh")
+    return folder
+
+
+def in_process(*arguments, **options):
+    """The command in a process of its own."""
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, **options
+    )
+
+
+def one_line(text):
+    """A message is one line, named after the program."""
+    return text.startswith("motionary: ") and text.count("\n") == 1
+
+
+# -- wrong use: 2, and nothing is done ----------------------------------------------------
+
+LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("search", "{world}/examples"), "--like"),
+        ((*LIKE, "--class", "squat"), "--like, --class"),
+        (("search", "{world}", "--class", "squat"), "--library LIB"),
+        (("search", "{world}", "--class", "sqat", "--library", "{world}/library"), "kick_left, s"),
+        (("search", "{world}", "--class", "squat", "--library", "l", "--from", "1"), "--from"),
+        ((*LIKE, "--library", "{world}/library"), "--library"),
+        ((*LIKE, "--from", "99"), "take.bvh lasts from 0 to "),
+        ((*LIKE, "--from", "-1"), "take.bvh lasts from 0 to "),
+        ((*LIKE, "--to", "99"), "take.bvh lasts from 0 to "),
+        ((*LIKE, "--from", "nan"), "take.bvh lasts from 0 to "),
+        ((*LIKE, "--from", "2", "--to", "1"), "must come after --from, got 2 to 1"),
+        ((*LIKE, "--from", "2", "--to", "2.2"), "at least 0.3 s"),
+        ((*LIKE, "--sheet", "hits.bmp"), ".png, .svg, .pdf"),
+        ((*LIKE, "--jobs", "0"), "--jobs"),
+        ((*LIKE, "--grow", "-1"), "--grow"),
+        ((*LIKE, "--skeleton", "nobody"), "cmu_bvh"),
+        ((*LIKE, "--unit", "furlong"), "inch"),
+        ((*LIKE, "--rate", "0"), "above 0"),
+        ((*LIKE, "--asf", "none.asf"), "none.asf: no such file"),
+        ((*LIKE, "--fill-by", "linear"), "--fill-by: goes with --fill-gaps SECONDS"),
+        ((*LIKE, "--excel"), "--excel: goes with --output CSV"),
+        (("info", "{world}/take.bvh", "--excel"), "--excel: goes with --output CSV"),
+        (("annotate", "{world}/take.bvh", "--library", "l", "--excel"), "goes with --output CSV"),
+        (("search", "{world}", "--query", "none.json"), "none.json: no such file"),
+        (
+            ("search", "{world}", "--query", "none.json", "--query-name", "a"),
+            "none.json: no such file",
+        ),
+        (("annotate", "{world}/take.bvh"), "motionary learn EXAMPLES -o LIB"),
+        (("annotate", "{world}/take.bvh", "--library", "l", "--threshold", "-1"), "--threshold"),
+        (("learn", "{world}/examples"), "--output"),
+        (("features", "{world}/take.bvh", "-o", "x.xls"), ".npz or .csv"),
+        (("evaluate", "x.csv", "--truth", "y.csv", "--rename", "=b"), "NAME=NEW"),
+        (("serch", "{world}"), "serch"),
+    ],
+)
+def test_wrong_use(motionary, world, arguments, words):
+    ran = motionary(*(argument.format(world=world) for argument in arguments))
+    assert (ran.code, ran.out) == (2, "")
+    assert words in " ".join(ran.err.split())
+    assert "Traceback" not in ran.err
+
+
+# -- wrong input: 1, one line ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("search", "{world}/examples", "--like", "{world}/none.bvh"), "none.bvh"),
+        (("annotate", "{world}/none.bvh", "--library", "{world}/library"), "no such file"),
+        (("annotate", "{tmp}", "--library", "{world}/library"), "no recordings in this folder"),
+        (("annotate", "{world}/take.bvh", "--library", "{tmp}"), "no library there"),
+        (("annotate", "{world}/*.amc", "--library", "{world}/library"), "a name like this"),
+        (("learn", "{tmp}", "-o", "{tmp}/lib"), "no examples found"),
+        (("learn", "{tmp}/none", "-o", "{tmp}/lib"), "no such folder"),
+        (("features", "{world}/none.bvh", "-o", "{tmp}/x.npz"), "none.bvh"),
+        (("evaluate", "{tmp}/x.csv", "--truth", "{tmp}/y.csv"), "x.csv"),
+    ],
+)
+def test_wrong_paths(motionary, world, tmp_path, arguments, words):
+    ran = motionary(*(argument.format(world=world, tmp=tmp_path) for argument in arguments))
+    assert (ran.code, ran.out) == (1, "")
+    assert one_line(ran.err)
+    assert words in ran.err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (*LIKE, "--sheet", "{tmp}/file/hits.png"),
+        (*LIKE, "--template", "{tmp}/file/deep/template.png"),
+        ("annotate", "{world}/take.bvh", "--library", "{world}/library", "-o", "{tmp}/file/x.csv"),
+        ("annotate", "{world}/take.bvh", "--library", "{world}/library", "--plot", "{tmp}/file/p"),
+        ("annotate", "{world}/take.bvh", "--library", "{world}/library", "-o", "{tmp}/folder.npz"),
+        ("annotate", "{world}/take.bvh", "--library", "{world}/library", "--plot", "{tmp}/file"),
+        ("learn", "{world}/examples", "-o", "{tmp}/file/lib"),
+        ("learn", "{world}/examples", "-o", "{tmp}/file"),
+        ("features", "{world}/take.bvh", "-o", "{tmp}/file/x.npz"),
+        ("features", "{world}/take.bvh", "-o", "{tmp}/folder.npz"),
+    ],
+)
+def test_results_that_cannot_be_written(motionary, world, tmp_path, arguments):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "folder.npz").mkdir()
+    ran = motionary(*(argument.format(world=world, tmp=tmp_path) for argument in arguments))
+    assert ran.code == 1
+    assert one_line(ran.err)
+    assert (tmp_path / "file").read_text() == "mine"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder.npz"]
+
+
+@pytest.fixture
+def batch(world, tmp_path):
+    """A good recording, a broken one, one of an unknown kind, and one that is not there."""
+    shutil.copy(world / "take.bvh", tmp_path / "good.bvh")
+    (tmp_path / "broken.bvh").write_bytes((world / "take.bvh").read_bytes()[:5000])
+    (tmp_path / "notes.txt").write_text("not a motion")
+    return [tmp_path / name for name in ("broken.bvh", "good.bvh", "notes.txt", "gone.bvh")]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("annotate", "--library", "{world}/library", "--json"),
+        ("search", "--like", "{world}/take.bvh", "--to", "1", "--json"),
+    ],
+)
+def test_a_batch_with_broken_files_finishes(motionary, world, batch, arguments):
+    command, *options = (argument.format(world=world) for argument in arguments)
+    ran = motionary(command, *batch, *options)
+    assert ran.code == 1
+    assert {json.loads(line)["recording"] for line in ran.out.splitlines()} == {"good.bvh"}
+    assert len(ran.err.splitlines()) == 3
+    assert all(any(name in line for line in ran.err.splitlines())
+               for name in ("broken.bvh", "notes.txt", "gone.bvh"))  # fmt: skip
+
+
+def test_a_broken_example_leaves_the_others(motionary, world, tmp_path):
+    examples = tmp_path / "examples"
+    shutil.copytree(world / "examples", examples)
+    (examples / "squat" / "squat 1.bvh").write_text("nonsense")
+    (examples / "bow").mkdir()
+    (examples / "bow" / "one.bvh").write_text("nonsense")
+    ran = motionary("learn", examples, "-o", tmp_path / "lib", "--json")
+    assert ran.code == 1
+    rows = {row["class"]: row["examples"] for row in map(json.loads, ran.out.splitlines())}
+    assert rows == {"kick_left": 3, "squat": 2, "wave_right": 3}
+    assert "squat 1.bvh: " in ran.err
+    assert "class 'bow': none of its examples could be read" in ran.err
+    assert (tmp_path / "lib" / "library.toml").exists()
+
+
+def test_a_class_of_one_example_is_learned_with_a_warning(motionary, world, tmp_path):
+    shutil.copytree(world / "examples" / "squat", tmp_path / "examples" / "squat")
+    for path in sorted((tmp_path / "examples" / "squat").iterdir())[1:]:
+        path.unlink()
+    ran = motionary("learn", tmp_path / "examples", "-o", tmp_path / "lib", "--suggest")
+    assert ran.code == 0
+    assert "class 'squat': one example: too few" in ran.err
+    assert "too little to choose its threshold by; it stays 0.06" in ran.err
+    assert "100 %" in ran.out
+
+
+def test_a_class_whose_examples_share_nothing_is_left_out(motionary, world, tmp_path):
+    examples = tmp_path / "examples"
+    shutil.copytree(world / "examples" / "squat", examples / "squat")
+    write_rootlings(examples / "nothing")
+    ran = motionary("learn", examples, "-o", tmp_path / "lib", "--skeleton", "generic", "--json")
+    assert ran.code == 1
+    assert [json.loads(line)["class"] for line in ran.out.splitlines()] == ["squat"]
+    assert "class 'nothing' is left out: " in ran.err
+    shutil.rmtree(examples / "squat")
+    ran = motionary("learn", examples, "-o", tmp_path / "lib2", "--skeleton", "generic")
+    assert ran.code == 1
+    assert "nothing was written" in ran.err
+    assert not (tmp_path / "lib2").exists()
+
+
+def write_rootlings(folder):
+    """Files in which, taken as generic skeletons, only the root is there."""
+    for seed in range(2):
+        path = folder / f"{seed}.bvh"
+        write_bvh(synthetic_motion("squat", seed=seed, rate_hz=RATE_HZ), path)
+        path.write_text(re.sub(r"JOINT (\w+)", r"JOINT no \1", path.read_text()))
+
+
+def test_recordings_beside_the_class_folders_are_told(motionary, world, tmp_path):
+    shutil.copytree(world / "examples", tmp_path / "examples")
+    shutil.copy(world / "take.bvh", tmp_path / "examples" / "stray.bvh")
+    ran = motionary("learn", tmp_path / "examples", "-o", tmp_path / "lib")
+    assert ran.code == 1
+    assert "stray.bvh: in no class" in ran.err
+
+
+def test_a_library_without_classes(motionary, world, tmp_path):
+    from motionary.models.library import ClassLibrary
+
+    ClassLibrary(()).save(tmp_path / "empty")
+    ran = motionary("annotate", world / "take.bvh", "--library", tmp_path / "empty")
+    assert (ran.code, ran.out) == (1, "")
+    assert one_line(ran.err)
+    assert "no classes" in ran.err
+
+
+# -- names and screens ----------------------------------------------------------------------
+
+
+def test_names_with_spaces_and_letters_of_the_world(motionary, world, tmp_path):
+    name = 'Übung 1 – 走る, "quer".bvh'
+    shutil.copy(world / "take.bvh", tmp_path / name)
+    ran = motionary("annotate", tmp_path, "--library", world / "library", "--threshold", 0.15,
+                    "-o", tmp_path / "labels.csv")  # fmt: skip
+    assert ran.code == 0, ran.err
+    assert name in ran.out
+    (track,) = map(json.loads, motionary("annotate", tmp_path, "--library", world / "library",
+                                         "--json").out.splitlines())  # fmt: skip
+    assert track["recording"] == name
+    assert '"Übung 1 – 走る, ""quer"".bvh",' in (tmp_path / "labels.csv").read_text("utf-8")
+
+
+def test_columns_stay_aligned_below_wide_letters(motionary, world, tmp_path):
+    for name in ("走る.bvh", "run.bvh"):
+        shutil.copy(world / "take.bvh", tmp_path / name)
+    header, *rows = motionary("info", tmp_path).out.splitlines()[:3]
+    assert [row.replace("走る", "run!").index("BVH") for row in rows] == [
+        header.index("format")
+    ] * 2
+
+
+def test_names_cannot_move_the_cursor(motionary, world, tmp_path):
+    shutil.copy(world / "take.bvh", tmp_path / "a\x1b[2Jb\n.bvh")
+    ran = motionary("info", tmp_path)
+    assert "\x1b" not in ran.out
+    assert "a\N{REPLACEMENT CHARACTER}[2Jb" in ran.out
+
+
+def test_a_terminal_that_lacks_letters_ends_no_command(world, tmp_path):
+    shutil.copy(world / "take.bvh", tmp_path / "走る.bvh")
+    ran = in_process("info", tmp_path, env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert ran.returncode == 0, ran.stderr
+    assert "\\u8d70" in ran.stdout
+
+
+# -- processes ------------------------------------------------------------------------------
+
+
+def test_the_help_loads_nothing_heavy():
+    code = (
+        "import sys; sys.argv = ['motionary', '--help']\n"
+        "from motionary.cli import main\n"
+        "heavy = {'numpy', 'scipy', 'matplotlib', 'rich', 'numba'}\n"
+        "try: main()\n"
+        "finally: print(sorted(heavy & set(sys.modules)))"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert ran.stdout.splitlines()[-1] == "[]"
+
+
+def test_two_processes_give_what_one_gives(world):
+    for command in (
+        ("annotate", world / "examples" / "squat", "--library", world / "library", "--json"),
+        ("search", world / "examples" / "squat", "--like", world / "take.bvh", "--to", "2"),
+    ):
+        one, two = (in_process(*command, "--jobs", n) for n in (1, 2))
+        assert one.returncode == two.returncode == 0, two.stderr
+        assert one.stdout == two.stdout
+        assert one.stderr == two.stderr == ""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes close otherwise there")
+def test_a_reader_that_leaves_ends_the_command_quietly(world):
+    command = [*COMMAND, "info", str(world / "examples"), "--json"]
+    reader, writer = os.pipe()
+    process = subprocess.Popen(command, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    os.close(reader)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (0, "")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
+def test_the_keyboard_stops_a_command_quietly(world, tmp_path):
+    fifo = tmp_path / "endless.bvh"
+    os.mkfifo(fifo)
+    process = subprocess.Popen(
+        [*COMMAND, "info", str(fifo)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    # It is reading once the other end of the pipe can be opened.
+    with fifo.open("w"):
+        time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        out, errors = process.communicate(timeout=60)
+    assert (process.returncode, out, errors) == (130, "", "")
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a terminal of its own")
+def test_bars_are_drawn_on_a_terminal_only(world):
+    main_end, terminal = os.openpty()
+    command = [*COMMAND, "info", str(world / "examples")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=terminal, text=True)
+    out, _ = process.communicate(timeout=60)
+    os.close(terminal)
+    drawn = os.read(main_end, 100_000).decode()
+    os.close(main_end)
+    assert "reading" in drawn
+    quiet = in_process("info", world / "examples")
+    assert (quiet.stdout, quiet.stderr) == (out, "")
+    assert quiet.stdout.count(".bvh") >= 3 * len(CLASSES)

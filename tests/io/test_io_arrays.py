@@ -1,0 +1,297 @@
+"""Do arrays, SMPL's parameters and pickles become the motions that they are?"""
+
+import io
+import os
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.features import compute_features
+from motionary.io import read
+from motionary.io.formats.smpl import NAMES, PARENTS, STATURE_M, average_skeleton
+from motionary.motion import GENERIC_JOINTS, Motion
+from motionary.samples import synthetic_motion
+from motionary.skeletons import known_mappings, named_mapping
+
+ORDERED = [name for name in known_mappings() if named_mapping(name).order]
+
+
+def in_order(motion, name):
+    """Places of a synthetic motion under the joints of an order; what it lacks lies nearby."""
+    mapping = named_mapping(name)
+    generic = dict(zip(GENERIC_JOINTS, np.moveaxis(motion.generic_positions(), 1, 0), strict=True))
+    result = np.repeat(generic["head"][:, None], len(mapping.order), axis=1)
+    for joint, weights in mapping.weights.items():
+        for source in weights:
+            if source in mapping.order and (len(weights) == 1 or joint not in mapping.substituted):
+                result[:, mapping.order.index(source)] = generic[joint]
+    return result
+
+
+@pytest.mark.parametrize("name", ORDERED)
+def test_an_order_that_is_told(tmp_path, name):
+    array = in_order(synthetic_motion("squat", seed=1, rate_hz=60), name)
+    np.save(tmp_path / "a.npy", array)
+    motion = read(tmp_path / "a.npy", skeleton=name, rate_hz=60)
+    assert motion.mapping.name == name
+    assert motion.names == named_mapping(name).order
+    np.testing.assert_allclose(motion.positions, array)
+    assert motion.notes[0].startswith("unit m, by legs")
+    assert motion.notes[1] == "y up, by the body"
+    assert compute_features(motion).known_features.any(axis=0).sum() >= 20
+
+
+@pytest.mark.parametrize("name", ["generic", "smpl", "body25", "kinect_v2", "coco", "humanml3d"])
+def test_an_order_is_guessed_by_number_and_stiff_bones_and_the_guess_is_told(tmp_path, name):
+    array = in_order(synthetic_motion("squat", seed=1, rate_hz=60), name)
+    np.save(tmp_path / "a.npy", array)
+    motion = read(tmp_path / "a.npy", rate_hz=60)
+    assert motion.mapping.name == name
+    assert any(note.startswith(f"order of joints guessed: {name}, by ") for note in motion.notes)
+
+
+def test_humanml3d_has_20_hz(tmp_path):
+    array = in_order(synthetic_motion("squat", seed=1, rate_hz=20), "humanml3d")
+    np.save(tmp_path / "a.npy", array.astype(np.float32))
+    motion = read(tmp_path / "a.npy")
+    assert motion.rate_hz == 20
+    assert "rate assumed 20 Hz, as HumanML3D has" in motion.notes
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1000, "mm"), (100, "cm"), (1, "m")])
+@pytest.mark.parametrize("up", ["y", "z", "-y", "-z", "x", "-x"])
+def test_units_and_axes_by_the_body(tmp_path, scale, unit, up):
+    array = in_order(synthetic_motion("squat", seed=2, rate_hz=60), "smpl")
+    turns = {
+        "y": np.eye(3),
+        "z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+        "-y": np.diag([1, -1, -1]),
+        "-z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+        "x": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
+        "-x": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+    }
+    np.save(tmp_path / "a.npy", scale * array @ np.transpose(turns[up]))
+    motion = read(tmp_path / "a.npy", skeleton="smpl", rate_hz=60)
+    assert motion.notes[0].startswith(f"unit {unit}, by legs")
+    assert motion.notes[1].startswith(f"{up} up, by the body")
+    np.testing.assert_allclose(motion.positions, array, atol=1e-9)
+
+
+def test_names_beside_positions_count(tmp_path):
+    motion = synthetic_motion("squat", seed=1, rate_hz=60)
+    np.savez(tmp_path / "a.npz", joints=motion.positions, joint_names=motion.names, fps=60)
+    again = read(tmp_path / "a.npz")
+    assert (again.names, again.rate_hz, again.mapping.name) == (motion.names, 60, "generic")
+
+
+@pytest.mark.parametrize(
+    ("arrays", "options", "error", "words"),
+    [
+        ({"x": np.ones(3)}, {}, UnreadableFile, r"expected poses and trans .* got x"),
+        ({"positions": np.ones((3, 4))}, {}, UnreadableFile, r"got an array of shape \(3, 4\)"),
+        ({"positions": np.ones((3, 24, 3))}, {}, InvalidInput, "no frame rate"),
+        ({"positions": np.ones((3, 5, 3)), "fps": 30}, {}, InvalidInput, "known orders have"),
+        ({"positions": np.ones((3, 5, 3)), "names": ["a"]}, {}, InvalidInput, "1 names for 5"),
+        ({"positions": np.ones((3, 5, 3))}, {"skeleton": "smpl"}, InvalidInput, "smpl has 24"),
+        ({"positions": np.ones((3, 5, 3))}, {"skeleton": "bandai"}, InvalidInput, "no usual order"),
+        ({"poses": np.ones((3, 9)), "trans": np.ones((3, 3)), "fps": 9}, {}, UnreadableFile, "66"),
+        ({"poses": np.ones((3, 66)), "trans": np.ones((3, 3))}, {}, InvalidInput, "no frame rate"),
+        ({"motionary_motion": 1, "names": ["a"]}, {}, UnreadableFile, "no whole motion"),
+        ({"motionary_motion": 9}, {}, UnreadableFile, "newer version"),
+    ],
+)
+def test_what_cannot_be_a_motion_says_why(tmp_path, arrays, options, error, words):
+    np.savez(tmp_path / "a.npz", **arrays)
+    with pytest.raises(error, match=words):
+        read(tmp_path / "a.npz", **options)
+
+
+def test_objects_are_not_loaded(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object))
+    with pytest.raises(UnreadableFile, match="holds Python objects"):
+        read(tmp_path / "a.npy", rate_hz=30)
+
+
+def test_a_file_that_promises_more_than_it_holds_costs_no_memory(tmp_path):
+    header = io.BytesIO()
+    shape = {"descr": "<f8", "fortran_order": False, "shape": (10**9, 22, 3)}
+    np.lib.format.write_array_header_1_0(header, shape)
+    (tmp_path / "a.npy").write_bytes(header.getvalue() + bytes(800))
+    with pytest.raises(UnreadableFile, match="is shorter"):
+        read(tmp_path / "a.npy")
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("positions.npy", header.getvalue() + bytes(800))
+    with pytest.raises(UnreadableFile, match="is shorter"):
+        read(tmp_path / "a.npz")
+
+
+# ---- SMPL
+
+
+def slow_kinematics(offsets, vectors, root):
+    """Joints of one frame: a matrix per joint, parents first."""
+    world, places = [], []
+    for joint, parent in enumerate(PARENTS):
+        own = Rotation.from_rotvec(vectors[joint]).as_matrix() if joint < 22 else np.eye(3)
+        world.append(own if parent < 0 else world[parent] @ own)
+        start = root if parent < 0 else places[parent]
+        places.append(start + (offsets[joint] if parent < 0 else world[parent] @ offsets[joint]))
+    return np.array(places)
+
+
+def amass(folder, n_frames=6, **more):
+    rng = np.random.default_rng(7)
+    poses = rng.normal(scale=0.6, size=(n_frames, 156))
+    trans = rng.normal(size=(n_frames, 3))
+    arrays = {"poses": poses, "trans": trans, "mocap_framerate": np.array(120.0), **more}
+    np.savez(folder / "a_poses.npz", **arrays)
+    return poses[:, :66].reshape(-1, 22, 3), trans, folder / "a_poses.npz"
+
+
+def test_amass_equals_plain_kinematics_turned_y_up(tmp_path):
+    turns, trans, path = amass(tmp_path)
+    motion = read(path)
+    offsets = average_skeleton().offsets
+    for frame, (vectors, root) in enumerate(zip(turns, trans, strict=True)):
+        x, y, z = slow_kinematics(offsets, vectors, root).T
+        np.testing.assert_allclose(motion.positions[frame], np.stack((x, z, -y), 1), atol=1e-9)
+    assert (motion.names, motion.rate_hz, motion.mapping.name) == (NAMES, 120, "smpl")
+    assert "z up, as AMASS has" in motion.notes
+    assert any("average body" in note for note in motion.notes)
+    # The rig that comes with it says the same as the positions.
+    lengths = np.linalg.norm(motion.positions[:, 4] - motion.positions[:, 1], axis=1)
+    np.testing.assert_allclose(lengths, 0.245 * STATURE_M)
+
+
+def test_root_and_body_may_stand_apart(tmp_path):
+    turns, trans, path = amass(tmp_path)
+    whole = read(path)
+    flat = turns.reshape(-1, 66)
+    np.savez(
+        path, root_orient=flat[:, :3], pose_body=flat[:, 3:], trans=trans, mocap_frame_rate=120
+    )
+    np.testing.assert_allclose(read(path).positions, whole.positions)
+
+
+def test_a_body_at_rest_has_average_proportions(tmp_path):
+    np.savez(tmp_path / "a.npz", poses=np.zeros((2, 66)), trans=np.zeros((2, 3)), fps=30)
+    motion = read(tmp_path / "a.npz", up="y")
+    place = dict(zip(motion.names, motion.positions[0], strict=True))
+    assert np.ptp(motion.positions[0, :, 1]) == pytest.approx(0.99 * STATURE_M, abs=0.03)
+    assert place["left_hand"][0] == pytest.approx(-place["right_hand"][0])
+    assert place["left_foot"][2] > place["left_ankle"][2]
+    assert compute_features(motion).known_features.all()
+
+
+def test_a_body_model_gives_a_persons_own_joints(tmp_path):
+    rng = np.random.default_rng(3)
+    betas = rng.normal(size=16)
+    turns, trans, path = amass(tmp_path, betas=betas)
+    template, shapes = rng.normal(size=(40, 3)), rng.normal(size=(40, 3, 10))
+    regressor = rng.uniform(size=(52, 40))
+    np.savez(tmp_path / "m.npz", v_template=template, shapedirs=shapes, J_regressor=regressor)
+    joints = (regressor @ (template + shapes @ betas[:10]))[:22]
+    offsets = average_skeleton().offsets
+    for joint, parent in enumerate(PARENTS[:22]):
+        offsets[joint] = joints[joint] - (joints[parent] if parent >= 0 else 0)
+    motion = read(path, body_model=tmp_path / "m.npz")
+    x, y, z = slow_kinematics(offsets, turns[2], trans[2]).T
+    np.testing.assert_allclose(motion.positions[2], np.stack((x, z, -y), 1), atol=1e-9)
+    assert not any("average" in note for note in motion.notes)
+    np.savez(tmp_path / "m.npz", v_template=template)
+    with pytest.raises(UnreadableFile, match="is no body model"):
+        read(path, body_model=tmp_path / "m.npz")
+
+
+# ---- AIST++
+
+
+@pytest.mark.parametrize("protocol", range(6))
+@pytest.mark.parametrize("dtype", ["<f4", ">f8", "<f8"])
+def test_keypoints_of_aist(tmp_path, protocol, dtype):
+    array = 100 * in_order(synthetic_motion("squat", seed=1, rate_hz=60), "coco")
+    # Fortran order and a scalar beside, as NumPy pickles them.
+    content = {"keypoints3d": np.asfortranarray(array.astype(dtype)), "loss": np.float32(2)}
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(content, protocol=protocol))
+    motion = read(tmp_path / "a.pkl")
+    np.testing.assert_allclose(motion.positions, array / 100, atol=1e-6)
+    assert (motion.rate_hz, motion.mapping.name) == (60, "coco")
+    assert motion.notes[0].startswith("unit cm, by legs")
+    assert "rate assumed 60 Hz, as AIST++ has" in motion.notes
+
+
+def test_poses_of_aist_are_scaled(tmp_path):
+    poses, trans = np.zeros((4, 72)), np.arange(12.0).reshape(4, 3) * 100
+    content = {"smpl_poses": poses, "smpl_trans": trans, "smpl_scaling": np.array([100.0])}
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(content))
+    motion = read(tmp_path / "a.pkl")
+    np.testing.assert_allclose(motion.positions[3, 0] - motion.positions[0, 0], [9, 9, 9])
+    assert (motion.positions[0, NAMES.index("head"), 1]) > motion.positions[0, 0, 1]
+
+
+class Evil:
+    def __init__(self, call, *arguments):
+        self.call, self.arguments = call, arguments
+
+    def __reduce__(self):
+        return self.call, self.arguments
+
+
+EVIL = {
+    "a command": Evil(os.system, "touch {flag}"),
+    "a file": Evil(open, "{flag}", "w"),
+    "code": Evil(eval, "open('{flag}', 'w')"),
+    "attributes": Evil(getattr, "text", "upper"),
+    "numpy's own loader": Evil(np.load, "{flag}"),
+    "a huge array": Evil(np.ndarray, (10**12,)),
+    "a record": np.zeros(3, dtype=[("a", "f8")]),
+    "objects": np.array([Evil(os.system, "touch {flag}")], dtype=object),
+}
+
+
+@pytest.mark.parametrize("kind", EVIL)
+def test_a_pickle_is_never_run(tmp_path, kind):
+    flag = tmp_path / "flag"
+    evil = EVIL[kind]
+    if isinstance(evil, Evil):
+        evil = Evil(
+            evil.call, *(a.format(flag=flag) if isinstance(a, str) else a for a in evil.arguments)
+        )
+    content = pickle.dumps({"keypoints3d": np.ones((3, 17, 3)), "more": evil})
+    (tmp_path / "a.pkl").write_bytes(content)
+    with pytest.raises(UnreadableFile, match="more than arrays of NumPy, which is not loaded"):
+        read(tmp_path / "a.pkl")
+    assert not flag.exists()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"\x80\x04\x8a\xff\xff\xff\xff.",
+        b"\x80\x04K\x01r\xff\xff\xff\xff.",
+        b"\x80\x04cnumpy\nndarray\n(K\x01tR.",
+        b"\x80\x04cnumpy\nndarray\n)\x81.",
+        b"cos\nsystem\n(S'true'\ntR.",
+        b"\x80\x04\x82\x01.",
+        b"\x80\x02cnumpy\ndtype\n(X\x0a\x00\x00\x00V999999999tR.",
+        b"\x80\x04" + b"(" * 100_000,
+        b"\x80\x04}\x94.",
+    ],
+)
+def test_pickles_made_to_harm(tmp_path, content):
+    (tmp_path / "a.pkl").write_bytes(content)
+    with pytest.raises(UnreadableFile):
+        read(tmp_path / "a.pkl")
+
+
+def test_one_person_around_an_array_is_taken_off(tmp_path):
+    array = in_order(synthetic_motion("squat", seed=1, rate_hz=60), "smpl")
+    array[4, 3] = np.inf
+    np.save(tmp_path / "a.npy", array[None])
+    motion = read(tmp_path / "a.npy", rate_hz=60, skeleton="smpl")
+    assert isinstance(motion, Motion)
+    assert np.isnan(motion.positions[4, 3]).all()

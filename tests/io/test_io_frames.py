@@ -1,0 +1,79 @@
+"""Are numbers read at once the numbers that `float` reads one by one?"""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from motionary.io.formats import numbers as frames
+from motionary.io.formats.numbers import read_frames
+
+PATTERN = r"[+-]?([0-9]{1,12}\.?[0-9]{0,12}|\.[0-9]{1,12})([eE][+-]?[0-9]{1,2})?"
+decimals = st.one_of(
+    st.floats(-1e9, 1e9).map(repr),
+    st.floats(allow_nan=False, allow_infinity=False).map(repr),
+    st.decimals(-1000, 1000, places=4).map(str),
+    st.from_regex(PATTERN, fullmatch=True),
+)
+blanks = st.sampled_from([" ", "\t", "  ", " \t "])
+
+
+@given(st.lists(st.lists(decimals, min_size=3, max_size=3), min_size=1, max_size=20), blanks)
+def test_numbers_are_those_of_float(rows, blank):
+    text = "\n".join(blank.join(row) for row in rows)
+    values = read_frames(text.encode(), [None] * 3)
+    np.testing.assert_array_equal(values, [[float(word) for word in row] for row in rows])
+
+
+@given(st.integers(1, 60), st.integers(1, 400), st.booleans())
+def test_pieces_do_not_show(n_frames, piece, newline):
+    rng = np.random.default_rng(n_frames)
+    rows = [
+        [str(i), "left leg"[:4], *map(repr, rng.normal(size=2).tolist()), "e1"]
+        for i in range(n_frames)
+    ]
+    text = "\n".join(" ".join(row) for row in rows) + "\n" * newline
+    expected = [[float(row[i]) for i in (0, 2, 3)] for row in rows]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(frames, "PIECE", piece)
+        values = read_frames(text.encode(), [None, b"left", None, None, b"e1"])
+    np.testing.assert_array_equal(values, expected)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "  \n ",
+        "1 2 3",
+        "1 2\n3",
+        "1 2 3 4",
+        "1 2\n3 x",
+        "1 2\n3 nan",
+        "1 2\n3 inf",
+        "1 2\n3 1_0",
+        "1 2\n3 1e999",
+        "1 2\n3 1.2.3",
+        "1 2\n3 --1",
+        "1 2\n3 -",
+        "1 2\n3 .",
+        "1 2\n3 1-2",
+        "1 2\n3 é",
+        "1\n2 3 4",
+    ],
+)
+def test_anything_else_is_none(text):
+    assert read_frames(text.encode(), [None, None]) is None
+
+
+WRONG_NAMES = ["1 lef 2", "1 leftt 2", "1 2 left", "1 Left 2", "1 left", "left 1 2"]
+
+
+@pytest.mark.parametrize("text", WRONG_NAMES)
+def test_names_must_stand_where_they_stand(text):
+    assert read_frames(text.encode(), [None, b"left", None]) is None
+
+
+def test_a_frame_may_go_on_in_the_next_line():
+    values = read_frames(b"1 2\n3\n4 5\n6\n", [None] * 3)
+    np.testing.assert_array_equal(values, [[1, 2, 3], [4, 5, 6]])

@@ -1,0 +1,333 @@
+"""Queries chosen from examples and counter-examples: what they keep and what they leave."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from motionary.errors import InvalidInput
+from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, read_features
+from motionary.matching import distance_function
+from motionary.models.keyframes import (
+    Choosing,
+    KeyframeQuery,
+    choose_query,
+    index_words,
+    search_query,
+    search_words,
+    select_in_index,
+)
+from motionary.models.keyframes.moments import MOST_STEADY, find_moments
+from motionary.models.keyframes.steadiness import (
+    count_steady,
+    loose_index,
+    steady_mask,
+    strict_index,
+)
+from motionary.models.templates import learn_template, pattern_of, quantise
+from motionary.packing import pack, unpack
+
+N = len(FULL_BODY)
+
+
+def sequence_of(relations, known=None):
+    relations = np.asarray(relations, dtype=bool)
+    known = np.ones_like(relations) if known is None else np.asarray(known, dtype=bool)
+    return FeatureSequence(pack(relations & known), pack(known), FULL_BODY)
+
+
+def template_of(examples):
+    return learn_template(
+        [example.features for example in examples],
+        feature_names=FULL_BODY.ids, feature_set=FULL_BODY.name,
+    )  # fmt: skip
+
+
+@st.composite
+def documents(draw):
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    n_frames = draw(st.integers(1, 12))
+    shape = (n_frames, N)
+    # Long runs of a value, so that some are steady.
+    flips = rng.random(shape) < draw(st.sampled_from([0.1, 0.3]))
+    return sequence_of(np.cumsum(flips, axis=0) % 2, rng.random(shape) < 0.9)
+
+
+# -- steady and loose readings ---------------------------------------------------------
+
+
+def is_steady(document, frame, feature, around):
+    values, known = document.features, document.known_features
+    near = range(max(0, frame - around), min(len(document), frame + around + 1))
+    return all(known[t, feature] and values[t, feature] == values[frame, feature] for t in near)
+
+
+@given(documents(), st.integers(0, 3))
+def test_a_steady_relation_is_known_and_the_same_around(document, around):
+    found = unpack(steady_mask(document.words, document.known, around), N)
+    expected = [[is_steady(document, t, f, around) for f in range(N)] for t in range(len(document))]
+    np.testing.assert_array_equal(found, expected)
+
+
+@given(documents(), st.integers(1, 4))
+def test_steadiness_counts_the_frames_around(document, most):
+    frames = np.arange(len(document))
+    found = count_steady(document, frames, most)
+    for t in frames:
+        for f in range(N):
+            steady = [is_steady(document, t, f, around) for around in range(1, most + 1)]
+            assert found[t, f] == (steady.index(False) if False in steady else most)
+
+
+@given(documents(), documents(), st.integers(0, 3), st.integers(0, N - 1), st.booleans())
+def test_loose_reading_finds_either_value_near_a_change(first, second, around, feature, value):
+    bit = pack(np.eye(N, dtype=bool)[[feature]])
+    query = KeyframeQuery(bit * np.uint64(value), bit, (), FULL_BODY.name, FULL_BODY.ids)
+    found = search_query(query, loose_index([first, second], around))
+    for number, document in enumerate([first, second]):
+        shown = (document.features[:, feature] == value) & document.known_features[:, feature]
+        expected = [shown[max(0, t - around) : t + around + 1].any() for t in range(len(document))]
+        frames = np.zeros(len(document), dtype=bool)
+        for start, stop in found.of(number):
+            frames[start:stop] = True
+        np.testing.assert_array_equal(frames, expected)
+
+
+@given(documents(), st.integers(0, 2), st.integers(0, N - 1), st.booleans())
+def test_strict_loose_and_plain_readings_include_each_other(document, around, feature, value):
+    bit = pack(np.eye(N, dtype=bool)[[feature]])
+    query = KeyframeQuery(bit * np.uint64(value), bit, (), FULL_BODY.name, FULL_BODY.ids)
+    plain = search_words(query, document.words, document.known).n_frames
+    strict = search_query(query, strict_index([document], around)).n_frames
+    loose = search_query(query, loose_index([document], around)).n_frames
+    assert strict <= plain <= loose
+    if around == 0:
+        assert strict == plain == loose
+
+
+# -- planted motions -------------------------------------------------------------------
+
+#: Relations that make the motion: 3 comes on, then 7 does while 3 goes off.
+FIRST, SECOND = 3, 7
+#: Changes at random, in examples and elsewhere.
+NOISE = 20
+
+
+def planted(rng, order=(FIRST, SECOND), n_frames=30):
+    """A stretch in which two relations hold one after the other, in between nothing."""
+    relations = np.zeros((n_frames, N), dtype=bool)
+    for relation, middle in zip(order, (n_frames // 4, 3 * n_frames // 4), strict=True):
+        early, late = rng.integers(0, 2, size=2)
+        relations[middle - 5 + early : middle + 5 + late, relation] = True
+    relations[:, NOISE] = np.cumsum(rng.random(n_frames) < 0.3) % 2
+    return sequence_of(relations)
+
+
+def problem(seed, n=6):
+    rng = np.random.default_rng(seed)
+    examples = [planted(rng, n_frames=int(rng.integers(26, 36))) for _ in range(n)]
+    others = [planted(rng, order=(SECOND, FIRST)) for _ in range(n)]
+    others += [sequence_of(np.zeros((30, N))) for _ in range(n)]
+    return examples, others
+
+
+def entries(query):
+    """Relations of each keyframe: index -> value."""
+    values, fixed = unpack(query.values, N), unpack(query.fixed, N)
+    return [
+        {int(f): bool(values[k, f]) for f in np.flatnonzero(fixed[k])} for k in range(len(query))
+    ]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_order_of_two_relations_is_found(seed):
+    examples, others = problem(seed)
+    chosen = choose_query(template_of(examples), examples, others)
+    assert chosen.missed == ()
+    assert chosen.left <= Choosing().frames_left
+    asked = {relation for keyframe in entries(chosen.query) for relation in keyframe}
+    # What is the same everywhere, or at random, is not asked for.
+    assert asked <= {FIRST, SECOND}
+    unseen, _ = problem(seed + 100)
+    assert all(len(search_words(chosen.query, e.words, e.known)) for e in unseen)
+
+
+def test_the_same_input_gives_the_same_query():
+    examples, others = problem(1)
+    template = template_of(examples)
+    assert choose_query(template, examples, others) == choose_query(template, examples, others)
+
+
+def test_more_may_be_left_so_less_is_asked():
+    examples, others = problem(2)
+    template = template_of(examples)
+    counts = [
+        sum(map(len, entries(choose_query(template, examples, others, choosing=c).query)))
+        for c in (Choosing(frames_left=0.0), Choosing(frames_left=0.5), Choosing(frames_left=0.99))
+    ]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[-1] == 2
+
+
+def test_keyframes_keep_their_number_and_distance():
+    examples, others = problem(3)
+    settings = Choosing(least=3, most=3, apart=7, edge=4, step=1)
+    query = choose_query(template_of(examples), examples, others, choosing=settings).query
+    assert len(query) == 3
+    assert min(np.diff(query.positions)) >= 7
+    assert query.positions[0] >= 4
+
+
+def test_gaps_admit_all_examples_and_more():
+    examples, others = problem(4)
+    template = template_of(examples)
+    query = choose_query(template, examples, others, choosing=Choosing(stiffness=0.5)).query
+    moments = find_moments(template, examples, steady=2)
+    for (a, b), gap in zip(
+        zip(query.positions, query.positions[1:], strict=False), query.gaps, strict=True
+    ):
+        distances = moments.frames[:, b] - moments.frames[:, a]
+        assert gap.least == np.floor(0.5 * distances.min())
+        assert gap.most == np.ceil(distances.max() / 0.5)
+
+
+def test_one_example_that_differs_is_missed_rather_than_the_query_spoilt():
+    rng = np.random.default_rng(5)
+    examples, others = problem(5, n=11)
+    odd = sequence_of(np.zeros((30, N)))
+    template = template_of(examples)
+    chosen = choose_query(template, [*examples, odd], others, choosing=Choosing(step=1))
+    assert chosen.missed == (11,)
+    assert chosen.left <= Choosing().frames_left
+    assert len(search_words(chosen.query, planted(rng).words))
+
+
+def test_what_is_unknown_in_an_example_is_not_asked_for():
+    examples, others = problem(6)
+    blind = np.ones((len(examples[0]), N), dtype=bool)
+    blind[:, FIRST] = False
+    examples[0] = replace(examples[0], words=examples[0].words & pack(blind), known=pack(blind))
+    query = choose_query(
+        template_of(examples[1:]), examples, others, choosing=Choosing(dissenters=0.0)
+    ).query
+    assert all(FIRST not in keyframe for keyframe in entries(query))
+
+
+def test_moments_follow_the_alignment():
+    relations = np.zeros((20, N), dtype=bool)
+    relations[5:10, FIRST] = relations[12:18, SECOND] = True
+    slow = np.repeat(relations, 2, axis=0)
+    examples = [sequence_of(relations), sequence_of(slow)]
+    moments = find_moments(template_of(examples[:1]), examples, steady=1)
+    assert moments.n_columns == 20
+    for column in range(20):
+        first, second = moments.frames[:, column]
+        np.testing.assert_array_equal(relations[first], slow[second])
+    # 20 changes nothing: as steady as is counted. 3 comes on at frame 5.
+    assert (moments.steadiness[:, NOISE] == MOST_STEADY).all()
+    assert moments.steadiness[7, FIRST] == 2
+    assert moments.dissent.max() == 0.0
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_dissent_is_what_one_breaks_and_all_others_share(n):
+    examples = [sequence_of(np.zeros((20, N))) for _ in range(n)]
+    odd = np.zeros((20, N))
+    odd[:, NOISE] = 1
+    moments = find_moments(template_of(examples), [*examples, sequence_of(odd)], steady=0)
+    expected = np.zeros(N)
+    # Of two, each breaks what the other shows.
+    expected[NOISE] = 2.0 if n == 1 else 1.0
+    np.testing.assert_allclose(moments.dissent, expected)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (dict(examples=[]), "at least one example, got none"),
+        (dict(others=[]), "at least one counter-example, got none"),
+        (dict(template=FULL_BODY_2006), "template is over"),
+    ],
+)
+def test_bad_examples(change, words):
+    examples, others = problem(0)
+    template = template_of(examples)
+    if "template" in change:
+        template = learn_template(
+            [examples[0].features[:, :39]],
+            feature_names=FULL_BODY_2006.ids, feature_set=FULL_BODY_2006.name,
+        )  # fmt: skip
+    with pytest.raises(InvalidInput, match=words):
+        choose_query(template, change.get("examples", examples), change.get("others", others))
+
+
+def test_examples_without_a_steady_relation_in_common():
+    rng = np.random.default_rng(1)
+    examples = [sequence_of(rng.random((30, N)) < 0.5) for _ in range(6)]
+    with pytest.raises(InvalidInput, match="no relation that is steady"):
+        choose_query(template_of(examples[:1]), examples, examples)
+
+
+def test_examples_that_are_too_short_for_two_keyframes():
+    examples, others = problem(0)
+    short = [example.part(0, 5) for example in examples]
+    with pytest.raises(InvalidInput, match="1 of 2 keyframes that are 6 columns apart in"):
+        choose_query(template_of(short), short, others)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        dict(frames_left=1.0), dict(frames_left=-0.1), dict(least=0), dict(least=3, most=2),
+        dict(stiffness=0.0), dict(stiffness=1.1), dict(dissenters=0.5), dict(steady=-1),
+        dict(step=0), dict(apart=0), dict(edge=-1), dict(gain=1.5), dict(distrust=-1.0),
+    ],
+)  # fmt: skip
+def test_bad_settings(settings):
+    with pytest.raises(InvalidInput, match=r"must|need"):
+        Choosing(**settings)
+
+
+# -- real recordings -------------------------------------------------------------------
+
+CLASSES = ("depositFloorR", "hopBothLegs1hops", "kickLFront1Reps", "sneak2StepsLStart")
+UNSEEN = ("mm", "tr")
+
+
+def test_recall_is_kept_for_actors_never_seen(data):
+    paths = [p for name in CLASSES for p in sorted((data / "hdm05" / name).glob("*.[aA][mM][cC]"))]
+    clips = dict(zip(paths, read_features((path.name, path) for path in paths), strict=True))
+    unseen = [path for path in paths if path.name.split("_")[1] in UNSEEN]
+    index = index_words(
+        [clips[path].words for path in unseen],
+        feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids,
+    )  # fmt: skip
+    plain, kept, left = [], [], []
+    for name in CLASSES:
+        mine = [clips[p] for p in paths if p.parent.name == name and p not in unseen]
+        others = [clips[p] for p in paths if p.parent.name != name and p not in unseen]
+        template = template_of(mine)
+        chosen = choose_query(template, mine, others)
+        windows = select_in_index([chosen.query], template.n_columns, index)
+        left.append(windows.n_frames / index.n_frames - _share(clips, unseen, name))
+        pattern = pattern_of(quantise(template, tolerance=0.1))
+        wanted = [i for i, path in enumerate(unseen) if path.parent.name == name]
+        words = [clips[path].words for path in unseen]
+        plain.append(np.mean([_found(pattern, words[i]) for i in wanted]))
+        kept.append(
+            np.mean([any(_found(pattern, words[i][a:b]) for a, b in windows.of(i)) for i in wanted])
+        )
+    assert np.mean(kept) >= 0.9 * np.mean(plain)
+    # Of the frames of other classes.
+    assert np.mean(left) <= 0.06
+
+
+def _share(clips, paths, name):
+    mine = sum(len(clips[path]) for path in paths if path.parent.name == name)
+    return mine / sum(len(clips[path]) for path in paths)
+
+
+def _found(pattern, words):
+    return distance_function(pattern, words).min(initial=np.inf) <= 0.1

@@ -1,0 +1,212 @@
+"""Are classes learned from what lies in folders, always the same, and is nonsense refused?"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_library import contents
+
+from cli_cases import write_bvh
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features
+from motionary.io import read
+from motionary.models.library import Teaching, learn, learn_classes, list_examples, read_examples
+from motionary.samples import synthetic_motion
+from packing_cases import N, random_rows, sequence
+
+STEP, TURN = random_rows(1, 20), random_rows(2, 24)
+PLAIN = Teaching(by_surprise=False)
+
+
+# -- from words --------------------------------------------------------------------------
+
+
+def test_one_example_is_its_own_template():
+    (motion_class,) = learn({"step": [sequence(STEP)]}, teaching=PLAIN)
+    (subclass,) = motion_class.subclasses
+    assert (motion_class.name, subclass.name) == ("step", "step")
+    assert np.array_equal(subclass.template.values, STEP)
+    assert subclass.template.n_examples == 1
+    assert subclass.template.provenance == "learned from 1 recording"
+
+
+def test_several_examples_share_what_they_have_in_common():
+    examples = [STEP, STEP.copy(), STEP.copy()]
+    examples[1][:, 0] ^= True
+    (motion_class,) = learn({"step": [sequence(rows) for rows in examples]}, teaching=PLAIN)
+    template = motion_class.subclasses[0].template
+    assert template.n_examples == 3
+    (quantised,) = motion_class.quantised()
+    assert not quantised.fixed[:, 0].any()
+    assert quantised.fixed[:, 1:].all()
+
+
+def test_settings_go_into_the_classes():
+    teaching = Teaching(threshold=0.11, tolerance=0.2, provenance="my clips", licence="CC0")
+    library = learn({"step": [sequence(STEP)]}, teaching=teaching)
+    assert (library["step"].threshold, library["step"].tolerance) == (0.11, 0.2)
+    assert (library.provenance, library.licence) == ("my clips", "CC0")
+
+
+def test_motions_are_measured():
+    motion = synthetic_motion("squat", seed=0)
+    of_motion = learn({"squat": [motion]}, teaching=PLAIN)
+    of_words = learn({"squat": [compute_features(motion)]}, teaching=PLAIN)
+    assert contents(of_motion) == contents(of_words)
+
+
+@pytest.mark.parametrize("teaching", [None, PLAIN, Teaching(mirror=True)])
+def test_mirrored_templates_join_their_class(teaching):
+    library = learn({"step": [sequence(STEP)]}, mirror=True, teaching=teaching)
+    subclass, mirrored = library["step"].subclasses
+    assert (subclass.name, mirrored.name) == ("step", "stepMirrored")
+    order = FULL_BODY.mirror_order
+    assert np.array_equal(mirrored.template.values, subclass.template.values[:, order])
+    assert mirrored.template.provenance == "mirror image of learned from 1 recording"
+    plain = learn({"step": [sequence(STEP)]}, teaching=teaching and replace(teaching, mirror=False))
+    shares = np.array(plain["step"].background)
+    expected = (shares + shares[order]) / 2 if len(shares) else shares
+    np.testing.assert_allclose(library["step"].background, expected, atol=1e-6)
+
+
+def test_rare_relations_are_known_by_all_examples_of_all_classes():
+    rows = np.zeros((30, N), dtype=np.bool_)
+    rows[:10, 0] = True
+    library = learn({"a": [sequence(rows[:15])], "b": [sequence(rows[15:])]})
+    assert library["a"].background == library["b"].background
+    # One frame of either value is added to 10 of 30.
+    assert library["a"].background[0] == pytest.approx(11 / 32, abs=1e-6)
+    assert library["a"].background[1] == pytest.approx(1 / 32, abs=1e-6)
+    assert learn({"a": [sequence(rows)]}, teaching=PLAIN)["a"].background == ()
+
+
+def test_what_no_example_knows_stays_free():
+    known = np.ones_like(STEP)
+    known[:, 5] = False
+    library = learn({"step": [sequence(STEP, known), sequence(STEP, known)]}, teaching=PLAIN)
+    (quantised,) = library["step"].quantised()
+    assert not quantised.fixed[:, 5].any()
+    assert quantised.fixed[:, 6:].all()
+
+
+# -- what cannot be learned --------------------------------------------------------------
+
+
+def test_no_class_and_no_example_are_refused():
+    with pytest.raises(InvalidInput, match="no examples to learn from"):
+        learn({})
+    with pytest.raises(InvalidInput, match=r"'step' needs at least one example, got none"):
+        learn({"step": []})
+
+
+def test_examples_with_nothing_in_common_are_refused():
+    still = np.repeat(STEP[:1], 10, axis=0)
+    with pytest.raises(InvalidInput, match=r"'blur' has no fixed cell.*split the class"):
+        learn({"blur": [sequence(still), sequence(~still)]})
+    with pytest.raises(InvalidInput, match=r"'dark' has no fixed cell"):
+        learn({"dark": [sequence(STEP, np.zeros_like(STEP))]})
+
+
+def test_examples_of_several_feature_sets_are_refused():
+    old = sequence(STEP[:, :39], feature_set=FULL_BODY_2006)
+    with pytest.raises(InvalidInput, match=r"one feature set.*full-body-39, full-body-40"):
+        learn({"step": [sequence(STEP)], "turn": [old]})
+    assert learn({"step": [old]}).feature_set.name == FULL_BODY_2006.name
+
+
+@pytest.mark.parametrize("name", ["", "stepMirrored"])
+def test_names_that_cannot_be_are_refused(name):
+    if name:
+        examples = {"step": {"step": [sequence(STEP)], name: [sequence(TURN)]}}
+        with pytest.raises(InvalidInput, match="unique"):
+            learn_classes(examples, teaching=Teaching(mirror=True))
+    else:
+        with pytest.raises(InvalidInput, match="needs a name"):
+            learn({name: [sequence(STEP)]})
+
+
+# -- from folders ------------------------------------------------------------------------
+
+FILES = [
+    ("squat", "b two.bvh", 1),
+    ("squat", "a one.bvh", 0),
+    ("kick/left", "1.bvh", 2),
+    ("kick/left", "2.BVH", 3),
+    ("kick/right", "1.bvh", 4),
+    ("kick", "plain.bvh", 5),
+]
+
+
+def write_folder(folder, files):
+    for place, name, seed in files:
+        kind = "squat" if place == "squat" else "kick_left"
+        write_bvh(synthetic_motion(kind, seed=seed, rate_hz=30), folder / place / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Examples as a person keeps them, with other things between."""
+    folder = write_folder(tmp_path_factory.mktemp("examples"), FILES)
+    (folder / "notes.txt").write_text("squats of Monday")
+    (folder / "squat" / "thumbs.db").write_text("")
+    (folder / "stray.bvh").write_text("not in a class")
+    (folder / ".hidden").mkdir()
+    (folder / ".hidden" / "x.bvh").write_text("not seen")
+    (folder / "squat" / "._a one.bvh").write_text("what some systems leave behind")
+    (folder / "empty class").mkdir()
+    return folder
+
+
+def test_folders_are_classes_and_folders_in_them_subclasses(folder):
+    found = [(name, sub, path.name) for name, sub, path in list_examples(folder)]
+    assert found == [
+        ("kick", "left", "1.bvh"),
+        ("kick", "left", "2.BVH"),
+        ("kick", "kick", "plain.bvh"),
+        ("kick", "right", "1.bvh"),
+        ("squat", "squat", "a one.bvh"),
+        ("squat", "squat", "b two.bvh"),
+    ]
+    library = learn(folder)
+    assert library.names == ("kick", "squat")
+    assert [s.name for s in library["kick"].subclasses] == ["left", "kick", "right"]
+    counts = [s.template.n_examples for c in library for s in c.subclasses]
+    assert counts == [2, 1, 1, 2]
+
+
+def test_a_folder_teaches_what_its_motions_teach(folder):
+    library = learn(folder, mirror=True)
+    motions = [read(path) for _, _, path in list_examples(folder)]
+    squat = learn({"squat": motions[4:]}, teaching=PLAIN)["squat"].subclasses[0].template
+    learned, mirrored = library["squat"].subclasses
+    assert learned.template.values.tobytes() == squat.values.tobytes()
+    assert mirrored.name == "squatMirrored"
+
+
+def test_the_order_of_files_on_disk_does_not_count(folder, tmp_path):
+    again = write_folder(tmp_path, FILES[::-1])
+    assert contents(learn(again)) == contents(learn(folder))
+
+
+def test_two_processes_learn_the_same(folder):
+    assert contents(learn(folder, jobs=2)) == contents(learn(folder))
+
+
+def test_an_example_that_cannot_be_read_is_named(folder, tmp_path):
+    write_folder(tmp_path, FILES[:2])
+    (tmp_path / "squat" / "c three.bvh").write_text("HIERARCHY")
+    with pytest.raises(UnreadableFile, match=r"c three\.bvh"):
+        learn(tmp_path)
+    result = read_examples(tmp_path)
+    assert [f.item[0].split("/")[-1] for f in result.failures] == ["c three.bvh"]
+    assert {name: len(subs[name]) for name, subs in result.classes.items()} == {"squat": 2}
+
+
+def test_folders_without_examples_say_what_is_expected(tmp_path):
+    with pytest.raises(UnreadableFile, match=r"no such folder.*one folder per class"):
+        learn(tmp_path / "nowhere")
+    (tmp_path / "file.bvh").write_text("")
+    for path in (tmp_path, tmp_path / "file.bvh"):
+        with pytest.raises(UnreadableFile, match="one folder per class"):
+            learn(path)
