@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motionary.features import FULL_BODY, compute_features, relation_matrix
+from motionary.features import FULL_BODY, compute_features, feature_matrix
 from motionary.io import read
 from motionary.motion import Motion
 from motionary.samples import SYNTHETIC_CLASSES, synthetic_stream
@@ -30,7 +30,7 @@ def main() -> None:
         {
             "compute_features": lambda: compute_features(motion),
             "  generic joints": motion.generic_positions,
-            "  relations": lambda: relation_matrix(generic, FULL_BODY),
+            "  relations": lambda: feature_matrix(generic, FULL_BODY),
         },
         runs=9,
     )

@@ -47,24 +47,24 @@ def main() -> None:
         report_commands(Path(place), example)
 
 
-def repeated(clips: Sequence[FeatureSequence], n_words: int) -> Iterator[FeatureSequence]:
+def repeated(clips: Sequence[FeatureSequence], n_integers: int) -> Iterator[FeatureSequence]:
     """Clips over and over until there are so many words."""
     total = number = 0
-    while total < n_words:
+    while total < n_integers:
         clip = clips[number % len(clips)]
         yield clip
         total, number = total + len(clip), number + 1
 
 
-def joined(clips: Sequence[FeatureSequence], n_words: int) -> Iterator[FeatureSequence]:
+def joined(clips: Sequence[FeatureSequence], n_integers: int) -> Iterator[FeatureSequence]:
     """The same, several clips a document."""
     parts: list[FeatureSequence] = []
-    for clip in repeated(clips, n_words):
+    for clip in repeated(clips, n_integers):
         parts.append(clip)
         if sum(map(len, parts)) >= DOCUMENT:
-            words = np.concatenate([part.words for part in parts])
+            packed = np.concatenate([part.packed for part in parts])
             known = np.concatenate([part.known for part in parts])
-            yield FeatureSequence(words, known, FULL_BODY, file_rate_hz=120.0)
+            yield FeatureSequence(packed, known, FULL_BODY, file_rate_hz=120.0)
             parts = []
 
 

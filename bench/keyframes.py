@@ -20,9 +20,9 @@ import numpy as np
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import read
 from motionary.io.queries import read_query_collections
-from motionary.models.keyframes import KeyframeQuery, from_patterns, index_words, search_query
+from motionary.models.keyframes import KeyframeQuery, from_patterns, index_packed, search_query
 from motionary.models.keyframes.intervals import EMPTY, Documents, Intervals, join
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 SIZES = (1_000_000, 42_586)
 ROUNDS = 9
@@ -39,9 +39,9 @@ def main() -> None:
         compare_on(repeated(clips, n_frames), queries)
 
 
-def read_clips(folder: Path) -> list[Words]:
+def read_clips(folder: Path) -> list[PackedFeatures]:
     paths = sorted(folder.rglob("HDM_*_*.[aA][mM][cC]"))
-    return [compute_features(read(path)).words for path in paths]
+    return [compute_features(read(path)).packed for path in paths]
 
 
 def read_queries(folder: Path) -> list[KeyframeQuery]:
@@ -54,7 +54,7 @@ def read_queries(folder: Path) -> list[KeyframeQuery]:
     ]
 
 
-def repeated(clips: Sequence[Words], n_frames: int) -> list[Words]:
+def repeated(clips: Sequence[PackedFeatures], n_frames: int) -> list[PackedFeatures]:
     """Clips over and over until there are at least so many frames."""
     documents, total = [], 0
     for clip in itertools.cycle(clips):
@@ -65,9 +65,9 @@ def repeated(clips: Sequence[Words], n_frames: int) -> list[Words]:
     return documents
 
 
-def compare_on(documents: list[Words], queries: list[KeyframeQuery]) -> None:
+def compare_on(documents: list[PackedFeatures], queries: list[KeyframeQuery]) -> None:
     start = time.perf_counter()
-    index = index_words(documents, feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids)
+    index = index_packed(documents, feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids)
     seconds = time.perf_counter() - start
     scan, inverted = PlainScan(documents), InvertedLists(documents)
     print(
@@ -118,15 +118,15 @@ def report(seconds: dict[str, list[float]]) -> None:
 class PlainScan:
     """The same search without an index: a mask per keyframe, frames joined over the gaps."""
 
-    def __init__(self, documents: list[Words]) -> None:
-        self.words = np.concatenate(documents)[:, 0]
+    def __init__(self, documents: list[PackedFeatures]) -> None:
+        self.packed = np.concatenate(documents)[:, 0]
         self.lengths = np.array([len(document) for document in documents])
         self.starts = np.cumsum(self.lengths) - self.lengths
 
     def search(self, query: KeyframeQuery) -> list[tuple[int, int, int]]:
         """Hit ranges (document, start, stop)."""
         frames = [
-            np.flatnonzero(((self.words ^ value) & fixed) == 0)
+            np.flatnonzero(((self.packed ^ value) & fixed) == 0)
             for value, fixed in zip(query.values[:, 0], query.fixed[:, 0], strict=True)
         ]
         for k in reversed(range(len(query) - 1)):
@@ -163,15 +163,15 @@ class PlainScan:
 class InvertedLists:
     """The paper's index: the runs of every distinct word; those of a keyframe are united."""
 
-    def __init__(self, documents: list[Words]) -> None:
+    def __init__(self, documents: list[PackedFeatures]) -> None:
         lengths = np.array([len(document) for document in documents])
         self.documents = Documents.lay_out(lengths)
-        words = np.concatenate(documents)[:, 0]
+        packed = np.concatenate(documents)[:, 0]
         before = np.cumsum(lengths) - lengths
-        at = np.repeat(self.documents.starts - before, lengths) + np.arange(len(words))
-        change = (words[1:] != words[:-1]) | (at[1:] != at[:-1] + 1)
+        at = np.repeat(self.documents.starts - before, lengths) + np.arange(len(packed))
+        change = (packed[1:] != packed[:-1]) | (at[1:] != at[:-1] + 1)
         first, last = np.concatenate([[True], change]), np.concatenate([change, [True]])
-        self.words, number = np.unique(words[first], return_inverse=True)
+        self.packed, number = np.unique(packed[first], return_inverse=True)
         order = np.argsort(number, kind="stable")
         self.starts, self.stops = at[first][order], at[last][order] + 1
         self.ends = np.cumsum(np.bincount(number))
@@ -187,7 +187,7 @@ class InvertedLists:
 
     def runs(self, value: np.uint64, fixed: np.uint64) -> Intervals:
         """Frames that show a keyframe."""
-        agree = np.flatnonzero(((self.words ^ value) & fixed) == 0)
+        agree = np.flatnonzero(((self.packed ^ value) & fixed) == 0)
         if len(agree) == 0:
             return EMPTY
         n = np.diff(self.ends, prepend=0)[agree]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching import Pattern, distance_function
-from motionary.packing import Words, count, full_mask, pack, unpack
+from motionary.packing import PackedFeatures, count, full_mask, pack, unpack
 from timing import compare, print_ratios
 
 N_COLUMNS, N_FRAMES, N_RELATIONS = 60, 100_000, 40
@@ -23,49 +23,49 @@ REFERENCE = "librosa.sequence.dtw"
 
 
 def main() -> None:
-    words, source = words_to_search()
+    packed, source = words_to_search()
     print(f"{N_COLUMNS} columns, {N_FRAMES} frames of {N_RELATIONS} relations, {source}")
-    pattern = pattern_from(words)
-    reference = as_librosa(pattern, words)
+    pattern = pattern_from(packed)
+    reference = as_librosa(pattern, packed)
     ways: dict[str, Callable[[], object]] = {
         REFERENCE: reference,
-        "NumPy": lambda: distance_function(pattern, words, engine="numpy"),
-        "compiled": lambda: distance_function(pattern, words, engine="compiled"),
+        "NumPy": lambda: distance_function(pattern, packed, engine="numpy"),
+        "compiled": lambda: distance_function(pattern, packed, engine="compiled"),
     }
-    check_equal(reference(), distance_function(pattern, words, engine="numpy"))
+    check_equal(reference(), distance_function(pattern, packed, engine="numpy"))
     medians = compare(ways, runs=11)
     print_ratios(medians, reference=REFERENCE)
     for name, wanted in WANTED.items():
         print(f"  {name}: {medians[REFERENCE] / medians[name]:.1f} x, wanted at least {wanted} x")
     print("patterns and documents of other kinds:")
-    print_ratios(compare(other_kinds(pattern, words), runs=9), reference="plain, NumPy")
+    print_ratios(compare(other_kinds(pattern, packed), runs=9), reference="plain, NumPy")
 
 
-def words_to_search() -> tuple[Words, str]:
+def words_to_search() -> tuple[PackedFeatures, str]:
     """Words of recordings, one after the other again and again; synthetic without them."""
     folder = Path(os.environ.get("MOTIONARY_DATA", "")) / "hdm05"
     if "MOTIONARY_DATA" in os.environ and folder.is_dir():
         from motionary.retrieval.index import collect
 
-        words = np.concatenate([s.words for s in collect(folder).sequences])
-        return np.resize(words, (N_FRAMES, 1)), "from HDM05 clips"
+        packed = np.concatenate([s.packed for s in collect(folder).sequences])
+        return np.resize(packed, (N_FRAMES, 1)), "from HDM05 clips"
     rng = np.random.default_rng(1)
     flips = rng.random((N_FRAMES, N_RELATIONS)) < 0.02
     return pack(np.cumsum(flips, axis=0) % 2), "synthetic"
 
 
-def pattern_from(words: Words) -> Pattern:
+def pattern_from(packed: PackedFeatures) -> Pattern:
     """A stretch of the words with a fifth of the cells free and weights as learned ones."""
     rng = np.random.default_rng(2)
     fixed = pack(rng.random((N_COLUMNS, N_RELATIONS)) < 0.8)
-    return Pattern(words[5000 : 5000 + N_COLUMNS], fixed, rng.uniform(0.75, 1.5, N_COLUMNS))
+    return Pattern(packed[5000 : 5000 + N_COLUMNS], fixed, rng.uniform(0.75, 1.5, N_COLUMNS))
 
 
-def as_librosa(pattern: Pattern, words: Words) -> Callable[[], NDArray[np.float64]]:
+def as_librosa(pattern: Pattern, packed: PackedFeatures) -> Callable[[], NDArray[np.float64]]:
     """The same with librosa; what is timed is the product and the DTW."""
     import librosa
 
-    features = unpack(words, N_RELATIONS).astype(np.float32).T
+    features = unpack(packed, N_RELATIONS).astype(np.float32).T
     values, fixed = unpack(pattern.values, N_RELATIONS), unpack(pattern.fixed, N_RELATIONS)
     unit = (pattern.column_weights / np.maximum(count(pattern.fixed), 1))[:, np.newaxis]
     if_set = (np.where(values, -unit, unit) * fixed).astype(np.float32)
@@ -94,20 +94,22 @@ def check_equal(reference: NDArray[np.float64], ours: NDArray[np.float32]) -> No
         raise SystemExit("the distance functions differ by more than 1e-5")
 
 
-def other_kinds(pattern: Pattern, words: Words) -> dict[str, Callable[[], object]]:
+def other_kinds(pattern: Pattern, packed: PackedFeatures) -> dict[str, Callable[[], object]]:
     """Unknown relations, and entries with weights."""
     rng = np.random.default_rng(3)
     known = full_mask(N_FRAMES, N_RELATIONS) & ~pack(rng.random((N_FRAMES, N_RELATIONS)) < 0.05)
     entries = rng.exponential(size=(N_COLUMNS, N_RELATIONS))
     weighed = Pattern(pattern.values, pattern.fixed, pattern.weights, entries)
     return {
-        "plain, NumPy": lambda: distance_function(pattern, words, engine="numpy"),
+        "plain, NumPy": lambda: distance_function(pattern, packed, engine="numpy"),
         "unknown relations, NumPy": lambda: distance_function(
-            pattern, words, known, engine="numpy"
+            pattern, packed, known, engine="numpy"
         ),
         "unknown relations, compiled": lambda: distance_function(
-            pattern, words, known, engine="compiled"
+            pattern, packed, known, engine="compiled"
         ),
-        "entry weights, NumPy": lambda: distance_function(weighed, words),
-        "entry weights, unknown relations, NumPy": lambda: distance_function(weighed, words, known),
+        "entry weights, NumPy": lambda: distance_function(weighed, packed),
+        "entry weights, unknown relations, NumPy": lambda: distance_function(
+            weighed, packed, known
+        ),
     }

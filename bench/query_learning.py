@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from motionary.features import FULL_BODY, FeatureSequence, read_features
-from motionary.models.keyframes import index_words, search_query
+from motionary.models.keyframes import index_packed, search_query
 from motionary.models.query_learning import (
     PUBLISHED,
     Breeding,
@@ -46,8 +46,8 @@ def main() -> None:
 
 def read_clips(folder: Path) -> list[tuple[str, FeatureSequence]]:
     paths = sorted(folder.rglob("HDM_*_*.[aA][mM][cC]"))
-    words = read_features([(path.stem, path) for path in paths])
-    return [(path.stem, clip) for path, clip in zip(paths, words, strict=True)]
+    packed = read_features([(path.stem, path) for path in paths])
+    return [(path.stem, clip) for path, clip in zip(paths, packed, strict=True)]
 
 
 def problem_of(name: str, clips: list[tuple[str, FeatureSequence]]) -> Problem:
@@ -91,8 +91,8 @@ def cpu_seconds(call: Callable[[], object], rounds: int = 3) -> float:
 def time_evaluations(problem: Problem) -> None:
     """Fitness of one individual: by the general search, and by the bitmaps of clips."""
     clips = [*problem.positives, *problem.negatives]
-    index = index_words(
-        [clip.words for clip in clips], feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids
+    index = index_packed(
+        [clip.packed for clip in clips], feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids
     )
     judge = judge_clips(problem.positives, problem.negatives, breeding=PUBLISHED)
     bests = [run.best for run in breed_runs(problem, range(5))]

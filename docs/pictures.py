@@ -22,7 +22,7 @@ import motionary as mo
 from motionary.batch import write_atomically
 from motionary.features import FULL_BODY
 from motionary.matching import distance_function
-from motionary.models.library import Teaching, learn_classes
+from motionary.models.library import TrainingOptions, learn_classes
 from motionary.plots import (
     grid,
     plot_annotation,
@@ -37,7 +37,7 @@ from motionary.plots.page import Layout, add_legend, mark_seconds, new_page, swa
 from motionary.plots.style import BLACK, WHITE, house_style
 from motionary.retrieval.annotation import class_distance
 from motionary.retrieval.index import Collection, collect
-from motionary.retrieval.search import Growing, SearchResult
+from motionary.retrieval.search import QueryExpansion, SearchResult
 from motionary.samples import synthetic_motion, synthetic_stream
 
 IMAGES = Path(__file__).resolve().parent / "images"
@@ -54,7 +54,7 @@ TELLING = (
     "F13", "F14", "F19", "F20", "F21", "F27", "F28", "F29", "F30", "F31", "F37", "F39",
 )  # fmt: skip
 UNSEEN_ACTOR = "bd"
-TEACHING = Teaching(mirror=True)
+TEACHING = TrainingOptions(mirror=True)
 TAKE = "86_01"
 #: Classes as the annotators of the take call them.
 NAMES = {
@@ -88,7 +88,7 @@ class World:
             name = sequence.source.split("/")[0]
             if actor(sequence.source) != UNSEEN_ACTOR:
                 examples.setdefault(name, {}).setdefault(name, []).append(sequence)
-        return learn_classes(examples, teaching=TEACHING)
+        return learn_classes(examples, training=TEACHING)
 
     @cached_property
     def found(self) -> SearchResult:
@@ -140,7 +140,7 @@ def pose(world: World) -> list[Figure]:
     return [drawn, _matrices("one word", {"": words.part(frame, frame + 1)}, width=0.4)]
 
 
-def relations(world: World) -> list[Figure]:
+def features(world: World) -> list[Figure]:
     """A motion as stick figures, and as a matrix."""
     motion = world.clip(EXAMPLE)
     words = mo.compute_features(motion)
@@ -157,7 +157,7 @@ def examples(world: World) -> list[Figure]:
 
 def template(world: World) -> list[Figure]:
     """What four actors' squats have in common, in the same relations."""
-    learned = world.library["squat1Reps"].subclasses[0].template
+    learned = world.library["squat1Reps"].prototypes[0].template
     telling = FULL_BODY.select(TELLING, name="telling")
     shown = replace(
         learned,
@@ -175,7 +175,7 @@ def distance(world: World) -> list[Figure]:
     curves = {}
     for name, title in titles.items():
         sought = [pattern for _, pattern in world.library[name].sought()]
-        each = [distance_function(p, world.take.words, world.take.known) for p in sought]
+        each = [distance_function(p, world.take.packed, world.take.known) for p in sought]
         curves[title] = np.minimum.reduce(each)
     track = mo.annotate(world.take, world.library)
     labels = {title: [x for x in track if x.name == name] for name, title in titles.items()}
@@ -194,9 +194,9 @@ def annotation(world: World) -> list[Figure]:
     return [plot_annotation(named, world.truth, distances=curves)]
 
 
-def grown(world: World) -> list[Figure]:
+def expanded(world: World) -> list[Figure]:
     """The template that grew from one squat and its nearest hits."""
-    return [plot_template(world.found.templates[0], tolerance=Growing().tolerance)]
+    return [plot_template(world.found.templates[0], tolerance=QueryExpansion().tolerance)]
 
 
 def session(world: World) -> list[Figure]:
@@ -209,7 +209,7 @@ def session(world: World) -> list[Figure]:
     positions[264:300, motion.names.index("rwrist")] = np.nan
     positions[1140:1416] = np.nan
     words = mo.compute_features(replace(motion, positions=positions, source="synthetic session"))
-    plan = mo.LabelTrack("plan", tuple(mo.Label(*stretch) for stretch in truth))
+    plan = mo.LabelTrack("plan", tuple(mo.Label(*segment) for segment in truth))
     curves = {one.name: class_distance(words, one).modified for one in library}
     figure = plot_annotation(mo.annotate(words, library), plan, distances=curves, classes=classes)
     return [figure]
@@ -225,12 +225,12 @@ def first_pose(world: World) -> list[Figure]:
 PICTURES = {
     "hits": (hits, False),
     "pose": (pose, True),
-    "relations": (relations, False),
+    "relations": (features, False),
     "examples": (examples, False),
     "template": (template, False),
     "distance": (distance, False),
     "annotation": (annotation, False),
-    "grown": (grown, False),
+    "grown": (expanded, False),
     "session": (session, False),
     "first_pose": (first_pose, False),
 }

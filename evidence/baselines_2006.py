@@ -19,7 +19,7 @@ from evidence.common.example_queries import (
     score_distance,
 )
 from evidence.common.framewise import label_among_others, right_class, windows_of
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.ranking import (
     TOLERANCE_2006,
     corpus_of,
@@ -60,7 +60,7 @@ def measure(recordings: Recordings) -> Results:
     train_half, test = ([_of_2006(clip) for clip in half] for half in recordings.halves())
     names = recordings.classes
     chosen = [clip for name in names for clip in _of_class(test, name)[:MOST]]
-    corpus = corpus_of([clip.words for clip in chosen])
+    corpus = corpus_of([clip.packed for clip in chosen])
     relevant = {name: np.array([c.motion_class == name for c in chosen]) for name in names}
     rows: dict[str, dict[str, Any]] = {name: {} for name in names}
     patterns = patterns_of(templates_of(train_half), tolerance=TOLERANCE_2006)
@@ -72,7 +72,7 @@ def measure(recordings: Recordings) -> Results:
         rows[name]["MT"] = score_distance(distances[name], chosen, relevant[name])
     for way in BASELINE:
         seconds[way] = _examples(recordings, way, train_half, chosen, relevant, rows)
-    packed = {c.name: pattern_of(quantise(template_of([c.words]), tolerance=0.0))
+    packed = {c.name: pattern_of(quantise(template_of([c.packed]), tolerance=0.0))
               for c in train_half}  # fmt: skip
     seconds["all packed"], _ = _timed(
         lambda: [corpus_distance(p, corpus, engine="numpy") for p in packed.values()]
@@ -83,7 +83,7 @@ def measure(recordings: Recordings) -> Results:
         "of_class": {name: int(relevant[name].sum()) for name in names},
         "clips": len(chosen),
         "examples": len(train_half),
-        "frames": int(sum(len(c.words) for c in chosen)),
+        "frames": int(sum(len(c.packed) for c in chosen)),
         "seconds": seconds,
         "right": {
             "halves": right_class(recordings, train_half, test, windows),
@@ -99,7 +99,7 @@ def measure(recordings: Recordings) -> Results:
 
 
 def _of_2006(clip: Clip) -> Clip:
-    return clip._replace(words=of_2006(clip.words))
+    return clip._replace(packed=of_2006(clip.packed))
 
 
 def _of_class(clips: Sequence[Clip], name: str) -> list[Clip]:
@@ -143,7 +143,7 @@ def write(results: Results) -> str:
     rows = [
         [name if way == "MT" else "", way, "/".join(map(str, cells["first"])),
          results["of_class"][name], _separation(cells["separation"]),
-         share(cells["average_precision"]), *_published(name, way)]
+         fraction(cells["average_precision"]), *_published(name, way)]
         for name in (*FIVE, *(n for n in results["classes"] if n not in FIVE))
         for way, cells in results["classes"][name].items()
         if way in WAYS
@@ -283,7 +283,7 @@ def _table_told(results: Results) -> str:
     strong = claim(
         _mean(results, "3D heading") > 0.6,
         "Unlike in print, the baselines rank well: mean average precision "
-        + ", ".join(f"{way} {share(_mean(results, way))}" for way in WAYS)
+        + ", ".join(f"{way} {fraction(_mean(results, way))}" for way in WAYS)
         + ". Quaternions alone do as badly as in print. Reasons may be that our eleven classes lie "
         "further apart than the ten of the publication, and that all ways have the steps and "
         "weights of the matcher; neither can be tried without the publication's clips.",
@@ -295,15 +295,15 @@ def _all_rows(results: Results) -> list[list[Any]]:
     medians, seconds = _medians(results), results["seconds"]
     n_classes = len(results["classes"])
     rows: list[list[Any]] = [
-        ["MT", "–", "–", share(_mean(results, "MT"), 3), number(medians["MT"]), "–",
+        ["MT", "–", "–", fraction(_mean(results, "MT"), 3), number(medians["MT"]), "–",
          number(seconds["MT"], 2)]
     ]  # fmt: skip
     for way in BASELINE:
         one = seconds[way] * n_classes / results["examples"]
         rows.append(
-            [way, share(_mean(results, way), 3),
-             share(_mean(results, way, "mean_average_precision"), 3),
-             share(_mean(results, f"{way} all"), 3), number(medians[f"{way} all"]),
+            [way, fraction(_mean(results, way), 3),
+             fraction(_mean(results, way, "mean_average_precision"), 3),
+             fraction(_mean(results, f"{way} all"), 3), number(medians[f"{way} all"]),
              number(one, 2), number(seconds[way], 1)]
         )  # fmt: skip
     return rows
@@ -314,9 +314,9 @@ def _all_told(results: Results) -> str:
     best = max(BASELINE, key=lambda way: _mean(results, f"{way} all"))
     return claim(
         all(medians[f"{way} all"] < medians["MT"] for way in BASELINE),
-        f"With all examples as queries relations reach {share(_mean(results, 'RF all'), 3)}, the "
-        f"best ({best}) {share(_mean(results, f'{best} all'), 3)}, templates "
-        f"{share(_mean(results, 'MT'), 3)}: **for the order of hits alone templates do not lead**; "
+        f"With all examples as queries relations reach {fraction(_mean(results, 'RF all'), 3)}, the "
+        f"best ({best}) {fraction(_mean(results, f'{best} all'), 3)}, templates "
+        f"{fraction(_mean(results, 'MT'), 3)}: **for the order of hits alone templates do not lead**; "
         "enough examples show by themselves what may vary. They separate less (median "
         f"{medians['RF all']:.1f} for relations, {medians['MT']:.1f} for templates), do not say "
         "why, and cost in proportion to their number: "
@@ -327,7 +327,9 @@ def _all_told(results: Results) -> str:
 
 def _right_rows(results: Results) -> list[list[Any]]:
     keys = ("MT", "RF all", "3D heading all", "frames: clips", "frames: frames")
-    return [[name, *(share(row[key], 3) for key in keys)] for name, row in results["right"].items()]
+    return [
+        [name, *(fraction(row[key], 3) for key in keys)] for name, row in results["right"].items()
+    ]
 
 
 def _right_told(results: Results) -> str:
@@ -336,7 +338,7 @@ def _right_told(results: Results) -> str:
     return claim(
         gap > 0,
         "**On cut clips templates do not lead**: the machine is ahead by up to "
-        f"{share(gap, 3)}. Every clip has one of the classes, and its whole length votes; a "
+        f"{fraction(gap, 3)}. Every clip has one of the classes, and its whole length votes; a "
         "template is judged by its best end, and clips shorter than half a template have no cost.",
     )
 
@@ -344,8 +346,8 @@ def _right_told(results: Results) -> str:
 def _other_rows(results: Results) -> list[list[Any]]:
     names = {"templates": "templates", "frames": "frame by frame"}
     return [
-        [told, f"{row['threshold']:g}", share(row["precision"]), share(row["recall"]),
-         share(row["f"]), number(row["labels a clip"])]
+        [told, f"{row['threshold']:g}", fraction(row["precision"]), fraction(row["recall"]),
+         fraction(row["f"]), number(row["labels a clip"])]
         for way, told in names.items()
         for row in [results["among others"][way]]
     ]  # fmt: skip
@@ -355,7 +357,7 @@ def _others_told(results: Results) -> str:
     templates, frames = (results["among others"][way] for way in ("templates", "frames"))
     better = "Templates are ahead" if templates["f"] > frames["f"] else "The machine is ahead"
     return (
-        f"{better} in frames ({share(templates['f'])} and {share(frames['f'])}). The machine "
+        f"{better} in frames ({fraction(templates['f'])} and {fraction(frames['f'])}). The machine "
         f"breaks a clip into {number(frames['labels a clip'])} labels, templates into "
         f"{number(templates['labels a clip'])}: single frames know no units, as Müller, Baak and "
         "Seidel (2009) say of the method."
@@ -379,7 +381,7 @@ def draw(results: Results) -> dict[str, Any]:
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         {"what": f"stretches of {CMU}", "files": len(AMC_STRETCHES), "minutes": 1.3},
     ]
 

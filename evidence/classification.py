@@ -6,7 +6,7 @@ import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.draws import Draw, from_half, from_others, spread
-from evidence.common.pages import claim, picture, share, table
+from evidence.common.pages import claim, fraction, picture, table
 from evidence.common.ranking import (
     TOLERANCE_2006,
     background_of,
@@ -89,10 +89,12 @@ def _accuracy(costs: Any, truth: list[str], names: list[str]) -> float:
 def _costs(draw: Draw) -> dict[str, Any]:
     """Costs by way and setting, shape (clips, classes)."""
     templates, ones = templates_of(draw.train), background_of(draw.train)
-    clips = [clip.words for clip in draw.test]
+    clips = [clip.packed for clip in draw.test]
     result = {}
-    for setting, (tolerance, by_surprise) in SETTINGS.items():
-        patterns = patterns_of(templates, tolerance=tolerance, ones=ones if by_surprise else None)
+    for setting, (tolerance, by_self_information) in SETTINGS.items():
+        patterns = patterns_of(
+            templates, tolerance=tolerance, ones=ones if by_self_information else None
+        )
         result[f"{WAYS[0]}, {setting}"] = clip_costs(patterns, corpus_of(clips))
         result[f"{WAYS[1]}, {setting}"] = whole_costs(patterns, clips)
     return result
@@ -102,7 +104,7 @@ def write(results: Results) -> str:
     """Body of the page."""
     keys = list(results["few"]["new person"])
     full = [
-        [key, *(share(results["all"][split][key]["accuracy"], 3) for split in results["all"])]
+        [key, *(fraction(results["all"][split][key]["accuracy"], 3) for split in results["all"])]
         for key in keys
     ]
     curves = [
@@ -143,7 +145,7 @@ Mean ± standard deviation over seeded draws; with a new person each actor is te
 
 
 def _cell(cell: dict[str, float]) -> str:
-    return f"{share(cell['mean'])} ± {share(cell['deviation'])}"
+    return f"{fraction(cell['mean'])} ± {fraction(cell['deviation'])}"
 
 
 def _findings(results: Results) -> str:
@@ -152,8 +154,8 @@ def _findings(results: Results) -> str:
     return claim(
         whole >= within,
         "Where the clip is known to be one motion, comparing it as a whole is better: with one "
-        f"actor left out {share(whole, 3)} against {share(within, 3)} (an earlier prototype of "
-        f"the whole clip: {share(PROTOTYPE)}). It uses what the smallest distance ignores: that "
+        f"actor left out {fraction(whole, 3)} against {fraction(within, 3)} (an earlier prototype of "
+        f"the whole clip: {fraction(PROTOTYPE)}). It uses what the smallest distance ignores: that "
         "nothing else happens in the clip. Weights by surprise are made for telling a motion "
         "from other motion; here, where every clip is one of the classes, they gain nothing.",
     )
@@ -177,9 +179,9 @@ def _few_findings(results: Results) -> str:
     return claim(
         all(whole[size]["mean"] > within[size]["mean"] for size in ("1", "2", "3")),
         "The fewer the examples, the more it gains: on a new person "
-        f"{share(whole['1']['mean'])} instead of {share(within['1']['mean'])} from one example, "
-        f"{share(whole['3']['mean'])} instead of {share(within['3']['mean'])} from three, "
-        f"{share(whole['9']['mean'])} and {share(within['9']['mean'])} from nine.",
+        f"{fraction(whole['1']['mean'])} instead of {fraction(within['1']['mean'])} from one example, "
+        f"{fraction(whole['3']['mean'])} instead of {fraction(within['3']['mean'])} from three, "
+        f"{fraction(whole['9']['mean'])} and {fraction(within['9']['mean'])} from nine.",
     )
 
 
@@ -197,7 +199,7 @@ def draw(results: Results) -> dict[str, Any]:
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    return [data_entry(HDM05, [clip.words for clip in recordings.clips])]
+    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
 
 
 EVIDENCE = Evidence(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.ranking import TOLERANCE_2006, corpus_of, template_of
 from evidence.common.recordings import BANDAI, CMU, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
@@ -67,22 +67,22 @@ def measure(recordings: Recordings) -> Results:
         "rotate": _join_rotations(recordings, train, test),
         "grab": _join(
             {name: _of_class(train, name) for name in (DEPOSIT, GRAB)},
-            {clip.name: (clip.motion_class, clip.words) for clip in test},
+            {clip.name: (clip.motion_class, clip.packed) for clip in test},
         ),
         "sweeping": _sweep(recordings.others),
     }
 
 
 def _of_class(clips: Sequence[Clip], name: str) -> list[FeatureSequence]:
-    return [clip.words for clip in clips if clip.motion_class == name]
+    return [clip.packed for clip in clips if clip.motion_class == name]
 
 
 def _join_rotations(recordings: Recordings, train: Sequence[Clip], test: Sequence[Clip]) -> Results:
     """Rotating backwards, and forwards: the same clips with time reversed."""
     learned = {BACKWARD: _of_class(train, BACKWARD), FORWARD: _reversed(recordings, train)}
-    searched = {clip.name: (clip.motion_class, clip.words) for clip in test}
-    for words in _reversed(recordings, test):
-        searched[f"{words.source} reversed"] = (FORWARD, words)
+    searched = {clip.name: (clip.motion_class, clip.packed) for clip in test}
+    for packed in _reversed(recordings, test):
+        searched[f"{packed.source} reversed"] = (FORWARD, packed)
     return _join(learned, searched)
 
 
@@ -103,7 +103,7 @@ def _join(
     """Hits of each class's template and of one learned from both, as published."""
     templates = {name: template_of(examples) for name, examples in learned.items()}
     templates["joined"] = template_of([e for examples in learned.values() for e in examples])
-    corpus = corpus_of([words for _, words in searched.values()])
+    corpus = corpus_of([packed for _, packed in searched.values()])
     truth = [name for name, _ in searched.values()]
     rows = {}
     for name, template in templates.items():
@@ -112,9 +112,9 @@ def _join(
         parts = corpus.split(corpus_distance(pattern, corpus))
         hits = [
             (hit.cost, i)
-            for i, ((_, words), distance) in enumerate(zip(searched.values(), parts, strict=True))
+            for i, ((_, packed), distance) in enumerate(zip(searched.values(), parts, strict=True))
             for hit in find_hits(
-                distance, pattern, words.words, words.known, threshold=THRESHOLDS[-1]
+                distance, pattern, packed.packed, packed.known, threshold=THRESHOLDS[-1]
             )
         ]
         rows[name] = {
@@ -136,12 +136,12 @@ def _sweep(others: Mapping[str, FeatureSequence]) -> Results:
     template = template_from_text(SWEEPING, name="sweeping with a hand brush")
     _check_design(template)
     pattern = pattern_of(quantise(template, tolerance=TOLERANCE_2006))
-    documents = [(name, words) for name, words in others.items()]
-    documents += [(f"synthetic sweep {i}", words) for i, words in enumerate(_sweeps())]
+    documents = [(name, packed) for name, packed in others.items()]
+    documents += [(f"synthetic sweep {i}", packed) for i, packed in enumerate(_sweeps())]
     hits = []
-    for name, words in documents:
-        distance = corpus_distance(pattern, corpus_of([words]))
-        found = find_hits(distance, pattern, words.words, words.known, threshold=1.0)
+    for name, packed in documents:
+        distance = corpus_distance(pattern, corpus_of([packed]))
+        found = find_hits(distance, pattern, packed.packed, packed.known, threshold=1.0)
         hits += [(hit.cost, name, hit.start / 30, hit.stop / 30) for hit in found]
     ranked = sorted(hits)[:SHOWN]
     first: dict[str, float] = {}
@@ -163,13 +163,13 @@ def _sweep(others: Mapping[str, FeatureSequence]) -> Results:
             {"recording": name, "cost": cost, "start_s": start, "end_s": end}
             for cost, name, start, end in ranked
         ],
-        "minutes": sum(len(words) for _, words in documents) / 30 / 60,
+        "minutes": sum(len(packed) for _, packed in documents) / 30 / 60,
     }
 
 
 def _share_horizontal(documents: Sequence[tuple[str, FeatureSequence]], name: str) -> float:
-    words = dict(documents)[name]
-    return float(words.features[:, words.feature_set.ids.index("F32")].mean())
+    packed = dict(documents)[name]
+    return float(packed.features[:, packed.feature_set.ids.index("F32")].mean())
 
 
 def _check_design(template: MotionTemplate) -> None:
@@ -208,7 +208,7 @@ in that sense. 40 relations, δ = 0.1, all entries alike.
 {
         picture(
             "crafting",
-            "Upper-body relations of templates: rotating both arms backwards, the same "
+            "Upper-body features of templates: rotating both arms backwards, the same "
             "played backwards (forwards), and one learned from both; white: in all examples, "
             "black: in none, red to yellow: in some",
         )
@@ -252,7 +252,7 @@ def _join_table(results: Results, key: str) -> str:
             f"{hits} / {' + '.join(str(row['of'][label][i]) for label in names)}"
             for i, hits in enumerate(row["hits"])
         ]
-        rows.append([name, row["template_length"], share(row["fixed"]), *cells])
+        rows.append([name, row["template_length"], fraction(row["fixed"]), *cells])
     if key == "rotate":
         for name, (_, hits, relevant, length) in PUBLISHED.items():
             cells = [f"{a} / {b}" for a, b in zip(hits, relevant, strict=True)]
@@ -273,8 +273,8 @@ def _rotation_told(results: Results) -> str:
         apart and both[first][at] > 0 and both[second][at] > 0,
         "At τ = 0.04 each class's template finds none of the other's clips; the joined one "
         f"finds {both[first][at]} of {part['clips'][first]} and {both[second][at]} of "
-        f"{part['clips'][second]}, with {share(rows['joined']['fixed'])} of its cells fixed "
-        f"against {share(rows[first]['fixed'])} and {share(rows[second]['fixed'])}. As in print: what "  # noqa: E501
+        f"{part['clips'][second]}, with {fraction(rows['joined']['fixed'])} of its cells fixed "
+        f"against {fraction(rows[first]['fixed'])} and {fraction(rows[second]['fixed'])}. As in print: what "
         "separated the classes (whether the hands move forward, F1 and F2, while above or below "
         "the neck) is masked, and the joined template cannot tell them apart.",
     )
@@ -302,7 +302,7 @@ def _sweeping_told(sweeping: Results) -> str:
         f"{sweeping['planted']} sweeps are cheaper than any other motion (at best "
         f"{number(sweeping['cheapest_elsewhere'], 3)}); the dearest costs "
         f'{number(sweeping["dearest_sweep"], 3)}: that figure bends so little that "spine '
-        f'horizontal" holds in {share(sweeping["dearest_spine_horizontal"])} of its time.',
+        f'horizontal" holds in {fraction(sweeping["dearest_spine_horizontal"])} of its time.',
     )
 
 
@@ -349,7 +349,7 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     others = recordings.others
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         data_entry(f"searched for sweeping: {CMU}; uncut takes of HDM05",
                    [w for n, w in others.items() if not n.startswith("bandai")]),
         data_entry(f"searched for sweeping: {BANDAI}",

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.ranking import (
     TOLERANCE_2006,
     background_of,
@@ -49,8 +49,10 @@ def measure(recordings: Recordings) -> Results:
     train, test = recordings.halves()
     templates, ones = templates_of(train), background_of(train)
     results: Results = {}
-    for setting, (tolerance, by_surprise) in SETTINGS.items():
-        patterns = patterns_of(templates, tolerance=tolerance, ones=ones if by_surprise else None)
+    for setting, (tolerance, by_self_information) in SETTINGS.items():
+        patterns = patterns_of(
+            templates, tolerance=tolerance, ones=ones if by_self_information else None
+        )
         results[setting] = {
             name: _class(pattern, name, test, recordings.others)
             for name, pattern in patterns.items()
@@ -62,12 +64,12 @@ def _class(
     pattern: Pattern, name: str, test: Sequence[Clip], others: Mapping[str, FeatureSequence]
 ) -> dict[str, Any]:
     relevant = [i for i, clip in enumerate(test) if clip.motion_class == name]
-    clips = corpus_of([clip.words for clip in test])
+    clips = corpus_of([clip.packed for clip in test])
     costs = clip_costs({name: pattern}, clips)[:, 0]
     finite = [costs[i] for i in relevant if np.isfinite(costs[i])]
     # Hits dearer than the last clip of the class count for no recall.
     most = max(finite)
-    hits = _hits(pattern, [(c.name, c.words) for c in test], most, first=0)
+    hits = _hits(pattern, [(c.name, c.packed) for c in test], most, first=0)
     distracting = _hits(pattern, list(others.items()), most, first=None)
     return {
         "clips": len(relevant),
@@ -84,11 +86,11 @@ def _hits(
     *,
     first: int | None,
 ) -> list[Found]:
-    corpus = corpus_of([words for _, words in documents])
+    corpus = corpus_of([packed for _, packed in documents])
     parts = corpus.split(corpus_distance(pattern, corpus))
     found = []
-    for i, ((recording, words), distance) in enumerate(zip(documents, parts, strict=True)):
-        hits = find_hits(distance, pattern, words.words, words.known, threshold=most)
+    for i, ((recording, packed), distance) in enumerate(zip(documents, parts, strict=True)):
+        hits = find_hits(distance, pattern, packed.packed, packed.known, threshold=most)
         clip = -1 if first is None else first + i
         found += [
             Found(hit.cost, recording, clip)
@@ -147,13 +149,13 @@ def write(results: Results) -> str:
     recalls = results["recalls"]
     head = ["", *(f"alone, recall {r:g}" for r in recalls), *(f"among, {r:g}" for r in recalls)]
     overall = [
-        [setting, *(share(_mean(classes, where, i)) for where in ("alone", "among")
+        [setting, *(fraction(_mean(classes, where, i)) for where in ("alone", "among")
                     for i in range(len(recalls)))]
         for setting, classes in results["settings"].items()
     ]  # fmt: skip
     classes = results["settings"]["by surprise"]
     per_class = [
-        [name, row["clips"], *(share(p) for p in row["among"]), _false(row)]
+        [name, row["clips"], *(fraction(p) for p in row["among"]), _false(row)]
         for name, row in classes.items()
     ]
     related = "\n".join(f"- {name}: {text}" for name, text in RELATED.items())
@@ -177,7 +179,7 @@ shorter than half its template has no finite cost).
         picture(
             "distractors",
             "Precision where so much of a class is found, among all other "
-            "recordings, weights by surprise and as published",
+            "recordings, weights by self_information and as published",
         )
     }
 {_findings(results)}
@@ -198,15 +200,20 @@ def _false(row: dict[str, Any]) -> str:
 
 def _findings(results: Results) -> str:
     at = results["recalls"].index(0.9)
-    equal, surprise = results["settings"]["as published"], results["settings"]["by surprise"]
+    equal, self_information = (
+        results["settings"]["as published"],
+        results["settings"]["by surprise"],
+    )
     lost = _mean(equal, "alone", at) - _mean(equal, "among", at)
-    kept = _mean(surprise, "alone", at) - _mean(surprise, "among", at)
-    worst = sorted(surprise, key=lambda name: surprise[name]["among"][at] or 0.0)[:3]
+    kept = _mean(self_information, "alone", at) - _mean(self_information, "among", at)
+    worst = sorted(self_information, key=lambda name: self_information[name]["among"][at] or 0.0)[
+        :3
+    ]
     return claim(
         kept < lost,
-        f"At recall .9 the other recordings cost {share(lost)} of precision as published and "
-        f"{share(kept)} with weights by surprise. Least precise there: "
-        + ", ".join(f"{name} ({share(surprise[name]['among'][at])})" for name in worst)
+        f"At recall .9 the other recordings cost {fraction(lost)} of precision as published and "
+        f"{fraction(kept)} with weights by surprise. Least precise there: "
+        + ", ".join(f"{name} ({fraction(self_information[name]['among'][at])})" for name in worst)
         + ".",
     )
 
@@ -228,9 +235,9 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     _, test = recordings.halves()
     others = recordings.others
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         data_entry(f"of these searched: the evaluation half, {len(test)} clips",
-                   [clip.words for clip in test]),
+                   [clip.packed for clip in test]),
         data_entry(f"distractors, {CMU}", [w for n, w in others.items() if n.startswith("cmu")]),
         data_entry("distractors, uncut takes of HDM05",
                    [w for n, w in others.items() if n.startswith("hdm05_takes")]),

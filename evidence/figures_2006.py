@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.ranking import (
     TOLERANCE_2006,
     clip_costs,
@@ -60,7 +60,7 @@ def measure(recordings: Recordings) -> Results:
     train, test = ([_of_2006(clip) for clip in half] for half in recordings.halves())
     return {
         "learning": {
-            name: _learning([c.words for c in train if c.motion_class == name], recordings, name)
+            name: _learning([c.packed for c in train if c.motion_class == name], recordings, name)
             for name in recordings.classes
         },
         "retrieval": _retrieval(train, test),
@@ -69,7 +69,7 @@ def measure(recordings: Recordings) -> Results:
 
 
 def _of_2006(clip: Clip) -> Clip:
-    return clip._replace(words=of_2006(clip.words))
+    return clip._replace(packed=of_2006(clip.packed))
 
 
 def _learning(
@@ -108,7 +108,7 @@ def _after(examples: Sequence[FeatureSequence], passes: int) -> MotionTemplate:
 def _retrieval(train: Sequence[Clip], test: Sequence[Clip]) -> dict[str, Any]:
     """Recall and precision of clips, as table 5 prints them."""
     patterns = patterns_of(templates_of(train), tolerance=TOLERANCE_2006)
-    costs = clip_costs(patterns, corpus_of([c.words for c in test]))
+    costs = clip_costs(patterns, corpus_of([c.packed for c in test]))
     rows = {}
     for i, name in enumerate(patterns):
         relevant = np.array([c.motion_class == name for c in test])
@@ -120,12 +120,12 @@ def _retrieval(train: Sequence[Clip], test: Sequence[Clip]) -> dict[str, Any]:
 def _gymnastics(recordings: Recordings, train: Sequence[Clip]) -> dict[str, Any]:
     folder = recordings.folder
     motion = read(folder / "cmu" / "exercises" / f"{GYMNASTICS}.amc", asf=folder / "cmu" / "86.asf")
-    words = of_2006(compute_features(motion))
+    packed = of_2006(compute_features(motion))
     templates = templates_of([clip for clip in train if clip.motion_class in SOUGHT])
     patterns = patterns_of(templates, tolerance=TOLERANCE_2006)
     truth = _truth(recordings)
     curves = {
-        name: np.asarray(distance_function(patterns[name], words.words, words.known), np.float64)
+        name: np.asarray(distance_function(patterns[name], packed.packed, packed.known), np.float64)
         for name in SOUGHT
     }
     return {
@@ -135,8 +135,8 @@ def _gymnastics(recordings: Recordings, train: Sequence[Clip]) -> dict[str, Any]
             name: _inside(curves[name], truth, exercise, templates[name].n_columns)
             for name, exercise in SOUGHT.items()
         },
-        "squats": _differences(templates["squat1Reps"], words, truth),
-        "seconds": len(words) / 30,
+        "squats": _differences(templates["squat1Reps"], packed, truth),
+        "seconds": len(packed) / 30,
     }
 
 
@@ -158,11 +158,11 @@ def _inside(
 
 
 def _differences(
-    template: MotionTemplate, words: FeatureSequence, truth: Sequence[dict[str, Any]]
+    template: MotionTemplate, packed: FeatureSequence, truth: Sequence[dict[str, Any]]
 ) -> list[tuple[str, float, float]]:
     """Relations of the recording's squats that differ most from the template, by mean."""
     row = next(row for row in truth if row["label"] == "Squat")
-    shown = words.features[round(row["start_s"] * 30) : round(row["end_s"] * 30)].mean(axis=0)
+    shown = packed.features[round(row["start_s"] * 30) : round(row["end_s"] * 30)].mean(axis=0)
     learned = template.values.mean(axis=0)
     most = np.argsort(-np.abs(shown - learned), kind="stable")[:4]
     return [(FULL_BODY_2006.names[i], float(shown[i]), float(learned[i])) for i in most]
@@ -286,9 +286,9 @@ def _learning_told(results: Results) -> str:
 def _retrieval_rows(results: Results) -> list[list[Any]]:
     rows = []
     for name, ours in results["retrieval"].items():
-        cells = [share(value) for pair in ours for value in pair]
+        cells = [fraction(value) for pair in ours for value in pair]
         theirs = TABLE_5.get(name)
-        printed = [share(v) for pair in theirs[1:] for v in pair] if theirs else ["–"] * 6
+        printed = [fraction(v) for pair in theirs[1:] for v in pair] if theirs else ["–"] * 6
         rows.append([name, *cells, *printed])
     return rows
 
@@ -301,7 +301,7 @@ def _gymnastics_told(gymnastics: Results) -> str:
         for name, row in told.items()
     ]
     differ = "; ".join(
-        f"{name} ({share(shown)} of the frames, {share(learned)} in the template)"
+        f"{name} ({fraction(shown)} of the frames, {fraction(learned)} in the template)"
         for name, shown, learned in gymnastics["squats"]
     )
     near = told["elbowToKnee1RepsLelbowStart"]
@@ -342,7 +342,7 @@ def draw_recordings(recordings: Recordings, results: Results) -> "dict[str, Figu
     actors = {clip.actor: clip for clip in reversed(train)}
     four = [actors[actor] for actor in sorted(actors)][:4]
     strips = [(c.actor, recordings.motion(c.name).generic_positions()) for c in four]
-    template = template_of([clip.words for clip in train])
+    template = template_of([clip.packed for clip in train])
     named = replace(template, provenance=f"{len(train)} performances of {SHOWN}, HDM05")
     poses = plot_sheet(None, strips)
     next(text for text in poses.texts if "hits" in text.get_text()).set_text(
@@ -350,7 +350,7 @@ def draw_recordings(recordings: Recordings, results: Results) -> "dict[str, Figu
     )
     return {
         "figures_2006_poses": poses,
-        "figures_2006_features": plot_features(four[0].words),
+        "figures_2006_features": plot_features(four[0].packed),
         "figures_2006_template": plot_template(
             named, tolerance=TOLERANCE_2006, feature_set=FULL_BODY_2006
         ),
@@ -360,7 +360,7 @@ def draw_recordings(recordings: Recordings, results: Results) -> "dict[str, Figu
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         {"what": f"{CMU}: {GYMNASTICS}", "files": 1, "minutes": 0.64},
     ]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from evidence.common.labelled import LABELLED, NAMES, UNSEEN
-from evidence.common.pages import pair, picture, share, table
+from evidence.common.pages import fraction, pair, picture, table
 from evidence.common.recordings import ACTORS, CMU, HDM05, TRUTH, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.evaluation import evaluate
@@ -17,7 +17,7 @@ from motionary.labels import Label, LabelTrack
 from motionary.matching import distance_function
 from motionary.models.library import (
     ClassLibrary,
-    Teaching,
+    TrainingOptions,
     learn_classes,
     learn_queries,
 )
@@ -78,9 +78,9 @@ def _learn(recordings: Recordings) -> ClassLibrary:
     """Classes by the names of the truth, from the actors that no recording shows."""
     examples: dict[str, dict[str, list[FeatureSequence]]] = {}
     for clip in recordings.of(actors=set(ACTORS) - {UNSEEN}):
-        subclasses = examples.setdefault(NAMES[clip.motion_class], {})
-        subclasses.setdefault(clip.motion_class, []).append(clip.words)
-    library = learn_classes(examples, teaching=Teaching(mirror=True, threshold=THRESHOLD))
+        prototypes = examples.setdefault(NAMES[clip.motion_class], {})
+        prototypes.setdefault(clip.motion_class, []).append(clip.packed)
+    library = learn_classes(examples, training=TrainingOptions(mirror=True, threshold=THRESHOLD))
     return learn_queries(library, examples).library
 
 
@@ -92,10 +92,10 @@ def _truth(recordings: Recordings) -> dict[str, list[Any]]:
     }
 
 
-def _see(words: FeatureSequence, library: ClassLibrary) -> Seen:
-    tracks = {way: annotate(words, library, preselect=on) for way, on in WAYS.items()}
+def _see(packed: FeatureSequence, library: ClassLibrary) -> Seen:
+    tracks = {way: annotate(packed, library, preselect=on) for way, on in WAYS.items()}
     modified = {
-        way: {one.name: class_distance(words, one, preselect=on).modified for one in library}
+        way: {one.name: class_distance(packed, one, preselect=on).modified for one in library}
         for way, on in WAYS.items()
     }
     return Seen(tracks, modified)
@@ -138,13 +138,13 @@ def _score(
 
 def _distance(recordings: Recordings, library: ClassLibrary) -> dict[str, Any]:
     """Figure 2: a distance function, and the modified one."""
-    name, class_name, subclass = SHOWN
-    words = recordings.others[name]
+    name, class_name, prototype = SHOWN
+    packed = recordings.others[name]
     one = library[class_name]
-    pattern = {s.name: p for s, (_, p) in zip(one.subclasses, one.sought(), strict=True)}[subclass]
+    pattern = {s.name: p for s, (_, p) in zip(one.prototypes, one.sought(), strict=True)}[prototype]
     return {
-        "plain": distance_function(pattern, words.words, words.known),
-        "modified": class_distance(words, one, preselect=False).modified,
+        "plain": distance_function(pattern, packed.packed, packed.known),
+        "modified": class_distance(packed, one, preselect=False).modified,
         "threshold": one.threshold,
     }
 
@@ -188,12 +188,12 @@ templates alone, then with keyframes.
 def _score_rows(results: Results) -> list[list[Any]]:
     keys = ("p1", "r1", "f1", "p2", "r2", "f2")
     rows = [
-        [way, *(share(scores[key]) for key in keys), pair(*PUBLISHED[way])]
+        [way, *(fraction(scores[key]) for key in keys), pair(*PUBLISHED[way])]
         for way, scores in results["scores"].items()
     ]
     for name, ways in results["by_recording"].items():
         rows += [
-            [f"{name}, {way}", *(share(scores[key]) for key in keys), "–"]
+            [f"{name}, {way}", *(fraction(scores[key]) for key in keys), "–"]
             for way, scores in ways.items()
         ]
     return rows
@@ -202,8 +202,8 @@ def _score_rows(results: Results) -> list[list[Any]]:
 def _told(results: Results) -> str:
     plain, keyed = (results["scores"][way] for way in WAYS)
     return (
-        f"With keyframes precision of frames goes from {share(plain['p1'])} to "
-        f"{share(keyed['p1'])}, recall from {share(plain['r1'])} to {share(keyed['r1'])}; in print "
+        f"With keyframes precision of frames goes from {fraction(plain['p1'])} to "
+        f"{fraction(keyed['p1'])}, recall from {fraction(plain['r1'])} to {fraction(keyed['r1'])}; in print "
         "from .48 to .69, and from .78 to .79. The queries were bred from clips of four actors, "
         "and ask for what these showed. Four recordings say little: one label more moves F2 by "
         "several hundredths."
@@ -253,9 +253,9 @@ def _track(name: str, rows: list[dict[str, Any]], seconds: float) -> LabelTrack:
 
 
 def _draw_distance(results: Results) -> "Figure":
-    name, class_name, subclass = SHOWN
+    name, class_name, prototype = SHOWN
     distance = results["distance"]
-    names = {"plain": f"{subclass}: distance", "modified": f"{class_name}: modified distance"}
+    names = {"plain": f"{prototype}: distance", "modified": f"{class_name}: modified distance"}
     kicks = [row for row in results["truth"][name] if row["name"] == class_name]
     labels = tuple(
         Label(told, row["start_s"], row["end_s"]) for told in names.values() for row in kicks
@@ -273,7 +273,7 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     clips = recordings.of(actors=set(ACTORS) - {UNSEEN})
     return [
-        data_entry(HDM05, [clip.words for clip in clips]),
+        data_entry(HDM05, [clip.packed for clip in clips]),
         data_entry(f"{CMU}; one take of HDM05; {TRUTH}", [recordings.others[n] for n in LABELLED]),
     ]
 

@@ -21,20 +21,20 @@ from evidence.common.examples import (
     score_judged,
     timed,
 )
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.parts import Parts, at_tempo, part_costs
 from evidence.common.recordings import BANDAI, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from evidence.growing_choice import choose_queries
 from motionary.features import FeatureSequence
-from motionary.retrieval.search import Growing
+from motionary.retrieval.search import QueryExpansion
 
 Floats = NDArray[np.float64]
 
 SEED = 2
 JUDGED = 10
-AS_IT_IS = Growing(hits=0, by_surprise=False)
-BY_SURPRISE = Growing(hits=0)
+AS_IT_IS = QueryExpansion(hits=0, by_self_information=False)
+BY_SURPRISE = QueryExpansion(hits=0)
 #: Orientation: a prototype before the package; settings chosen on the queries reported.
 PROTOTYPE = {
     "hdm05": {"chance": (0.09, None), "positions": (0.870, 0.818), "as it is": (0.897, 0.845),
@@ -65,9 +65,9 @@ def measure(recordings: Recordings) -> Results:
     wanted = recordings.golden("example_queries.json")
     by_stem = {Path(clip.name).stem: clip for clip in recordings.clips}
     clips = others_of(recordings.clips, [by_stem[stem] for stem in wanted])
-    names = {id(clip.words): clip.name for clip in recordings.clips}
+    names = {id(clip.packed): clip.name for clip in recordings.clips}
     files = {n: w for n, w in recordings.others.items() if n.startswith("bandai/")}
-    names |= {id(words): name for name, words in files.items()}
+    names |= {id(packed): name for name, packed in files.items()}
     frames = {key: position_frames(recordings.motion(name)) for key, name in names.items()}
     sets = {
         "hdm05": clips,
@@ -78,7 +78,7 @@ def measure(recordings: Recordings) -> Results:
         "parts": {"tries": tries, "chosen": chosen._asdict()},
         "sets": {name: _measure_set(queries, frames, chosen) for name, queries in sets.items()},
         "judged": {
-            name: score_judged(sets[name], {"after": Growing()}, n_hits=JUDGED)
+            name: score_judged(sets[name], {"after": QueryExpansion()}, n_hits=JUDGED)
             for name in ("hdm05", "bandai")
         },
     }
@@ -90,13 +90,13 @@ def _contents(
     """Files of the first data set with at least two others of their content."""
     counts = [_content(name) for name in files if "dataset-2" not in name]
     queries = []
-    for name, words in files.items():
+    for name, packed in files.items():
         if "dataset-2" in name or counts.count(_content(name)) < 3:
             continue
         pool = [other for other in files if other != name and is_searched(name, other)]
         relevant = np.array([_content(other) == _content(name) for other in pool])
         searched = Pool(tuple(files[other] for other in pool))
-        queries.append(Query(Path(name).stem, words, searched, relevant))
+        queries.append(Query(Path(name).stem, packed, searched, relevant))
     return queries
 
 
@@ -114,7 +114,7 @@ def _try_parts(recordings: Recordings) -> list[dict[str, Any]]:
     rng = np.random.default_rng(SEED)
     rates = np.exp(rng.uniform(-np.log(CHANGE), np.log(CHANGE), len(recordings.clips)))
     slowed = {
-        id(clip.words): at_tempo(clip.words, float(rate))
+        id(clip.packed): at_tempo(clip.packed, float(rate))
         for clip, rate in zip(recordings.clips, rates, strict=True)
     }
     pools: dict[int, Pool] = {}
@@ -122,7 +122,7 @@ def _try_parts(recordings: Recordings) -> list[dict[str, Any]]:
     for query in queries:
         key = id(query.pool)
         if key not in pools:
-            pools[key] = Pool(tuple(slowed[id(words)] for words in query.pool.sequences))
+            pools[key] = Pool(tuple(slowed[id(packed)] for packed in query.pool.sequences))
         changed.append(Query(query.name, query.example, pools[key], query.relevant))
     tries = []
     for parts in TRIED_PARTS:
@@ -136,7 +136,7 @@ def _try_parts(recordings: Recordings) -> list[dict[str, Any]]:
 
 
 def _score_parts(query: Query, parts: Parts) -> tuple[float, float]:
-    ones = query.pool.collection.share_of_ones
+    ones = query.pool.collection.feature_prior
     return score(part_costs(query.example, query.pool.corpus, ones, parts), query.relevant)
 
 
@@ -159,21 +159,21 @@ def _measure_set(
         },
         "rows": rows_of(queries, scores),
         "searched": int(np.median([len(query.relevant) for query in queries])),
-        "minutes": float(np.median([len(query.pool.corpus.words) for query in queries]) / 30 / 60),
+        "minutes": float(np.median([len(query.pool.corpus.packed) for query in queries]) / 30 / 60),
     }
 
 
 def _ways(
     query: Query, frames: Mapping[int, Floats], parts: Parts
 ) -> dict[str, Callable[[], Floats]]:
-    documents = [frames[id(words)] for words in query.pool.sequences]
-    ones = query.pool.collection.share_of_ones
+    documents = [frames[id(packed)] for packed in query.pool.sequences]
+    ones = query.pool.collection.feature_prior
     corpus = query.pool.corpus
     return {
         "positions": lambda: position_costs_of(frames[id(query.example)], documents),
         "as it is": lambda: query.costs(AS_IT_IS),
         "by surprise": lambda: query.costs(BY_SURPRISE),
-        "grown": lambda: query.costs(Growing()),
+        "grown": lambda: query.costs(QueryExpansion()),
         "parts": lambda: part_costs(query.example, corpus, ones, parts),
     }
 
@@ -250,8 +250,8 @@ Average precision and R-precision.
 def _ways_table(name: str, sets: Mapping[str, Any]) -> str:
     known = PROTOTYPE.get(name, {})
     rows = [
-        [way, share(row["average_precision"], 3), share(row["r_precision"], 3),
-         number(row["seconds"], 3), *(share(value, 3) for value in known.get(way, (None, None)))]
+        [way, fraction(row["average_precision"], 3), fraction(row["r_precision"], 3),
+         number(row["seconds"], 3), *(fraction(value, 3) for value in known.get(way, (None, None)))]
         for way, row in sets[name]["ways"].items()
     ]  # fmt: skip
     head = ["", "mAP", "R-precision", "s a query", "prototype: mAP", "R-precision"]
@@ -275,20 +275,20 @@ def _against_positions(sets: Mapping[str, Any]) -> str:
 
 def _against_aim(of: Mapping[str, Any]) -> str:
     ways = of["ways"]
-    grown, plain, positions = ways["grown"], ways["as it is"], ways["positions"]
+    expanded, plain, positions = ways["grown"], ways["as it is"], ways["positions"]
     missed = [
-        f"{name} {share(grown[key], 3)}, aim {share(aim)}"
+        f"{name} {fraction(expanded[key], 3)}, aim {fraction(aim)}"
         for name, key, aim in zip(
             ("mAP", "R-precision"), ("average_precision", "r_precision"), AIM, strict=True
         )
-        if grown[key] < aim
+        if expanded[key] < aim
     ]
     low = sorted(of["rows"], key=lambda row: float(row["grown"][0]))[:3]
-    worst = ", ".join(f"{_short(row['query'])} ({share(row['grown'][0])})" for row in low)
+    worst = ", ".join(f"{_short(row['query'])} ({fraction(row['grown'][0])})" for row in low)
     told = claim(
-        grown["average_precision"] > plain["average_precision"] > positions["average_precision"],
+        expanded["average_precision"] > plain["average_precision"] > positions["average_precision"],
         "Growing finds more than the example as it is, and that more than positions do, in "
-        f"{number(positions['seconds'] / grown['seconds'])} and "
+        f"{number(positions['seconds'] / expanded['seconds'])} and "
         f"{number(positions['seconds'] / plain['seconds'])} times less time. Lowest: {worst}.",
     )
     return f"{told} Short of what was aimed at: {'; '.join(missed)}." if missed else told
@@ -296,12 +296,12 @@ def _against_aim(of: Mapping[str, Any]) -> str:
 
 def _about_styles(sets: Mapping[str, Any]) -> str:
     whole, styles = sets["bandai"], sets["styles"]
-    grown, plain = (whole["ways"][way]["average_precision"] for way in ("grown", "by surprise"))
+    expanded, plain = (whole["ways"][way]["average_precision"] for way in ("grown", "by surprise"))
     gain = styles["ways"]["by surprise"]["average_precision"] - plain
     relevant = int(np.median([row["relevant"] for row in whole["rows"]]))
     return claim(
         gain > 0,
-        f"Growing changes mAP by {grown - plain:+.3f} among all files. Most queries have "
+        f"Growing changes mAP by {expanded - plain:+.3f} among all files. Most queries have "
         f"{relevant} right files; the nearest file is often another content in the same style, "
         "which teaches what is wrong; and what is played at less than half the tempo has no "
         f"finite cost. Without the files of the query's style, mAP is higher by {gain:.3f} as the "
@@ -312,8 +312,8 @@ def _about_styles(sets: Mapping[str, Any]) -> str:
 def _parts_table(parts: Mapping[str, Any]) -> str:
     rows = [
         [f"{item['width']}, {', '.join(f'{t:g}' for t in item['tempos'])}",
-         *(share(pair[key], 3) for pair in item["worlds"].values() for key in pair),
-         share(item["mean"], 3)]
+         *(fraction(pair[key], 3) for pair in item["worlds"].values() for key in pair),
+         fraction(item["mean"], 3)]
         for item in parts["tries"]
     ]  # fmt: skip
     head = ["columns, tempos", "as recorded: mAP", "R-precision", "tempo changed: mAP",
@@ -321,24 +321,24 @@ def _parts_table(parts: Mapping[str, Any]) -> str:
     return table(head, rows)
 
 
-def _judged_table(judged: Mapping[str, Any]) -> str:
+def _judged_table(feedback: Mapping[str, Any]) -> str:
     rows = [
         [NAMES[name], f"{row['queries']} of {row['of']}", number(row["good"]),
-         *(share(row[part][when][key], 3) for part in ("left", "all")
+         *(fraction(row[part][when][key], 3) for part in ("left", "all")
            for key in ("average_precision", "r_precision") for when in ("before", "after"))]
-        for name, row in judged.items()
+        for name, row in feedback.items()
     ]  # fmt: skip
     head = ["", "queries", f"right of {JUDGED}", "mAP before", "after", "R-precision before",
             "after", "over all: mAP before", "after", "R-precision before", "after"]  # fmt: skip
     return table(head, rows)
 
 
-def _judged_finding(judged: Mapping[str, Any]) -> str:
+def _judged_finding(feedback: Mapping[str, Any]) -> str:
     told = []
-    for name, row in judged.items():
+    for name, row in feedback.items():
         before, after = (row["left"][w]["average_precision"] for w in ("before", "after"))
         told.append(f"{after - before:+.3f} for {NAMES[name]}")
-    few = judged["bandai"]["good"]
+    few = feedback["bandai"]["good"]
     return (
         f"Among recordings not judged, a round changes mAP by {' and '.join(told)}. Where only "
         f"{number(few)} of {JUDGED} hits are right, there is hardly anything to learn from, and "
@@ -349,7 +349,7 @@ def _judged_finding(judged: Mapping[str, Any]) -> str:
 def _query_table(of: Mapping[str, Any], ways: Sequence[str]) -> str:
     rows = [
         [_short(row["query"]), row["relevant"],
-         *(f"{share(row[way][0])}, {share(row[way][1])}" for way in ways)]
+         *(f"{fraction(row[way][0])}, {fraction(row[way][1])}" for way in ways)]
         for row in of["rows"]
     ]  # fmt: skip
     return table(["query", "right", *ways], rows)
@@ -376,7 +376,7 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     bandai = [w for n, w in recordings.others.items() if n.startswith("bandai/")]
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         data_entry(BANDAI, bandai),
     ]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.recordings import CMU, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.features import FULL_BODY
@@ -151,13 +151,13 @@ def write(results: Results) -> str:
     """Body of the page."""
     golden = [
         [name, g["frames"], "< 1e-6" if g["off"] < 1e-6 else f"{g['off']:.1e}",
-         share(g["published mean"], 3), share(g["published largest"]),
-         share(g["corrected mean"], 3), share(g["corrected largest"])]
+         fraction(g["published mean"], 3), fraction(g["published largest"]),
+         fraction(g["corrected mean"], 3), fraction(g["corrected largest"])]
         for name, g in results["golden"].items()
     ]  # fmt: skip
     changes = [
-        [mode if rate == "120" else "", rate, share(c["mean"], 3), share(c["column"], 3),
-         share(c["largest"])]
+        [mode if rate == "120" else "", rate, fraction(c["mean"], 3), fraction(c["column"], 3),
+         fraction(c["largest"])]
         for mode, by_rate in results["change"].items()
         for rate, c in by_rate.items()
     ]  # fmt: skip
@@ -209,7 +209,7 @@ largest of any motion and column.
 {
         picture(
             "generation_metrics",
-            "Mean share of frames in which each relation holds, at 60 Hz and "
+            "Mean fraction of frames in which each feature holds, at 60 Hz and "
             "at 30 Hz: as published (left) and corrected (right); on the line nothing changes",
         )
     }
@@ -244,7 +244,7 @@ def _golden_told(results: Results) -> str:
     return claim(
         worst < 1e-6 and corrected < published / 5,
         f"The published mode is that code, to 1e-6. At half the rate a published feature "
-        f"changes by up to {share(published)}, a corrected one by at most {share(corrected)}.",
+        f"changes by up to {fraction(published)}, a corrected one by at most {fraction(corrected)}.",
     )
 
 
@@ -269,13 +269,13 @@ def _sets_told(results: Results) -> str:
         "so where a few frames at 20 Hz seem fast enough, the distance is astronomic. The "
         "corrected mode leaves such a column as it is.",
     )
-    dearest = results["dearest"]["corrected"]
+    highest_cost = results["dearest"]["corrected"]
     weights = claim(
-        dearest["without"] < corrected["60"]["other people"] / 2,
+        highest_cost["without"] < corrected["60"]["other people"] / 2,
         "What remains is in the definition: normalised by the real set, a relation that it "
-        f"hardly shows weighs most. Without '{dearest['relation']}' alone the corrected distance "
+        f"hardly shows weighs most. Without '{highest_cost['relation']}' alone the corrected distance "
         f"of the other people falls from {number(corrected['60']['other people'])} to "
-        f"{number(dearest['without'])}; look at the columns before you believe a distance.",
+        f"{number(highest_cost['without'])}; look at the columns before you believe a distance.",
     )
     return f"{changes}\n\n{explodes}\n\n{weights}"
 
@@ -308,7 +308,7 @@ def draw(results: Results) -> "dict[str, Figure]":
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         {"what": f"published features of three excerpts of {CMU} and one of HDM05",
          "files": len(GOLDEN), "minutes": 0.5},
     ]  # fmt: skip

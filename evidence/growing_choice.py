@@ -9,14 +9,14 @@ import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.examples import Pool, Query, mean, others_of, score_all
-from evidence.common.pages import claim, picture, share, table
+from evidence.common.pages import claim, fraction, picture, table
 from evidence.common.recordings import HDM05, Clip, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
-from motionary.retrieval.search import Growing
+from motionary.retrieval.search import QueryExpansion
 
 SEED = 1
 #: Unlike these, one at a time, or two where they act together.
-BEFORE = Growing(hits=3, most_cost=0.35, reach=0.6, tolerance=0.1)
+BEFORE = QueryExpansion(hits=3, most_cost=0.35, reach=0.6, tolerance=0.1)
 TRIES: tuple[dict[str, float], ...] = (
     {},
     {"hits": 0},
@@ -58,9 +58,9 @@ def measure(recordings: Recordings) -> Results:
     worlds = worlds_of(recordings, queries, RIGHT)
     tries: list[dict[str, Any]] = []
     for changes in TRIES:
-        growing = replace(BEFORE, **changes)  # type: ignore[arg-type]
-        scores = {name: mean(score_all(world, growing)) for name, world in worlds.items()}
-        tries.append({"settings": asdict(growing), "worlds": scores, "mean": _mean(scores)})
+        expansion = replace(BEFORE, **changes)  # type: ignore[arg-type]
+        scores = {name: mean(score_all(world, expansion)) for name, world in worlds.items()}
+        tries.append({"settings": asdict(expansion), "worlds": scores, "mean": _mean(scores)})
     best = max(range(len(tries)), key=lambda i: tries[i]["mean"])
     return {
         "tries": tries,
@@ -104,14 +104,14 @@ def _thin(
         clip for i, clip in enumerate(clips) if i in kept or clip.motion_class != query.motion_class
     ]
     relevant = np.array([clip.motion_class == query.motion_class for clip in left])
-    return Query(query.name, query.words, Pool(tuple(clip.words for clip in left)), relevant)
+    return Query(query.name, query.packed, Pool(tuple(clip.packed for clip in left)), relevant)
 
 
 def _dearer_half(query: Clip, clips: Sequence[Clip], right: Sequence[int]) -> list[int]:
     """Of the right clips those that the example as it is finds last."""
-    pool = Pool(tuple(clip.words for clip in clips))
-    costs = Query(query.name, query.words, pool, np.zeros(len(clips), dtype=np.bool_)).costs(
-        Growing(hits=0)
+    pool = Pool(tuple(clip.packed for clip in clips))
+    costs = Query(query.name, query.packed, pool, np.zeros(len(clips), dtype=np.bool_)).costs(
+        QueryExpansion(hits=0)
     )
     return sorted(right, key=lambda i: float(costs[i]))[len(right) // 2 :]
 
@@ -119,7 +119,7 @@ def _dearer_half(query: Clip, clips: Sequence[Clip], right: Sequence[int]) -> li
 def write(results: Results) -> str:
     """Body of the page."""
     tries, best = results["tries"], results["best"]
-    rows = [[_told(item["settings"]), *_cells(item), share(item["mean"], 3)] for item in tries]
+    rows = [[_told(item["settings"]), *_cells(item), fraction(item["mean"], 3)] for item in tries]
     worlds = "\n".join(f"- *{name}*: {text}" for name, text in WORLDS.items())
     head = ["hits, reach, most, tolerance"]
     for name in WORLDS:
@@ -161,16 +161,16 @@ Namco's recordings.
 def _told(settings: dict[str, Any]) -> str:
     if not settings["hits"]:
         return "as it is"
-    reach = "∞" if settings["reach"] is None else share(settings["reach"])
+    reach = "∞" if settings["reach"] is None else fraction(settings["reach"])
     return (
-        f"{settings['hits']}, {reach}, {share(settings['most_cost'])}, "
-        f"{share(settings['tolerance'])}"
+        f"{settings['hits']}, {reach}, {fraction(settings['most_cost'])}, "
+        f"{fraction(settings['tolerance'])}"
     )
 
 
 def _cells(item: dict[str, Any]) -> list[str]:
     return [
-        share(item["worlds"][name][key], 3)
+        fraction(item["worlds"][name][key], 3)
         for name in WORLDS
         for key in ("average_precision", "r_precision")
     ]
@@ -180,9 +180,9 @@ def _finding(tries: list[dict[str, Any]], best: int) -> str:
     plain = next(item for item in tries if not item["settings"]["hits"])
     chosen = tries[best]
     return claim(
-        chosen["settings"].items() <= asdict(Growing()).items(),
+        chosen["settings"].items() <= asdict(QueryExpansion()).items(),
         f"The best mean of the six numbers is that of {_told(chosen['settings'])}, the default: "
-        f"{share(chosen['mean'], 3)} against {share(plain['mean'], 3)} of the example as it is.",
+        f"{fraction(chosen['mean'], 3)} against {fraction(plain['mean'], 3)} of the example as it is.",
     )
 
 
@@ -221,8 +221,8 @@ def draw(results: Results) -> dict[str, Any]:
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
-        data_entry("of these the examples", [c.words for c in choose_queries(recordings)]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
+        data_entry("of these the examples", [c.packed for c in choose_queries(recordings)]),
     ]
 
 

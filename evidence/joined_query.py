@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from evidence.common.pages import claim, share, table
+from evidence.common.pages import claim, fraction, table
 from evidence.common.queries import RETRIEVAL_2008, by_choosing, index_of, lessons_of, manual
 from evidence.common.recordings import ACTORS, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
@@ -34,7 +34,7 @@ class Document(NamedTuple):
     """Joined clips, and what they are."""
 
     what: str
-    words: FeatureSequence
+    packed: FeatureSequence
 
 
 def measure(recordings: Recordings) -> Results:
@@ -57,11 +57,11 @@ def _documents(recordings: Recordings, actor: str) -> list[Document]:
     """Every sequence and every decoy of the actor's clips, each with other motion around."""
     rng = np.random.default_rng([SEED, ACTORS.index(actor)])
     first, second = (
-        [clip.words for clip in recordings.of(motion_class=name, actors=[actor])]
+        [clip.packed for clip in recordings.of(motion_class=name, actors=[actor])]
         for name in (FIRST, SECOND)
     )
     others = [
-        clip.words
+        clip.packed
         for clip in recordings.of(actors=[actor])
         if clip.motion_class not in (FIRST, SECOND)
     ]
@@ -91,7 +91,7 @@ def _documents(recordings: Recordings, actor: str) -> list[Document]:
 
 def _join(parts: Sequence[FeatureSequence]) -> FeatureSequence:
     return FeatureSequence(
-        np.concatenate([part.words for part in parts]),
+        np.concatenate([part.packed for part in parts]),
         np.concatenate([part.known for part in parts]),
         FULL_BODY,
     )
@@ -102,7 +102,7 @@ def _found(
 ) -> dict[str, Any]:
     """Documents by what they are, and how many of them have a hit."""
     query = join_queries(first, second, least_s=0.0, most_s=MOST_PAUSE_S)
-    index = index_of([document.words for document in documents])
+    index = index_of([document.packed for document in documents])
     ranges = search_query(query, index)
     hit = set(ranges.hit_documents.tolist())
     counts = {
@@ -158,9 +158,9 @@ def _told(results: Results) -> str:
     hand_false, mine_false = (_total(results, way, DECOYS) for way in (BY_HAND, CHOSEN))
     return claim(
         hand[0] >= 0.95 * hand[1] and hand_false[0] <= 0.02 * hand_false[1],
-        f"By hand {hand[0]} of {hand[1]} sequences are found ({share(hand[0] / hand[1], 3)}) and "
+        f"By hand {hand[0]} of {hand[1]} sequences are found ({fraction(hand[0] / hand[1], 3)}) and "
         f"{hand_false[0]} of {hand_false[1]} decoys; chosen for an unseen actor {mine[0]} of "
-        f"{mine[1]} ({share(mine[0] / mine[1], 3)}) and {mine_false[0]} of {mine_false[1]}.",
+        f"{mine[1]} ({fraction(mine[0] / mine[1], 3)}) and {mine_false[0]} of {mine_false[1]}.",
     )
 
 
@@ -171,7 +171,7 @@ def draw(_: Results) -> "dict[str, Figure]":
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    return [data_entry(HDM05, [clip.words for clip in recordings.clips])]
+    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
 
 
 EVIDENCE = Evidence(

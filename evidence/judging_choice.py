@@ -7,11 +7,11 @@ import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.examples import score_judged
-from evidence.common.pages import claim, picture, share, table
+from evidence.common.pages import claim, fraction, picture, table
 from evidence.common.recordings import Recordings
 from evidence.common.running import Evidence, Results, main
 from evidence.growing_choice import SEED, choose_queries, describe_data, worlds_of
-from motionary.retrieval.search import Growing
+from motionary.retrieval.search import QueryExpansion
 
 #: How much wrong hits tell; by a negative number they tell nothing.
 PRIORS = {"right ones alone": -1.0, "3": 3.0, "10": 10.0, "30": 30.0}
@@ -21,7 +21,7 @@ RIGHT = {"few": 8, "few and far": 4}
 
 def measure(recordings: Recordings) -> Results:
     """Every prior in every world."""
-    settings = {told: replace(Growing(), prior=prior) for told, prior in PRIORS.items()}
+    settings = {told: replace(QueryExpansion(), prior=prior) for told, prior in PRIORS.items()}
     worlds = worlds_of(recordings, choose_queries(recordings), RIGHT)
     return {name: score_judged(world, settings, n_hits=JUDGED) for name, world in worlds.items()}
 
@@ -58,9 +58,9 @@ def _mean(results: Results, part: str, told: str) -> float:
 def _table(results: Results, part: str) -> str:
     rows = [
         [told,
-         *(share(world[part][told][key], 3) for world in results.values()
+         *(fraction(world[part][told][key], 3) for world in results.values()
            for key in ("average_precision", "r_precision")),
-         share(_mean(results, part, told), 3)]
+         fraction(_mean(results, part, told), 3)]
         for told in ("before", *PRIORS)
     ]  # fmt: skip
     head = ["frames at large"]
@@ -73,7 +73,7 @@ def _table(results: Results, part: str) -> str:
 def _finding(results: Results) -> str:
     best = max(PRIORS, key=lambda told: _mean(results, "all", told))
     return claim(
-        PRIORS[best] == Growing().prior,
+        PRIORS[best] == QueryExpansion().prior,
         f"The best mean is that of {best}, the default; where much is right it does not matter, "
         "as hardly any hit is wrong.",
     )

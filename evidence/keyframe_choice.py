@@ -23,7 +23,7 @@ from evidence.common.keyframe_settings import (
     summarize_settings,
     try_settings,
 )
-from evidence.common.pages import claim, picture, share, table
+from evidence.common.pages import claim, fraction, picture, table
 from evidence.common.queries import (
     ANNOTATION_2009,
     RETRIEVAL_2008,
@@ -90,7 +90,7 @@ def measure(recordings: Recordings) -> Results:
             way: {name: mean_of(rows) for name, rows in by_name.items()}
             for way, by_name in classes.items()
         },
-        "shares": _shares(recordings),
+        "shares": _fractions(recordings),
     }
 
 
@@ -119,11 +119,11 @@ def _beyond(lesson: Lesson, committee: Committee, elsewhere: WordIndex) -> Row:
     }
 
 
-def _shares(recordings: Recordings) -> dict[str, float]:
+def _fractions(recordings: Recordings) -> dict[str, float]:
     """Share of the clips' frames that each class has."""
-    total = sum(len(clip.words) for clip in recordings.clips)
+    total = sum(len(clip.packed) for clip in recordings.clips)
     return {
-        name: sum(len(c.words) for c in recordings.of(motion_class=name)) / total
+        name: sum(len(c.packed) for c in recordings.of(motion_class=name)) / total
         for name in recordings.classes
     }
 
@@ -145,13 +145,13 @@ of the keyframes. All numbers are means over eleven classes and ten pairs.
 
 Settings of the first two are chosen for every pair anew, on the other three actors alone (two
 teach, the third is tested, in turn): the setting that keeps most recall of those that leave at most
-{share(MOST_FRAMES)} of the frames. The unseen pair has no part in it.
+{fraction(MOST_FRAMES)} of the frames. The unseen pair has no part in it.
 
 ## Recall kept and frames left
 
 {table(_HEAD, [_way_row(results, way) for way in WAYS])}
 *Frames left* counts the unseen pair's clips, of which a class is
-{share(float(np.mean(list(results["shares"].values()))), 3)} in the mean; *elsewhere* all other
+{fraction(float(np.mean(list(results["shares"].values()))), 3)} in the mean; *elsewhere* all other
 recordings at hand (CMU, Bandai Namco, uncut takes), of which next to nothing belongs to any class.
 *Recall kept* is the recall around keyframes over that of the template everywhere.
 
@@ -204,7 +204,7 @@ def _way_row(results: Results, way: str) -> list[str]:
     row = _overall(results, way)
     keys = ("frames", "elsewhere", "kept 0.06", "kept 0.1", "precision all 0.1",
             "precision kept 0.1", "f all 0.1", "f kept 0.1")  # fmt: skip
-    return [way, f"{row['keyframes']:.1f}", *(share(row[key], 3) for key in keys)]
+    return [way, f"{row['keyframes']:.1f}", *(fraction(row[key], 3) for key in keys)]
 
 
 def _class_row(results: Results, name: str) -> list[str]:
@@ -214,10 +214,10 @@ def _class_row(results: Results, name: str) -> list[str]:
     told = "–"
     if name in PUBLISHED:
         _, left, right, there = PUBLISHED[name]
-        told = f"{share(left, 3)}; {right} of {there}"
+        told = f"{fraction(left, 3)}; {right} of {there}"
     return [
-        name, share(results["shares"][name], 3), *(share(mine[key], 3) for key in keys),
-        share(hand["frames"], 3), share(hand["recall kept 0.1"], 3), told,
+        name, fraction(results["shares"][name], 3), *(fraction(mine[key], 3) for key in keys),
+        fraction(hand["frames"], 3), fraction(hand["recall kept 0.1"], 3), told,
     ]  # fmt: skip
 
 
@@ -226,7 +226,7 @@ def _setting_rows(results: Results) -> list[list[str]]:
         [
             "" if i else kind,
             setting,
-            *(share(row[k], 3) for k in ("frames", "kept 0.06", "kept 0.1")),
+            *(fraction(row[k], 3) for k in ("frames", "kept 0.06", "kept 0.1")),
         ]
         for kind, settings in results["settings"].items()
         for i, (setting, row) in enumerate(settings.items())
@@ -248,14 +248,14 @@ def _target_told(results: Results) -> str:
     most = max(pair["ways"][CHOSEN]["frames"] for pair in results["pairs"])
     return claim(
         mine["kept"] >= LEAST_RECALL and mine["frames"] <= MOST_FRAMES and rule["kept"] < 0.8,
-        f"Aimed at were {share(LEAST_RECALL)} of the recall at no more than "
-        f"{share(MOST_FRAMES)} of the frames: `choose_query` keeps {share(mine['kept 0.06'], 3)} "
-        f"(.06) and {share(mine['kept 0.1'], 3)} (.1) at {share(mine['frames'], 3)}; of the ten "
-        f"pairs the worst keeps {share(worst, 3)}, and the most that is left of one is "
-        f"{share(most, 3)}. The rule of thumb loses more than a quarter of the recall "
-        f"({share(rule['kept 0.1'], 3)} kept at .1): one inappropriate keyframe is enough, as 2006 "
+        f"Aimed at were {fraction(LEAST_RECALL)} of the recall at no more than "
+        f"{fraction(MOST_FRAMES)} of the frames: `choose_query` keeps {fraction(mine['kept 0.06'], 3)} "
+        f"(.06) and {fraction(mine['kept 0.1'], 3)} (.1) at {fraction(mine['frames'], 3)}; of the ten "
+        f"pairs the worst keeps {fraction(worst, 3)}, and the most that is left of one is "
+        f"{fraction(most, 3)}. The rule of thumb loses more than a quarter of the recall "
+        f"({fraction(rule['kept 0.1'], 3)} kept at .1): one inappropriate keyframe is enough, as 2006 "
         "says. By hand is still better, mostly in what is left of other recordings: "
-        f"{share(hand['elsewhere'], 3)} of their frames, against {share(mine['elsewhere'], 3)}. "
+        f"{fraction(hand['elsewhere'], 3)} of their frames, against {fraction(mine['elsewhere'], 3)}. "
         "Chosen keyframes know nothing but eleven classes. Further counter-examples, tried in "
         "[labels with and without keyframes](preselection.md), did not change that: two keyframes "
         "ask for less than the three or four that a person wrote.",
@@ -268,8 +268,8 @@ def _classes_told(results: Results) -> str:
     worst = sorted(losses, key=lambda name: losses[name], reverse=True)[:2]
     wide = sorted(rows, key=lambda name: rows[name]["frames"], reverse=True)[:2]
     return (
-        f"Most recall is lost of {worst[0]} ({share(losses[worst[0]])}) and {worst[1]} "
-        f"({share(losses[worst[1]])}); most is left for {wide[0]} and {wide[1]}, long motions "
+        f"Most recall is lost of {worst[0]} ({fraction(losses[worst[0]])}) and {worst[1]} "
+        f"({fraction(losses[worst[1]])}); most is left for {wide[0]} and {wide[1]}, long motions "
         "around whose keyframes twice the rest of the template is taken."
     )
 
@@ -299,10 +299,10 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     others = recordings.others.items()
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         data_entry("HDM05, uncut takes", [w for name, w in others if name.startswith("hdm05")]),
-        data_entry(CMU, [words for name, words in others if name.startswith("cmu")]),
-        data_entry(BANDAI, [words for name, words in others if name.startswith("bandai")]),
+        data_entry(CMU, [packed for name, packed in others if name.startswith("cmu")]),
+        data_entry(BANDAI, [packed for name, packed in others if name.startswith("bandai")]),
     ]
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.queries import RETRIEVAL_2008, index_of, manual_records, query_of
 from evidence.common.recordings import BANDAI, CMU, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
@@ -47,7 +47,7 @@ def measure(recordings: Recordings) -> Results:
     """Frames left and milliseconds of the 57 queries; the classes at hand by stiffness."""
     records = manual_records(recordings, RETRIEVAL_2008)
     names = recordings.golden("keyframe_confusion_recall.json")["classes"]
-    sequences = [clip.words for clip in recordings.clips] + list(recordings.others.values())
+    sequences = [clip.packed for clip in recordings.clips] + list(recordings.others.values())
     n_frames = sum(map(len, sequences))
     small = index_of(sequences)
     large = index_of(sequences * (PUBLISHED_FRAMES // n_frames + 1))
@@ -88,7 +88,7 @@ def _by_stiffness(
     record: QueryRecord, name: str, clips: Sequence[Clip]
 ) -> dict[str, dict[str, Any]]:
     """Clips that are found with every gap as stiff as told."""
-    index = index_of([clip.words for clip in clips])
+    index = index_of([clip.packed for clip in clips])
     of_class = sum(clip.motion_class == name for clip in clips)
     result = {}
     for told, stiffness in STIFFNESS.items():
@@ -202,7 +202,7 @@ def _stiffness_told(results: Results) -> str:
     values = np.array(results["stiffness"])
     stiff = float(np.mean(values >= 0.9))
     return (
-        f"{len(values)} gaps, {share(stiff, 3)} of them at least 0.9, between {values.min()} and "
+        f"{len(values)} gaps, {fraction(stiff, 3)} of them at least 0.9, between {values.min()} and "
         f"{values.max()}."
     )
 
@@ -223,8 +223,8 @@ def _stiff_rows(results: Results) -> list[list[str]]:
         )
         most = "; ".join(f"{n} {other} for {name}" for n, name, other in false[:2]) or "nothing"
         rows.append(
-            [told, *(share(_stiff_mean(results, told, k), 3) for k in ("recall", "precision")),
-             share(_stiff_mean(results, told, "frames"), 3), str(missing), most]
+            [told, *(fraction(_stiff_mean(results, told, k), 3) for k in ("recall", "precision")),
+             fraction(_stiff_mean(results, told, "frames"), 3), str(missing), most]
         )  # fmt: skip
     return rows
 
@@ -236,10 +236,10 @@ def _stiff_told(results: Results) -> str:
     (hand, hand_p), (one, _), (mid, mid_p), (none, none_p) = map(both, STIFFNESS)
     return claim(
         one < mid and one < hand - 0.2 and none >= hand and none_p < hand_p,
-        f"As in print: without any elasticity {share(hand - one)} of the clips are lost; at 0 "
-        f"nothing is lost that hand-made stiffness finds (recall {share(none, 3)} against "
-        f"{share(hand, 3)}) but precision falls from {share(hand_p, 3)} to {share(none_p, 3)}; 0.6 "
-        f"everywhere (recall {share(mid, 3)}, precision {share(mid_p, 3)}) is nearly as good as "
+        f"As in print: without any elasticity {fraction(hand - one)} of the clips are lost; at 0 "
+        f"nothing is lost that hand-made stiffness finds (recall {fraction(none, 3)} against "
+        f"{fraction(hand, 3)}) but precision falls from {fraction(hand_p, 3)} to {fraction(none_p, 3)}; 0.6 "
+        f"everywhere (recall {fraction(mid, 3)}, precision {fraction(mid_p, 3)}) is nearly as good as "
         "what was tuned by hand.",
     )
 
@@ -291,10 +291,10 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     others = recordings.others.items()
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         data_entry("HDM05, uncut takes", [w for name, w in others if name.startswith("hdm05")]),
-        data_entry(CMU, [words for name, words in others if name.startswith("cmu")]),
-        data_entry(BANDAI, [words for name, words in others if name.startswith("bandai")]),
+        data_entry(CMU, [packed for name, packed in others if name.startswith("cmu")]),
+        data_entry(BANDAI, [packed for name, packed in others if name.startswith("bandai")]),
     ]
 
 

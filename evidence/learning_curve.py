@@ -7,7 +7,7 @@ import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.draws import Draw, from_half, from_one, from_others, spread
-from evidence.common.pages import claim, pair, picture, share, table
+from evidence.common.pages import claim, fraction, pair, picture, table
 from evidence.common.ranking import (
     TAU,
     TOLERANCE_2006,
@@ -69,11 +69,13 @@ def _draws(recordings: Recordings, size: int) -> dict[str, list[Draw]]:
 def _score(draw: Draw) -> dict[str, dict[str, Any]]:
     templates = templates_of(draw.train)
     ones = background_of(draw.train)
-    corpus = corpus_of([clip.words for clip in draw.test])
+    corpus = corpus_of([clip.packed for clip in draw.test])
     truth = [clip.motion_class for clip in draw.test]
     result = {}
-    for setting, (tolerance, by_surprise) in SETTINGS.items():
-        patterns = patterns_of(templates, tolerance=tolerance, ones=ones if by_surprise else None)
+    for setting, (tolerance, by_self_information) in SETTINGS.items():
+        patterns = patterns_of(
+            templates, tolerance=tolerance, ones=ones if by_self_information else None
+        )
         costs = clip_costs(patterns, corpus)
         result[setting] = summarize(costs, truth, list(patterns))
         result[setting]["f"] = mean_f(costs, truth, list(patterns), thresholds=TRIED)
@@ -120,8 +122,8 @@ cost. Precision, recall and F are means over the eleven classes, precision and r
 {
         picture(
             "learning_curve",
-            "By number of examples, weighed by surprise: mean average precision, "
-            "precision and recall at τ = 0.06, share of clips that get the right class; "
+            "By number of examples, weighed by self_information: mean average precision, "
+            "precision and recall at τ = 0.06, fraction of clips that get the right class; "
             "band: one standard deviation",
         )
     }
@@ -137,7 +139,7 @@ largest F, known only afterwards.
 
 
 def _cell(cell: dict[str, float]) -> str:
-    return f"{share(cell['mean'])} ± {share(cell['deviation'])}"
+    return f"{fraction(cell['mean'])} ± {fraction(cell['deviation'])}"
 
 
 def _findings(results: Results) -> str:
@@ -147,41 +149,42 @@ def _findings(results: Results) -> str:
 
     ap, right = "mean_average_precision", "right_class"
     new, one = "new person", "one teacher"
-    published, surprise = "as published", "by surprise"
-    best = {size: cells["best_threshold"] for size, cells in results[new][surprise].items()}
-    alone = results[one][surprise]["5"]
+    published, self_information = "as published", "by surprise"
+    best = {size: cells["best_threshold"] for size, cells in results[new][self_information].items()}
+    alone = results[one][self_information]["5"]
     lines = [
         claim(
-            mean(new, surprise, "9", ap) - mean(new, surprise, "3", ap)
-            < mean(new, surprise, "3", ap) - mean(new, surprise, "1", ap),
+            mean(new, self_information, "9", ap) - mean(new, self_information, "3", ap)
+            < mean(new, self_information, "3", ap) - mean(new, self_information, "1", ap),
             "- For ranking, three examples bring most of what nine bring: mAP "
-            f"{share(mean(new, surprise, '1', ap))}, {share(mean(new, surprise, '3', ap))}, "
-            f"{share(mean(new, surprise, '9', ap))} from one, three, nine, on a new person.",
+            f"{fraction(mean(new, self_information, '1', ap))}, {fraction(mean(new, self_information, '3', ap))}, "
+            f"{fraction(mean(new, self_information, '9', ap))} from one, three, nine, on a new person.",
         ),
         claim(
-            mean(one, surprise, "5", ap) > mean(one, published, "5", ap),
+            mean(one, self_information, "5", ap) > mean(one, published, "5", ap),
             "- Weights by surprise rank better where examples are few or of one person: with five "
-            f"clips of one teacher mAP {share(mean(one, surprise, '5', ap))} against "
-            f"{share(mean(one, published, '5', ap))} as published.",
+            f"clips of one teacher mAP {fraction(mean(one, self_information, '5', ap))} against "
+            f"{fraction(mean(one, published, '5', ap))} as published.",
         ),
         claim(
             best["1"] > best["9"],
-            "- **The threshold depends on the number of examples.** A template of few examples asks "  # noqa: E501
+            "- **The threshold depends on the number of examples.** A template of few examples asks "
             "for what only these few did, so costs are higher: on a new person the best τ falls "
             + ", ".join(f"{value:.2f} ({size})" for size, value in best.items())
-            + f". At τ = 0.06 one example finds {share(mean(new, surprise, '1', 'recall'))} of the "
+            + f". At τ = 0.06 one example finds {fraction(mean(new, self_information, '1', 'recall'))} of the "
             "clips although it ranks them well.",
         ),
         claim(
-            alone["best_threshold"] > results[new][surprise]["5"]["best_threshold"],
+            alone["best_threshold"] > results[new][self_information]["5"]["best_threshold"],
             "- The same holds for variety: five clips of one person need τ = "
-            f"{alone['best_threshold']:.2f} and then reach F {share(alone['best_f'])} on others; at "  # noqa: E501
-            f"0.06 they find {share(mean(one, surprise, '5', 'recall'))}.",
+            f"{alone['best_threshold']:.2f} and then reach F {fraction(alone['best_f'])} on others; at "
+            f"0.06 they find {fraction(mean(one, self_information, '5', 'recall'))}.",
         ),
         claim(
-            mean(new, surprise, "5", right) > mean(one, surprise, "5", right) + 0.03,
-            f"- Right class from five clips: {share(mean(new, surprise, '5', right))} taught by "
-            f"four people, {share(mean(one, surprise, '5', right))} by one.",
+            mean(new, self_information, "5", right)
+            > mean(one, self_information, "5", right) + 0.03,
+            f"- Right class from five clips: {fraction(mean(new, self_information, '5', right))} taught by "
+            f"four people, {fraction(mean(one, self_information, '5', right))} by one.",
         ),
     ]
     return "\n".join(lines)
@@ -209,7 +212,7 @@ def draw(results: Results) -> dict[str, Any]:
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    return [data_entry(HDM05, [clip.words for clip in recordings.clips])]
+    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
 
 
 EVIDENCE = Evidence(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evidence.common.manhattan import manhattan_distance
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.ranking import TOLERANCE_2006, corpus_of, template_of, templates_of
 from evidence.common.recordings import HDM05, Clip, Recordings, data_entry, of_2006
 from evidence.common.running import Evidence, Results, main
@@ -44,7 +44,7 @@ def measure(recordings: Recordings) -> Results:
     train, test = ([_of_2006(clip) for clip in half] for half in recordings.halves())
     templates = templates_of(train)
     chosen = [clip for name in templates for clip in _of_class(test, name)[:MOST]]
-    corpus = corpus_of([clip.words for clip in chosen])
+    corpus = corpus_of([clip.packed for clip in chosen])
     classes = {}
     for name, template in templates.items():
         relevant = np.array([clip.motion_class == name for clip in chosen])
@@ -61,7 +61,7 @@ def measure(recordings: Recordings) -> Results:
 
 
 def _of_2006(clip: Clip) -> Clip:
-    return clip._replace(words=of_2006(clip.words))
+    return clip._replace(packed=of_2006(clip.packed))
 
 
 def _of_class(clips: Sequence[Clip], name: str) -> list[Clip]:
@@ -70,7 +70,7 @@ def _of_class(clips: Sequence[Clip], name: str) -> list[Clip]:
 
 def _ways(template: MotionTemplate, first: Clip) -> dict[str, Distance]:
     pattern = pattern_of(quantise(template, tolerance=TOLERANCE_2006))
-    example = template_of([first.words])
+    example = template_of([first.packed])
     return {
         "masked": lambda corpus: np.asarray(corpus_distance(pattern, corpus), dtype=np.float64),
         "Manhattan": lambda corpus: manhattan_distance(template, corpus),
@@ -103,13 +103,13 @@ def _stream(
     """Both distance functions over clips joined to one document."""
     by_class = [_spread(_of_class(test, name)) for name in STREAM]
     clips = [clip for turn in zip(*by_class, strict=True) for clip in turn]
-    words = np.concatenate([clip.words.words for clip in clips])
-    known = np.concatenate([clip.words.known for clip in clips])
-    corpus = corpus_of([_joined(clips[0], words, known)])
+    packed = np.concatenate([clip.packed.packed for clip in clips])
+    known = np.concatenate([clip.packed.known for clip in clips])
+    corpus = corpus_of([_joined(clips[0], packed, known)])
     ways = _ways(template, _of_class(train, STREAM[0])[0])
-    ends = np.cumsum([len(clip.words) for clip in clips])
+    ends = np.cumsum([len(clip.packed) for clip in clips])
     labels = [
-        {"class": clip.motion_class, "start": int(end - len(clip.words)), "end": int(end)}
+        {"class": clip.motion_class, "start": int(end - len(clip.packed)), "end": int(end)}
         for clip, end in zip(clips, ends, strict=True)
     ]
     curves = {way: ways[way](corpus) for way in ("masked", "Manhattan")}
@@ -123,8 +123,8 @@ def _spread(clips: Sequence[Clip]) -> list[Clip]:
     return [clips[i] for i in at]
 
 
-def _joined(first: Clip, words: Any, known: Any) -> Any:
-    return type(first.words)(words, known, first.words.feature_set, "stream")
+def _joined(first: Clip, packed: Any, known: Any) -> Any:
+    return type(first.packed)(packed, known, first.packed.feature_set, "stream")
 
 
 def _gap(curve: Floats, labels: Sequence[Mapping[str, Any]], n_columns: int) -> dict[str, float]:
@@ -150,7 +150,7 @@ def write(results: Results) -> str:
             rows.append(
                 [name if way == "masked" else "", way, "/".join(map(str, cells["first"])),
                  results["of_class"][name], number(cells["separation"]),
-                 share(cells["average_precision"]), _published(name, way)]
+                 fraction(cells["average_precision"]), _published(name, way)]
             )  # fmt: skip
     ways = "\n".join(f"- *{way}*: {text}" for way, text in WAYS.items())
     return f"""
@@ -229,8 +229,8 @@ def _findings(results: Results) -> str:
         median("masked") > 3 * max(median("Manhattan"), median("one example")),
         f"Median separation over the classes: {number(median('masked'))} masked, "
         f"{number(median('Manhattan'))} Manhattan, {number(median('one example'))} one example; "
-        f"mean average precision {share(mean('masked'))}, {share(mean('Manhattan'))}, "
-        f"{share(mean('one example'))}. As in print, masking is what makes a threshold possible; "
+        f"mean average precision {fraction(mean('masked'))}, {fraction(mean('Manhattan'))}, "
+        f"{fraction(mean('one example'))}. As in print, masking is what makes a threshold possible; "
         "for the order of hits it matters less than learning from several examples.",
     )
 
@@ -253,7 +253,7 @@ def draw(results: Results) -> dict[str, Any]:
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    return [data_entry(HDM05, [clip.words for clip in recordings.clips])]
+    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
 
 
 EVIDENCE = Evidence(

@@ -50,8 +50,8 @@ def compare(data: Path, suffix: str, difference: Callable[[Path, Motion], float]
                 warnings.simplefilter("ignore")
                 differences[name] = difference(path, motion)
         except Exception as error:
-            words = str(error).replace(str(path), "the file").splitlines()[0]
-            unread[name] = f"{type(error).__name__}: {words[:160]}"
+            packed = str(error).replace(str(path), "the file").splitlines()[0]
+            unread[name] = f"{type(error).__name__}: {packed[:160]}"
     apart = {name: d for name, d in differences.items() if d > TOLERANCE_M}
     largest = max((d for name, d in differences.items() if name not in apart), default=0.0)
     reasons = Counter(unread.values())

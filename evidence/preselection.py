@@ -68,12 +68,12 @@ if TYPE_CHECKING:
 SEED = 0
 MOST = 0.13
 SETTINGS = {
-    "plain cost, as published": Setting(by_surprise=False),
+    "plain cost, as published": Setting(by_self_information=False),
     "by surprise, the default": Setting(),
 }
 #: Further counter-examples: files that no stream holds, and none of the classes.
 MORE = ("dance", "slash", "punch", "dataset-2_raise")
-RETRIEVAL = Setting(by_surprise=False, tolerance=0.1, mirrored=False)
+RETRIEVAL = Setting(by_self_information=False, tolerance=0.1, mirrored=False)
 #: As many frames as the thesis' clips have, 24 minutes.
 TIMED_FRAMES = 42_586
 Labelled = dict[str, list[Segment]]
@@ -82,16 +82,16 @@ Labelled = dict[str, list[Segment]]
 def measure(recordings: Recordings) -> Results:
     """Labels of streams by setting and way, thresholds chosen on some pairs."""
     known = {pair: _known(recordings, pair) for pair in PAIRS}
-    taught = {pair: _teach(recordings, clips) for pair, clips in known.items()}
+    trained = {pair: _train(recordings, clips) for pair, clips in known.items()}
     streams = {pair: make_streams(recordings, pair, seed=SEED) for pair in PAIRS}
     results: Results = {}
     for name, setting in SETTINGS.items():
         results[name] = {}
         for way in WAYS:
             sought = {
-                (pair, kind): seek(stream.words, classes, most=MOST, setting=setting)
+                (pair, kind): seek(stream.packed, classes, most=MOST, setting=setting)
                 for pair in PAIRS
-                for classes in [with_setting(taught[pair][way], setting, known[pair])]
+                for classes in [with_setting(trained[pair][way], setting, known[pair])]
                 for kind, stream in streams[pair].items()
             }
             results[name][way] = _scores(sought, streams)
@@ -101,7 +101,7 @@ def measure(recordings: Recordings) -> Results:
             way: {
                 kind: _mean(
                     share_looked_at(
-                        with_setting(taught[pair][way], RETRIEVAL, ()), streams[pair][kind].words
+                        with_setting(trained[pair][way], RETRIEVAL, ()), streams[pair][kind].packed
                     )
                     for pair in REPORTING
                 )
@@ -109,9 +109,9 @@ def measure(recordings: Recordings) -> Results:
             }
             for way in WAYS
         },
-        "retrieval": {way: _retrieve(way, taught, streams) for way in WAYS},
+        "retrieval": {way: _retrieve(way, trained, streams) for way in WAYS},
         "true": _true_recordings(recordings, results),
-        "times": _times(taught[TIMED_PAIR], known[TIMED_PAIR], streams[TIMED_PAIR]["amc"]),
+        "times": _times(trained[TIMED_PAIR], known[TIMED_PAIR], streams[TIMED_PAIR]["amc"]),
         "minutes": {
             kind: sum(streams[pair][kind].seconds for pair in REPORTING) / 60 for kind in KINDS
         },
@@ -122,13 +122,13 @@ def _known(recordings: Recordings, unseen: Sequence[str]) -> tuple[Clip, ...]:
     return recordings.of(actors=[actor for actor in ACTORS if actor not in unseen])
 
 
-def _teach(recordings: Recordings, clips: Sequence[Clip]) -> dict[str, tuple[MotionClass, ...]]:
+def _train(recordings: Recordings, clips: Sequence[Clip]) -> dict[str, tuple[MotionClass, ...]]:
     """Classes of some clips, by where they are sought."""
     classes, lessons = learn_all(clips), lessons_of(clips)
     by_hand = manual(recordings, ANNOTATION_2009)
     more = tuple(
-        words
-        for name, words in recordings.others.items()
+        packed
+        for name, packed in recordings.others.items()
         if name.startswith("bandai/") and name.split("/")[1].startswith(MORE)
     )
     makers: dict[str, Callable[[str], Committee]] = {
@@ -156,8 +156,8 @@ def _scores(
     def score(pairs: Iterable[tuple[str, str]], threshold: float, kinds: Sequence[str]) -> Row:
         keys = [(pair, kind) for pair in pairs for kind in kinds]
         return _score(
-            {streams[p][k].words.source: labels_at(sought[p, k], threshold) for p, k in keys},
-            {streams[p][k].words.source: list(streams[p][k].truth) for p, k in keys},
+            {streams[p][k].packed.source: labels_at(sought[p, k], threshold) for p, k in keys},
+            {streams[p][k].packed.source: list(streams[p][k].truth) for p, k in keys},
         )
 
     chosen = {t: score(CHOOSING, t, KINDS) for t in THRESHOLDS}
@@ -178,7 +178,7 @@ def _score(predicted: Labelled, truth: Labelled, classes: Iterable[str] | None =
 
 def _retrieve(
     way: str,
-    taught: Mapping[tuple[str, str], Mapping[str, tuple[MotionClass, ...]]],
+    trained: Mapping[tuple[str, str], Mapping[str, tuple[MotionClass, ...]]],
     streams: Mapping[tuple[str, str], Mapping[str, Stream]],
 ) -> Row:
     """Precision and recall of hits at fixed thresholds, plain cost, means over the classes."""
@@ -186,7 +186,7 @@ def _retrieve(
     for threshold in RETRIEVED_AT:
         rates = []
         for pair in REPORTING:
-            classes = with_setting(taught[pair][way], RETRIEVAL, ())
+            classes = with_setting(trained[pair][way], RETRIEVAL, ())
             for one in classes:
                 counts = [hits_in(one, s, threshold=threshold) for s in streams[pair].values()]
                 total = np.sum(counts, axis=0)
@@ -197,25 +197,25 @@ def _retrieve(
 
 def _true_recordings(recordings: Recordings, results: Results) -> Row:
     """The four recordings that the authors labelled; bd, who is in one, unseen."""
-    words = {name: recordings.others[file] for file, name in LABELLED.items()}
+    packed = {name: recordings.others[file] for file, name in LABELLED.items()}
     tracks = read_labels(recordings.folder / "truth" / "annotation_2009.csv")
-    truth = {name: to_segments(tracks[name], where=name) for name in words}
+    truth = {name: to_segments(tracks[name], where=name) for name in packed}
     clips = _known(recordings, ["bd"])
-    taught = _teach(recordings, clips)
+    trained = _train(recordings, clips)
     names = list(dict.fromkeys(NAMES.values()))
     table: Row = {}
     for name, of_streams in SETTINGS.items():
         setting, table[name] = of_streams._replace(mirrored=True), {}
         for way in WAYS:
-            classes = _superclasses(with_setting(taught[way], setting, clips))
+            classes = _superclasses(with_setting(trained[way], setting, clips))
             threshold = results[name][way]["threshold"]
             predicted = {
                 key: labels_at(seek(one, classes, most=MOST, setting=setting), threshold)
-                for key, one in words.items()
+                for key, one in packed.items()
             }
             table[name][way] = _score(predicted, truth, names) | {"threshold": threshold}
     looked_at = {
-        way: _mean(share_looked_at(taught[way], one) for one in words.values()) for way in WAYS
+        way: _mean(share_looked_at(trained[way], one) for one in packed.values()) for way in WAYS
     }
     of_ours = sum(segment.name in names for one in truth.values() for segment in one)
     return {
@@ -232,11 +232,11 @@ def _superclasses(classes: Sequence[MotionClass]) -> list[MotionClass]:
         replace(
             next(one for one in classes if NAMES[one.name] == name),
             name=name,
-            subclasses=tuple(
-                subclass
+            prototypes=tuple(
+                prototype
                 for one in classes
                 if NAMES[one.name] == name
-                for subclass in one.subclasses
+                for prototype in one.prototypes
             ),
         )
         for name in dict.fromkeys(NAMES.values())
@@ -244,30 +244,30 @@ def _superclasses(classes: Sequence[MotionClass]) -> list[MotionClass]:
 
 
 def _times(
-    taught: Mapping[str, Sequence[MotionClass]], clips: Sequence[Clip], stream: Stream
+    trained: Mapping[str, Sequence[MotionClass]], clips: Sequence[Clip], stream: Stream
 ) -> Row:
     """Seconds of the stages over a stream repeated to a length at which fixed costs are small."""
-    one = stream.words
+    one = stream.packed
     times = TIMED_FRAMES // len(one) + 1
-    words = FeatureSequence(
-        np.tile(one.words, (times, 1)), np.tile(one.known, (times, 1)), one.feature_set
+    packed = FeatureSequence(
+        np.tile(one.packed, (times, 1)), np.tile(one.known, (times, 1)), one.feature_set
     )
-    row: Row = {"frames": len(words), "settings": {}}
+    row: Row = {"frames": len(packed), "settings": {}}
     for name, setting in SETTINGS.items():
         threshold = 0.06
-        classes = {way: with_setting(taught[way], setting, clips) for way in WAYS}
+        classes = {way: with_setting(trained[way], setting, clips) for way in WAYS}
         ways: dict[str, Callable[[], object]] = {}
         for way, own in classes.items():
-            ways[f"keyframes, {way}"] = partial(search_keyframes, own, words)
-            ways[f"matching, {way}"] = partial(match_all, own, words)
-            ways[f"all, {way}"] = partial(_seek_all, own, words, threshold)
+            ways[f"keyframes, {way}"] = partial(search_keyframes, own, packed)
+            ways[f"matching, {way}"] = partial(match_all, own, packed)
+            ways[f"all, {way}"] = partial(_seek_all, own, packed, threshold)
         row["settings"][name] = compare(ways, runs=2)
     return row
 
 
-def _seek_all(classes: Sequence[MotionClass], words: FeatureSequence, threshold: float) -> None:
+def _seek_all(classes: Sequence[MotionClass], packed: FeatureSequence, threshold: float) -> None:
     for one in classes:
-        class_distance(words, one, threshold=threshold)
+        class_distance(packed, one, threshold=threshold)
 
 
 def _mean(values: Iterable[float]) -> float:
@@ -278,9 +278,9 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     others = recordings.others.items()
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
-        data_entry(CMU, [words for name, words in others if name.startswith("cmu")]),
-        data_entry(BANDAI, [words for name, words in others if name.startswith("bandai")]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
+        data_entry(CMU, [packed for name, packed in others if name.startswith("cmu")]),
+        data_entry(BANDAI, [packed for name, packed in others if name.startswith("bandai")]),
         data_entry(TRUTH, [recordings.others[name] for name in LABELLED]),
     ]
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.preselecting import (
     AGAINST_MORE,
     BY_HAND,
@@ -106,8 +106,8 @@ _TIME_HEAD = (
 )  # fmt: skip
 
 
-def _shares(row: Row) -> list[str]:
-    return [share(row[key]) for key in MEASURES]
+def _fractions(row: Row) -> list[str]:
+    return [fraction(row[key]) for key in MEASURES]
 
 
 def _stream_rows(results: Results) -> list[list[str]]:
@@ -115,17 +115,18 @@ def _stream_rows(results: Results) -> list[list[str]]:
     for name, ways in results["settings"].items():
         for i, (way, row) in enumerate(ways.items()):
             for k, kind in enumerate(KINDS):
-                looked = share(results["looked_at"][way][kind])
+                looked = fraction(results["looked_at"][way][kind])
                 head = ["" if i or k else name, "" if k else way, looked]
-                told = "" if k else share(row["threshold"])
-                rows.append([*head, told, kind, *_shares(row[kind])])
+                told = "" if k else fraction(row["threshold"])
+                rows.append([*head, told, kind, *_fractions(row[kind])])
     return rows
 
 
 def _published_told() -> str:
     return (
         "; ".join(
-            f"{way} " + ", ".join(f"{m} {share(v)}" for m, v in zip(MEASURES, values, strict=True))
+            f"{way} "
+            + ", ".join(f"{m} {fraction(v)}" for m, v in zip(MEASURES, values, strict=True))
             for way, values in PUBLISHED.items()
         )
         + "; fifteen classes of 75 templates, bred keyframes, actors known."
@@ -159,13 +160,13 @@ def _fixed_told(results: Results) -> str:
     parts = []
     for way in (EVERYWHERE, CHOSEN, BY_HAND):
         row = ways[way]["by_threshold"]["0.1"]
-        parts.append(f"{way} {' '.join(f'{key} {share(row[key])}' for key in MEASURES)}")
+        parts.append(f"{way} {' '.join(f'{key} {fraction(row[key])}' for key in MEASURES)}")
     return f"At a fixed threshold of 0.1, {name}, both kinds together: {'; '.join(parts)}."
 
 
 def _retrieval_rows(results: Results) -> list[list[str]]:
     return [
-        [way, *(share(value) for t in RETRIEVED_AT for value in row[str(t)])]
+        [way, *(fraction(value) for t in RETRIEVED_AT for value in row[str(t)])]
         for way, row in results["retrieval"].items()
     ]
 
@@ -177,19 +178,19 @@ def _retrieval_told(results: Results) -> str:
     mine, more = (results["retrieval"][way]["0.1"] for way in (CHOSEN, AGAINST_MORE))
     return claim(
         hand[0] > plain[0] + 0.2 and hand[1] > 0.95 * plain[1] and more[0] < mine[0] + 0.02,
-        f"At 0.1, queries by hand raise precision from {share(plain[0])} to {share(hand[0])} and "
-        f"recall goes from {share(plain[1])} to {share(hand[1])}; `choose_query` reaches "
-        f"{share(mine[0])} and {share(mine[1])}, with more counter-examples {share(more[0])} and "
-        f"{share(more[1])}: further counter-examples do not help. The rule of thumb reaches "
-        f"{share(rule[0])} and {share(rule[1])}.",
+        f"At 0.1, queries by hand raise precision from {fraction(plain[0])} to {fraction(hand[0])} and "
+        f"recall goes from {fraction(plain[1])} to {fraction(hand[1])}; `choose_query` reaches "
+        f"{fraction(mine[0])} and {fraction(mine[1])}, with more counter-examples {fraction(more[0])} and "
+        f"{fraction(more[1])}: further counter-examples do not help. The rule of thumb reaches "
+        f"{fraction(rule[0])} and {fraction(rule[1])}.",
     )
 
 
 def _true_rows(results: Results) -> list[list[str]]:
     true = results["true"]
     return [
-        ["" if i else name, way, share(true["looked_at"][way]), share(row["threshold"]),
-         *_shares(row)]
+        ["" if i else name, way, fraction(true["looked_at"][way]), fraction(row["threshold"]),
+         *_fractions(row)]
         for name, ways in true["settings"].items()
         for i, (way, row) in enumerate(ways.items())
     ]  # fmt: skip
@@ -199,7 +200,7 @@ def _true_told(results: Results) -> str:
     labels = results["true"]["labels"]
     return (
         f"{labels} labels in a minute and a half are few: one label found or missed moves R2 by "
-        f"{share(1 / labels)}. Walking is not among the eleven classes (*move* is taught by "
+        f"{fraction(1 / labels)}. Walking is not among the eleven classes (*move* is taught by "
         "jogging in circles and sneaking), nor is a kick of the right foot but as a mirror image; "
         "that, and a threshold taken from clips that were cut like the examples, limits recall "
         "with keyframes or without."
@@ -234,7 +235,7 @@ def _time_told(results: Results) -> str:
         f"{number(ratio(plain, 'matching', BY_HAND))} and "
         f"{number(ratio(weighed, 'matching', BY_HAND))} times. The thesis' factor of 15 is *not* "
         "reached. There, matching took 305 s for 74 minutes and everything else was small beside "
-        f"it; here matching is so fast that, with queries by hand, {share(rest)} of the time goes "
+        f"it; here matching is so fast that, with queries by hand, {fraction(rest)} of the time goes "
         "into tracing the paths of the matches, which keyframes spare only where a class is not, "
         "and these streams are dense with the classes."
     )

@@ -28,7 +28,7 @@ def measure(recordings: Recordings) -> Results:
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    return [data_entry(HDM05, [clip.words for clip in recordings.clips])]
+    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
 
 
 EVIDENCE = Evidence(

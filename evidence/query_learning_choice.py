@@ -8,7 +8,7 @@ import itertools
 from functools import partial
 from typing import Any
 
-from evidence.common.pages import share, table
+from evidence.common.pages import fraction, table
 from evidence.common.ranking import template_of
 from evidence.common.recordings import ACTORS, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import JOBS, Evidence, Results, main
@@ -100,9 +100,9 @@ def write(results: Results) -> str:
         "Settings that the [page on learned queries](query_learning.md) reports. For each "
         "actor they are chosen among the other four alone: each three teach, the fourth is "
         f"unseen ({len(COMMITTEES)} committees, 44 classes and splits). Chosen is, "
-        f"of the committees that leave at most {share(MOST_LEFT)} of the frames and whose "
-        f"template is right in at least {share(LEAST_PRECISION)} of what it then finds below "
-        f".1, and that lose the least recall at .06 (within {share(EQUAL)}), the one with the "
+        f"of the committees that leave at most {fraction(MOST_LEFT)} of the frames and whose "
+        f"template is right in at least {fraction(LEAST_PRECISION)} of what it then finds below "
+        f".1, and that lose the least recall at .06 (within {fraction(EQUAL)}), the one with the "
         "highest F2 of the clips that are found.\n\n"
         "*Agree*: queries that must agree, of all."
     ]
@@ -117,7 +117,7 @@ def _told(results: Results, actor: str) -> str:
     for row in results["tries"][actor]:
         mine = all(row[key] == value for key, value in chosen.items())
         name = f"{row['votes']} of {row['queries']}"
-        cells = [share(row[key], 3) for key in _SHOWN]
+        cells = [fraction(row[key], 3) for key in _SHOWN]
         rows.append([f"**{name}**" if mine else name, *cells])
     return table(["agree", *map(head, _SHOWN)], rows)
 
@@ -127,7 +127,7 @@ _SHOWN = ("f2", "precision", "recall", "frames left", "recall lost", "precision 
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    return [data_entry(HDM05, [clip.words for clip in recordings.clips])]
+    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
 
 
 EVIDENCE = Evidence(

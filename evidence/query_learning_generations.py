@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
-from evidence.common.pages import picture, share, table
+from evidence.common.pages import fraction, picture, table
 from evidence.common.recordings import ACTORS, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import JOBS, Evidence, Results, main
 from evidence.query_learning_tasks import compute_all, problem_of, split
@@ -77,7 +77,7 @@ def write(followed: Results) -> str:
                 cells = [f"{mean:.2f} ({spread:.2f})" for mean, spread in row]
                 body.append([str(generation), way, clips, *cells])
     best = "; ".join(
-        f"{way}, {clips} {share(one['mean'], 3)} ({share(one['spread'], 3)})"
+        f"{way}, {clips} {fraction(one['mean'], 3)} ({fraction(one['spread'], 3)})"
         for way, both in followed.items()
         for clips, one in both["best"].items()
     )
@@ -129,7 +129,7 @@ def _without_markers(axes: "Axes", index: int) -> None:
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    return [data_entry(HDM05, [clip.words for clip in recordings.clips])]
+    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
 
 
 EVIDENCE = Evidence(

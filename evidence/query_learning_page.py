@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evidence.common.pages import picture, share, table
+from evidence.common.pages import fraction, picture, table
 from evidence.common.recordings import ACTORS
 from evidence.query_learning_tasks import Rows, head
 from evidence.query_learning_words import (
@@ -57,9 +57,9 @@ def _targets(rows: Rows) -> str:
         lines.append(
             [
                 what,
-                share(value, 3),
-                share(_of(last_two, "committee", key), 3),
-                ("at least " if more else "at most ") + share(limit),
+                fraction(value, 3),
+                fraction(_of(last_two, "committee", key), 3),
+                ("at least " if more else "at most ") + fraction(limit),
                 "yes" if (value >= limit if more else value <= limit) else "no",
             ]
         )
@@ -73,13 +73,16 @@ def _unseen(title: str, actors: tuple[str, ...], rows: Rows) -> str:
     settings = sorted({f"{row['unseen']}: {row['committee']}" for row in mine})
     body = table(
         ["queries", *map(head, SHOWN)],
-        [[name, *(share(_of(mine, way, key), 3) for key in SHOWN)] for way, name in NAMES.items()],
+        [
+            [name, *(fraction(_of(mine, way, key), 3) for key in SHOWN)]
+            for way, name in NAMES.items()
+        ],
     )
     return (
         f"### Unseen: {title} ({len(mine)} classes and actors)\n\n{body}\n"
         f"Chosen without the actor: {'; '.join(settings)}. The template alone has "
-        f"recall {share(_of(mine, 'committee', 'recall of the template'), 3)} at .06 and precision "
-        f"{share(_of(mine, 'committee', 'precision of the template'), 3)} at .1. A published run "
+        f"recall {fraction(_of(mine, 'committee', 'recall of the template'), 3)} at .06 and precision "
+        f"{fraction(_of(mine, 'committee', 'precision of the template'), 3)} at .1. A published run "
         f"asks for {_entries(mine, 'published'):.0f} relations, a simplified one for "
         f"{_entries(mine, 'simplified'):.0f}."
     )
@@ -108,8 +111,8 @@ def _classes(rows: Rows) -> str:
         body.append(
             [
                 name,
-                share(_of(mine, "published", "f2")),
-                *(share(_of(mine, "committee", key)) for key in SHOWN if key != "f1"),
+                fraction(_of(mine, "published", "f2")),
+                *(fraction(_of(mine, "committee", key)) for key in SHOWN if key != "f1"),
             ]
         )
     titles = ["class", "published, F2", *(head(key) for key in SHOWN if key != "f1")]
@@ -120,15 +123,15 @@ def _classes(rows: Rows) -> str:
 
 
 def _stiffness(rows: Rows) -> str:
-    shares = []
+    fractions = []
     for name in ("published", "simplified"):
         counts = np.sum([row["stiffness"][name] for row in rows], axis=0)
         at_most = counts[: round(STIFF * len(counts))].sum() / counts.sum()
-        shares.append(f"{name} {share(float(at_most))}")
+        fractions.append(f"{name} {fraction(float(at_most))}")
     return f"""## Stiffness of the gaps
 
 {picture("query_learning_stiffness", "Stiffness of the gaps of all queries (thesis, Fig. 4.4)")}
-Share of the gaps of at most .8: {", ".join(shares)}; thesis: more than .87."""
+Share of the gaps of at most .8: {", ".join(fractions)}; thesis: more than .87."""
 
 
 def draw(results: Results) -> "dict[str, Figure]":

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evidence.common.pages import claim, number, share, table
+from evidence.common.pages import claim, fraction, number, table
 from evidence.common.recordings import (
     BANDAI,
     CMU,
@@ -26,9 +26,9 @@ from evidence.common.recordings import (
 )
 from evidence.common.running import JOBS, Evidence, Results, main
 from evidence.query_learning_tasks import manual_queries, split
-from motionary.features import FULL_BODY, WORD_HZ, FeatureSequence
-from motionary.models.keyframes import KeyframeQuery, choose_query, select_in_words
-from motionary.models.library import ClassLibrary, Teaching, learn_classes, learn_queries
+from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence
+from motionary.models.keyframes import KeyframeQuery, choose_query, select_in_sequence
+from motionary.models.library import ClassLibrary, TrainingOptions, learn_classes, learn_queries
 from motionary.models.query_learning.fitness import weighted_f
 from motionary.retrieval.annotation import annotate, class_distance
 
@@ -65,17 +65,17 @@ published, where a compiled kernel does the matching. Precision and recall are o
 class Material(NamedTuple):
     """A long recording, and the class of each frame; empty for other motion."""
 
-    words: FeatureSequence
+    packed: FeatureSequence
     truth: NDArray[np.str_]
 
 
 def measure(recordings: Recordings) -> Results:
     """Time and quality of labels, without queries and with those of several origins."""
     clips = [clip for clip in recordings.clips if clip.actor != UNSEEN]
-    taught = examples(clips)
-    library = learn_classes(taught, teaching=Teaching()).classes
+    trained = examples(clips)
+    library = learn_classes(trained, training=TrainingOptions()).classes
     libraries = {
-        "learned": learn_queries(ClassLibrary(library), taught, seed=SEED, jobs=JOBS).library,
+        "learned": learn_queries(ClassLibrary(library), trained, seed=SEED, jobs=JOBS).library,
         "picked": _with(library, _picked(library, clips)),
         "manual": _with(library, manual_queries(recordings)),
     }
@@ -91,40 +91,40 @@ def measure(recordings: Recordings) -> Results:
                 way: _time_and_score(_costs(one, costs), material)
                 for way, one in {"nothing": ClassLibrary(library), **libraries}.items()
             }
-    lengths = {name: len(material.words) for name, material in materials.items()}
-    shares = {name: float(np.mean(m.truth != "")) for name, m in materials.items()}
-    return {"ways": result, "frames": lengths, "of the classes": shares}
+    lengths = {name: len(material.packed) for name, material in materials.items()}
+    fractions = {name: float(np.mean(m.truth != "")) for name, m in materials.items()}
+    return {"ways": result, "frames": lengths, "of the classes": fractions}
 
 
 def make_material(recordings: Recordings, sources: Sequence[str], *, seed: int) -> Material:
     """Clips of the unseen actor and all other motion, shuffled, over and over."""
-    parts = [(clip.motion_class, clip.words) for clip in recordings.clips if clip.actor == UNSEEN]
+    parts = [(clip.motion_class, clip.packed) for clip in recordings.clips if clip.actor == UNSEEN]
     parts += [
-        ("", words)
-        for name, words in sorted(recordings.others.items())
+        ("", packed)
+        for name, packed in sorted(recordings.others.items())
         if name.split("/")[0] in sources
     ]
-    total = sum(len(words) for _, words in parts)
-    parts *= int(np.ceil(MINUTES * 60 * WORD_HZ / total))
+    total = sum(len(packed) for _, packed in parts)
+    parts *= int(np.ceil(MINUTES * 60 * SEQUENCE_HZ / total))
     order = np.random.default_rng(seed).permutation(len(parts))
     chosen = [parts[i] for i in order]
-    words = FeatureSequence(
-        np.concatenate([part.words for _, part in chosen]),
+    packed = FeatureSequence(
+        np.concatenate([part.packed for _, part in chosen]),
         np.concatenate([part.known for _, part in chosen]),
         FULL_BODY,
         "clips and other motion",
     )
     truth = np.repeat([name for name, _ in chosen], [len(part) for _, part in chosen])
-    return Material(words, truth)
+    return Material(packed, truth)
 
 
 def _picked(library: Sequence[Any], clips: Sequence[Clip]) -> dict[str, KeyframeQuery]:
     """One query a class, chosen from the same examples without evolution."""
     queries = {}
     for one in library:
-        taught = split(clips, one.name, {clip.actor for clip in clips})
-        template = one.subclasses[0].template
-        queries[one.name] = choose_query(template, taught.positives, taught.negatives).query
+        trained = split(clips, one.name, {clip.actor for clip in clips})
+        template = one.prototypes[0].template
+        queries[one.name] = choose_query(template, trained.positives, trained.negatives).query
     return queries
 
 
@@ -133,7 +133,7 @@ def _with(library: Sequence[Any], queries: Mapping[str, KeyframeQuery]) -> Class
         tuple(
             replace(
                 one,
-                subclasses=tuple(replace(s, queries=(queries[one.name],)) for s in one.subclasses),
+                prototypes=tuple(replace(s, queries=(queries[one.name],)) for s in one.prototypes),
             )
             for one in library
         )
@@ -148,33 +148,33 @@ def _costs(library: ClassLibrary, costs: str) -> ClassLibrary:
 
 
 def _time_and_score(library: ClassLibrary, material: Material) -> dict[str, float]:
-    words = material.words
+    packed = material.packed
     return _score(library, material) | {
-        "frames left": float(np.mean([_share_left(one, words) for one in library])),
-        "seconds": _shortest(lambda: annotate(words, library)),
+        "frames left": float(np.mean([_fraction_left(one, packed) for one in library])),
+        "seconds": _shortest(lambda: annotate(packed, library)),
         "seconds of matching": _shortest(
-            lambda: [class_distance(words, one, threshold=NO_MATCH) for one in library]
+            lambda: [class_distance(packed, one, threshold=NO_MATCH) for one in library]
         ),
     }
 
 
-def _share_left(one: Any, words: FeatureSequence) -> float:
-    (subclass,) = one.subclasses
-    if not subclass.queries:
+def _fraction_left(one: Any, packed: FeatureSequence) -> float:
+    (prototype,) = one.prototypes
+    if not prototype.queries:
         return 1.0
-    ranges = select_in_words(
-        subclass.queries, subclass.template.n_columns, words.words, words.known,
-        votes=subclass.votes,
+    ranges = select_in_sequence(
+        prototype.queries, prototype.template.n_columns, packed.packed, packed.known,
+        votes=prototype.votes,
     )  # fmt: skip
-    return ranges.n_frames / len(words)
+    return ranges.n_frames / len(packed)
 
 
 def _score(library: ClassLibrary, material: Material) -> dict[str, float]:
     """Precision of labelled frames, recall of the frames of the classes."""
     right = labelled = 0
     hit = np.zeros(len(material.truth), dtype=np.bool_)
-    for label in annotate(material.words, library):
-        span = slice(round(label.start_s * WORD_HZ), round(label.end_s * WORD_HZ))
+    for label in annotate(material.packed, library):
+        span = slice(round(label.start_s * SEQUENCE_HZ), round(label.end_s * SEQUENCE_HZ))
         same = material.truth[span] == label.name
         right += int(np.count_nonzero(same))
         labelled += len(same)
@@ -208,7 +208,10 @@ def write(speed: Results) -> str:
                 [
                     f"{costs}, {MATERIAL[material]}" if way == "nothing" else "",
                     ORIGINS[way],
-                    *(share(row[key], 3) for key in ("frames left", "precision", "recall", "f1")),
+                    *(
+                        fraction(row[key], 3)
+                        for key in ("frames left", "precision", "recall", "f1")
+                    ),
                     f"{row['seconds']:.2f} s",
                     number(ratios[0]),
                     number(ratios[1]),
@@ -217,7 +220,7 @@ def write(speed: Results) -> str:
     head = ["costs, material", "queries", "frames left", "precision", "recall", "F1", "annotate",
             "faster", "without reading matches"]  # fmt: skip
     frames = ", ".join(
-        f"{MATERIAL[name]}: {n} frames, {share(speed['of the classes'][name])} of them of a class"
+        f"{MATERIAL[name]}: {n} frames, {fraction(speed['of the classes'][name])} of them of a class"
         for name, n in speed["frames"].items()
     )
     return f"{TIMED}\n\n{frames}.\n\n{table(head, body)}\n{_findings(speed)}"
@@ -234,11 +237,11 @@ def _findings(speed: Results) -> str:
         f"There is less to save than there was: {nothing['seconds']:.1f} s everywhere, for eleven "
         f"classes, where the authors had 305 s for fifteen. Of the {learned['seconds']:.2f} s that "
         f"are left, {reading:.2f} s read matches and decide, which is needed either way. Learned "
-        f"queries are made to miss nobody, and leave {share(learned['frames left'])} of the frames "
-        f"where those of the authors leave {share(manual['frames left'])} ({number(ratios[1])} "
+        f"queries are made to miss nobody, and leave {fraction(learned['frames left'])} of the frames "
+        f"where those of the authors leave {fraction(manual['frames left'])} ({number(ratios[1])} "
         "times); the long templates, which cost most, leave most. What queries save for certain is "
-        f"wrong labels: F1 of frames rises from {share(nothing['f1'])} to {share(learned['f1'])}, "
-        f"and recall falls from {share(nothing['recall'])} to {share(learned['recall'])}. The "
+        f"wrong labels: F1 of frames rises from {fraction(nothing['f1'])} to {fraction(learned['f1'])}, "
+        f"and recall falls from {fraction(nothing['recall'])} to {fraction(learned['recall'])}. The "
         "material repeats itself, from which costs of frames gain a little on either side: a "
         "frame that is like another of the same twenty minutes is weighed once.",
     )
@@ -251,7 +254,7 @@ def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
         for source in SOURCES["all"]
     }
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         data_entry(CMU, others["cmu"]),
         data_entry(BANDAI, others["bandai"]),
     ]

@@ -20,7 +20,7 @@ from motionary.models.keyframes import (
     KeyframeQuery,
     WordIndex,
     from_patterns,
-    index_words,
+    index_packed,
     search_query,
     select_in_index,
 )
@@ -66,8 +66,8 @@ def split(clips: Sequence[Clip], name: str, actors: Iterable[str]) -> Split:
     wanted = set(actors)
     mine = [clip for clip in clips if clip.actor in wanted]
     return Split(
-        [clip.words for clip in mine if clip.motion_class == name],
-        [clip.words for clip in mine if clip.motion_class != name],
+        [clip.packed for clip in mine if clip.motion_class == name],
+        [clip.packed for clip in mine if clip.motion_class != name],
     )
 
 
@@ -157,8 +157,8 @@ class Trial:
 
 def index_of(clips: Sequence[FeatureSequence]) -> WordIndex:
     """Index of clips, each a document."""
-    return index_words(
-        [clip.words for clip in clips],
+    return index_packed(
+        [clip.packed for clip in clips],
         [clip.known for clip in clips],
         feature_set=FULL_BODY.name,
         feature_ids=FULL_BODY.ids,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
-from evidence.common.pages import number, picture, share, table
+from evidence.common.pages import fraction, number, picture, table
 from evidence.common.ranking import (
     TOLERANCE_2006,
     by_class,
@@ -58,7 +58,7 @@ def measure(recordings: Recordings) -> Results:
     thresholds = recordings.golden("retrieval_table_complete.json")["thresholds"]
     templates = templates_of(train)
     patterns = patterns_of(templates, tolerance=TOLERANCE_2006)
-    corpus = corpus_of([clip.words for clip in test])
+    corpus = corpus_of([clip.packed for clip in test])
     splits = {}
     for name, weight in STEPS.items():
         costs = clip_costs(patterns, corpus, skip_weight=weight)
@@ -74,13 +74,13 @@ def measure(recordings: Recordings) -> Results:
             for name, pattern in patterns.items()
         },
         "published": _published(recordings),
-        "evaluation_minutes": sum(len(clip.words) for clip in test) / 30 / 60,
+        "evaluation_minutes": sum(len(clip.packed) for clip in test) / 30 / 60,
         "evaluation_clips": len(test),
     }
 
 
 def _of_2006(clip: Clip) -> Clip:
-    return clip._replace(words=of_2006(clip.words))
+    return clip._replace(packed=of_2006(clip.packed))
 
 
 def _leave_one_out(recordings: Recordings, skip_weight: float) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def _leave_one_out(recordings: Recordings, skip_weight: float) -> dict[str, Any]
         test = [_of_2006(c) for c in recordings.of(actors=[actor])]
         patterns = patterns_of(templates_of(train), tolerance=TOLERANCE_2006)
         costs.append(
-            clip_costs(patterns, corpus_of([c.words for c in test]), skip_weight=skip_weight)
+            clip_costs(patterns, corpus_of([c.packed for c in test]), skip_weight=skip_weight)
         )
         tested += test
     return _summary(np.concatenate(costs), tested, recordings.classes)
@@ -108,8 +108,8 @@ def _row(
     parts = corpus.split(corpus_distance(pattern, corpus))
     hits: list[tuple[float, int]] = []
     for i, (clip, distance) in enumerate(zip(test, parts, strict=True)):
-        words = clip.words
-        found = find_hits(distance, pattern, words.words, words.known, threshold=thresholds[-1])
+        packed = clip.packed
+        found = find_hits(distance, pattern, packed.packed, packed.known, threshold=thresholds[-1])
         hits += [(hit.cost, i) for hit in found]
     of_class = {i for i, clip in enumerate(test) if clip.motion_class == name}
     return {
@@ -124,11 +124,11 @@ def _row(
 
 def _seconds(pattern: Pattern, corpus: Corpus) -> float:
     """Median time of a distance function over as many frames as the paper's database."""
-    repeats = -(-DATABASE_FRAMES // len(corpus.words))
-    words = np.tile(corpus.words, (repeats, 1))[:DATABASE_FRAMES]
+    repeats = -(-DATABASE_FRAMES // len(corpus.packed))
+    packed = np.tile(corpus.packed, (repeats, 1))[:DATABASE_FRAMES]
     known = np.tile(corpus.known, (repeats, 1))[:DATABASE_FRAMES]
     inside = corpus.blocked[corpus.blocked < DATABASE_FRAMES]
-    long = Corpus(words, known, corpus.starts, corpus.lengths, inside)
+    long = Corpus(packed, known, corpus.starts, corpus.lengths, inside)
     taken = []
     for _ in range(RUNS):
         began = time.perf_counter()
@@ -159,15 +159,15 @@ def write(results: Results) -> str:
         elif name in LENGTHS:
             rows.append(["", "2006", "–", *["–"] * len(taus), LENGTHS[name], "–"])
     splits = [
-        [name, share(s["mean_average_precision"], 3), share(s["precision"]), share(s["recall"]),
-         share(s["right_class"], 3), *_prototype(name)]
+        [name, fraction(s["mean_average_precision"], 3), fraction(s["precision"]), fraction(s["recall"]),
+         fraction(s["right_class"], 3), *_prototype(name)]
         for name, s in results["splits"].items()
     ]  # fmt: skip
     left_out = results["splits"]["one actor left out, step counts twice"]["classes"]
     halves = results["splits"]["halves, step counts twice"]["classes"]
     per_class = [
-        [name, *(share(halves[name][k]) for k in ("average_precision", "precision", "recall")),
-         *(share(left_out[name][k]) for k in ("average_precision", "precision", "recall"))]
+        [name, *(fraction(halves[name][k]) for k in ("average_precision", "precision", "recall")),
+         *(fraction(left_out[name][k]) for k in ("average_precision", "precision", "recall"))]
         for name in halves
     ]  # fmt: skip
     return f"""
@@ -224,7 +224,7 @@ def _table_row(name: str, whose: str, row: dict[str, Any]) -> list[Any]:
 
 def _prototype(name: str) -> list[str]:
     mean, precision, recall, right = PROTOTYPE[name]
-    return [f"{share(mean, 3)}, {share(precision)}, {share(recall)}, {share(right, 3)}"]
+    return [f"{fraction(mean, 3)}, {fraction(precision)}, {fraction(recall)}, {fraction(right, 3)}"]
 
 
 def _comparison(results: Results) -> str:
@@ -242,7 +242,7 @@ def _comparison(results: Results) -> str:
     total = sum(ours["relevant"] for ours, _ in both)
     lengths = [abs(o["template_length"] - t["template_length"]) for o, t in both]
     return (
-        f"Of the {len(cells)} counts of relevant hits that are in print, {len(cells) - more - less} "  # noqa: E501
+        f"Of the {len(cells)} counts of relevant hits that are in print, {len(cells) - more - less} "
         f"are the same, {more} of ours larger and {less} smaller; at τ = 0.06 we find {found} of "
         f"the {total} clips of these {len(both)} classes, the authors {published}. Lengths of "
         f"templates differ by {max(lengths)} columns at most."
@@ -254,16 +254,16 @@ def _beside_prototype(results: Results) -> str:
         abs(results["splits"][name]["mean_average_precision"] - values[0])
         for name, values in PROTOTYPE.items()
     )
-    return f"The largest difference in mAP is {share(worst, 3)}."
+    return f"The largest difference in mAP is {fraction(worst, 3)}."
 
 
 def _worst(classes: dict[str, dict[str, float]]) -> str:
     low = sorted(classes, key=lambda name: classes[name]["average_precision"])[:2]
-    told = " and ".join(f"{n} ({share(classes[n]['average_precision'])})" for n in low)
+    told = " and ".join(f"{n} ({fraction(classes[n]['average_precision'])})" for n in low)
     recall = min(classes, key=lambda name: classes[name]["recall"])
     return (
         f"With an actor left out, the lowest average precision is that of {told}, the lowest "
-        f"recall at τ = 0.06 that of {recall} ({share(classes[recall]['recall'])}): one threshold "
+        f"recall at τ = 0.06 that of {recall} ({fraction(classes[recall]['recall'])}): one threshold "
         "does not fit long and short classes alike."
     )
 
@@ -288,7 +288,7 @@ def draw(results: Results) -> dict[str, Any]:
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    return [data_entry(HDM05, [clip.words for clip in recordings.clips])]
+    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
 
 
 EVIDENCE = Evidence(

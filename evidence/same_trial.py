@@ -149,15 +149,15 @@ def at_common_rate(motion: Motion) -> Floats:
 
 def agreement(one: Floats, two: Floats) -> Floats:
     """Share of frames in which each relation is the same; NaN where never known in both."""
-    a, b = (words(positions) for positions in (one, two))
+    a, b = (packed(positions) for positions in (one, two))
     both = (a.known_features & b.known_features).astype(bool)
     same = (a.features == b.features) & both
     with np.errstate(invalid="ignore"):
-        share: Floats = same.sum(axis=0) / both.sum(axis=0)
-    return share
+        fraction: Floats = same.sum(axis=0) / both.sum(axis=0)
+    return fraction
 
 
-def words(positions: Floats) -> FeatureSequence:
+def packed(positions: Floats) -> FeatureSequence:
     mapping = named_mapping("generic")
     return compute_features(Motion(GENERIC_JOINTS, positions, COMMON_HZ, mapping))
 
@@ -196,12 +196,12 @@ def exchange(two: Floats, aligned: Floats, steps: Floats, groups: tuple[str, ...
     return result
 
 
-def cause(relation: int, exchanged: dict[tuple[str, ...], Floats]) -> list[str]:
+def cause(feature: int, exchanged: dict[tuple[str, ...], Floats]) -> list[str]:
     """The smallest set of groups that explains a relation; of equal ones, the best."""
     for size in SIZES:
         sets = [groups for groups in exchanged if len(groups) == size]
-        best = max(sets, key=lambda groups: exchanged[groups][relation])
-        if exchanged[best][relation] >= ENOUGH:
+        best = max(sets, key=lambda groups: exchanged[groups][feature])
+        if exchanged[best][feature] >= ENOUGH:
             return list(best)
     return ["more"]
 

@@ -58,8 +58,8 @@ SURPRISE, EQUAL = "by surprise", "all alike"
 CHOICES = {
     f"{SURPRISE}, δ = .05": Setting(),
     f"{SURPRISE}, δ = .1": Setting(tolerance=0.1),
-    f"{EQUAL}, δ = .05": Setting(by_surprise=False),
-    f"{EQUAL}, δ = .1": Setting(by_surprise=False, tolerance=0.1),
+    f"{EQUAL}, δ = .05": Setting(by_self_information=False),
+    f"{EQUAL}, δ = .1": Setting(by_self_information=False, tolerance=0.1),
 }
 #: What else could be done with the chosen one; measured where settings are chosen.
 CHANGES: dict[str, dict[str, Any]] = {
@@ -97,7 +97,7 @@ class _Bench:
             classes = with_setting(known, setting, self.clips[pair])
             for kind, stream in (streams or self.streams)[pair].items():
                 found[pair, kind] = seek(
-                    stream.words, classes, most=THRESHOLDS[-1], setting=setting
+                    stream.packed, classes, most=THRESHOLDS[-1], setting=setting
                 )
         return found
 
@@ -346,9 +346,9 @@ def draw(results: Results) -> "Mapping[str, Figure]":
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
-        data_entry(f"stretches of {CMU}", [p.words for p in other_motion(recordings, "amc")]),
-        data_entry(BANDAI, [p.words for p in other_motion(recordings, "bvh")]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
+        data_entry(f"stretches of {CMU}", [p.packed for p in other_motion(recordings, "amc")]),
+        data_entry(BANDAI, [p.packed for p in other_motion(recordings, "bvh")]),
     ]
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from evidence.common.pages import claim, number, pair, picture, share, table, with_interval
+from evidence.common.pages import claim, fraction, number, pair, picture, table, with_interval
 from evidence.common.recordings import HDM05
 
 Results = dict[str, Any]
@@ -87,7 +87,7 @@ the most frequent.
 Each stretch of CMU was looked at as stick figures; the files of Bandai Namco are used whole, by
 what their names say. Stretches are cut to pieces of at most 6 s.
 
-{table(["recording", "from (s)", "to (s)", "shows"], _stretches(results))}
+{table(["recording", "from (s)", "to (s)", "shows"], _segments(results))}
 Bandai: {", ".join(name.split("/")[1].removesuffix(".bvh") for name in results["bandai"])}.
 """
 
@@ -100,7 +100,7 @@ def _streams(results: Results) -> str:
             len(own["seconds"]),
             f"{min(own['seconds'])}–{max(own['seconds'])}",
             f"{min(own['clips'])}–{max(own['clips'])}",
-            share(own["share_of_clips"]),
+            fraction(own["share_of_clips"]),
         ]
         for kind, own in results["streams"].items()
     ]
@@ -109,8 +109,8 @@ def _streams(results: Results) -> str:
 
 def _choice(results: Results) -> str:
     rows = [
-        [name, f"{own['threshold']:g}", share(own["F1"]), share(own["F2"]),
-         share(own["mean_average_precision"]), number(own["false_per_minute"])]
+        [name, f"{own['threshold']:g}", fraction(own["F1"]), fraction(own["F2"]),
+         fraction(own["mean_average_precision"]), number(own["false_per_minute"])]
         for name, own in results["choice"].items()
     ]  # fmt: skip
     own = results["chosen_by_way"].values()
@@ -139,14 +139,14 @@ def _report_row(title: str, kinds: str, own: Results) -> list[str]:
     return [
         title,
         {"amc": "AMC", "bvh": "BVH", "both": "both"}[kinds],
-        f"{share(frames['f'])} {_limits(own['intervals']['F1'])}",
-        f"{share(segments['f'])} {_limits(own['intervals']['F2'])}",
-        f"{share(frames['precision'])}, {share(frames['recall'])}",
-        f"{share(segments['precision'])}, {share(segments['recall'])}",
-        share(own["mean_average_precision"]["0.5"]),
-        share(own["edit_score"]),
+        f"{fraction(frames['f'])} {_limits(own['intervals']['F1'])}",
+        f"{fraction(segments['f'])} {_limits(own['intervals']['F2'])}",
+        f"{fraction(frames['precision'])}, {fraction(frames['recall'])}",
+        f"{fraction(segments['precision'])}, {fraction(segments['recall'])}",
+        fraction(own["mean_average_precision"]["0.5"]),
+        fraction(own["edit_score"]),
         number(own["boundary_s"]["median"], 2),
-        "/".join(share(overlaps[key]) for key in ("0.1", "0.25", "0.5")),
+        "/".join(fraction(overlaps[key]) for key in ("0.1", "0.25", "0.5")),
         number(own["edits_per_minute"]),
         number(own["false_per_minute"]),
     ]
@@ -157,12 +157,12 @@ def _limits(triple: Results) -> str:
 
 
 def _figure(results: Results) -> str:
-    surprise, equal = (results["closed"][way]["pooled"] for way in WAYS)
+    self_information, equal = (results["closed"][way]["pooled"] for way in WAYS)
     far = results["thresholds"].index(0.13)
     return claim(
-        surprise[far]["F1"] > equal[far]["F1"] + 0.05,
+        self_information[far]["F1"] > equal[far]["F1"] + 0.05,
         "What is weighed by surprise depends less on the threshold: at τ = .13, that of the "
-        f"publication, F1 and F2 are {pair(surprise[far]['F1'], surprise[far]['F2'])}, with all "
+        f"publication, F1 and F2 are {pair(self_information[far]['F1'], self_information[far]['F2'])}, with all "
         f"entries alike {pair(equal[far]['F1'], equal[far]['F2'])}. In print keyframes kept false "
         "labels away there; here there are none.",
     )
@@ -185,7 +185,7 @@ def _prototype(results: Results) -> str:
         table(["F1 / F2", "prototype", *WAYS], rows)
         + "\nOn which pairs of actors, stretches and draws of classes the prototype was measured "
         "is not known; which six classes are known moves F1 by "
-        f"{share(_spread(results))} between the draws above."
+        f"{fraction(_spread(results))} between the draws above."
     )
 
 
@@ -199,7 +199,7 @@ def _draws(results: Results) -> str:
     return table(
         ["known classes", "F1", "F2"],
         [
-            [", ".join(names), share(own["F1"]), share(own["F2"])]
+            [", ".join(names), fraction(own["F1"]), fraction(own["F2"])]
             for names, own in zip(results["draws"], by_draw, strict=True)
         ],
     )
@@ -216,7 +216,7 @@ def _at(row: Mapping[str, float]) -> str:
 def _changes(results: Results) -> str:
     rows = [
         [name, _at(own["same"]), f"{own['best_threshold']:g}", _at(own["best"]),
-         f"{share(own['best']['P1'])}, {share(own['best']['R1'])}",
+         f"{fraction(own['best']['P1'])}, {fraction(own['best']['R1'])}",
          number(own["best"]["false_per_minute"])]
         for name, own in results["changes"].items()
     ]  # fmt: skip
@@ -235,7 +235,7 @@ def _explained(rows: Mapping[str, Any]) -> str:
         f"that resemble walks, reaching and waving {_at(fewer)} are reached in the same streams. "
         "Walking is not sneaking, and a hand that guides or responds grabs nothing, so these "
         f"labels are false; the relations hardly tell them apart. Even alone, "
-        f"{share(1 - alone['R1'])} of the clips' frames bear no label: some clips are missed, and "
+        f"{fraction(1 - alone['R1'])} of the clips' frames bear no label: some clips are missed, and "
         f"labels begin later and end earlier than clips were cut. Mirror images ({_at(mirrored)}) "
         "find nothing here, since no clip is mirrored, and mistake the right knee of an elbow to "
         f"knee for a kick. Extension trades frames for segments (without: {_at(loose)}): "
@@ -248,11 +248,11 @@ def _explained(rows: Mapping[str, Any]) -> str:
 def _classes(results: Results) -> str:
     own = results["closed"][results["chosen"]["setting"].split(",")[0]]["report"]["both"]
     rows = [
-        [name, *(share(x) for x in row["frames"]), *(share(x) for x in row["segments"])]
+        [name, *(fraction(x) for x in row["frames"]), *(fraction(x) for x in row["segments"])]
         for name, row in own["classes"].items()
     ]
     return table(["class", "P1", "R1", "F1", "P2", "R2", "F2"], rows)
 
 
-def _stretches(results: Results) -> list[list[str]]:
+def _segments(results: Results) -> list[list[str]]:
     return [[name, f"{a:g}", f"{b:g}", what] for name, a, b, what in results["other"]]

@@ -18,7 +18,7 @@ from evidence.common.labelling import (
     seek,
     with_setting,
 )
-from evidence.common.pages import claim, number, picture, share, table
+from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.recordings import (
     ACTORS,
     BANDAI,
@@ -41,7 +41,7 @@ from evidence.common.streams import (
 )
 from motionary.evaluation import Counts, compute_rates, count_overlaps, pool_counts
 from motionary.features import FeatureSequence
-from motionary.models.library import THRESHOLD, Suggestion, Teaching, suggest_thresholds
+from motionary.models.library import THRESHOLD, Calibration, TrainingOptions, calibrate_thresholds
 from motionary.models.library.thresholds import OTHER_PER_FRAME
 
 if TYPE_CHECKING:
@@ -64,8 +64,8 @@ ALONE, OTHERS = "told from each other", "told from other recordings too"
 def measure_thresholds(recordings: Recordings) -> Results:
     """Promised and measured by class, and what the thresholds do to all labels."""
     told = {ALONE: [], OTHERS: negatives(recordings)}
-    one_side = {p: _suggest(recordings, p, told, mirrored=False) for p in CHOOSING + REPORTING}
-    mirrored = {p: _suggest(recordings, p, told, mirrored=True) for p in CHOOSING}
+    one_side = {p: _calibrate(recordings, p, told, mirrored=False) for p in CHOOSING + REPORTING}
+    mirrored = {p: _calibrate(recordings, p, told, mirrored=True) for p in CHOOSING}
     streams = {
         (pair, kind): stream
         for pair in CHOOSING + REPORTING
@@ -89,26 +89,26 @@ def measure_thresholds(recordings: Recordings) -> Results:
     }
 
 
-def _minutes(words: Sequence[FeatureSequence]) -> float:
-    return sum(len(one) for one in words) / 30 / 60
+def _minutes(packed: Sequence[FeatureSequence]) -> float:
+    return sum(len(one) for one in packed) / 30 / 60
 
 
 def _learned_from(recordings: Recordings, pair: Pair) -> tuple[Clip, ...]:
     return recordings.of(actors=set(ACTORS) - set(pair))
 
 
-def _suggest(
+def _calibrate(
     recordings: Recordings,
     held_out: Pair,
     told: Mapping[str, Sequence[FeatureSequence]],
     *,
     mirrored: bool,
-) -> dict[str, dict[str, Suggestion]]:
+) -> dict[str, dict[str, Calibration]]:
     """Suggestions from three actors, each held out in turn."""
     clips = examples(_learned_from(recordings, held_out))
     return {
-        way: suggest_thresholds(
-            clips, groups="HDM_(..)_", negatives=others, teaching=Teaching(mirror=mirrored)
+        way: calibrate_thresholds(
+            clips, groups="HDM_(..)_", negatives=others, training=TrainingOptions(mirror=mirrored)
         )
         for way, others in told.items()
     }
@@ -123,8 +123,8 @@ def _seek(
         clips = _learned_from(recordings, pair)
         classes = with_setting(learn_all(clips), setting, clips)
         for kind in KINDS:
-            words = streams[pair, kind].words
-            found[pair, kind] = seek(words, classes, most=MOST, setting=setting)
+            packed = streams[pair, kind].packed
+            found[pair, kind] = seek(packed, classes, most=MOST, setting=setting)
     return found
 
 
@@ -139,23 +139,23 @@ def _label(sought: Sought, stream: Stream, thresholds: float | Mapping[str, floa
     return Labelled(labels_at(sought, thresholds), stream.truth, stream.seconds)
 
 
-def _of(suggestions: Mapping[str, Suggestion]) -> dict[str, float]:
-    return {name: one.threshold for name, one in suggestions.items()}
+def _of(calibrations: Mapping[str, Calibration]) -> dict[str, float]:
+    return {name: one.threshold for name, one in calibrations.items()}
 
 
 def _by_class(
-    found: Found, streams: Streams, suggested: Mapping[Pair, Mapping[str, Suggestion]]
+    found: Found, streams: Streams, calibrated: Mapping[Pair, Mapping[str, Calibration]]
 ) -> Results:
     """Promised (mean over pairs) and measured (all pairs together) of each class."""
     counts: dict[str, list[Counts]] = {}
-    for pair, suggestions in suggested.items():
+    for pair, calibrations in calibrated.items():
         for kind in KINDS:
-            one = _label(found[pair, kind], streams[pair, kind], _of(suggestions))
+            one = _label(found[pair, kind], streams[pair, kind], _of(calibrations))
             for name, counted in count_overlaps(one.predicted, one.truth).items():
                 counts.setdefault(name, []).append(counted)
     rows = {}
     for name in sorted(counts):
-        promised = [own[name] for own in suggested.values()]
+        promised = [own[name] for own in calibrated.values()]
         rates = compute_rates(pool_counts(counts[name]))
         rows[name] = {
             "thresholds": [one.threshold for one in promised],
@@ -172,7 +172,7 @@ def _by_class(
 def _compare(
     found: Found,
     streams: Streams,
-    suggested: Mapping[Pair, Mapping[str, Mapping[str, Suggestion]]],
+    calibrated: Mapping[Pair, Mapping[str, Mapping[str, Calibration]]],
     pairs: Sequence[Pair],
     best: float,
 ) -> Results:
@@ -182,7 +182,7 @@ def _compare(
         f"one, chosen: τ = {best:g}": dict.fromkeys(pairs, best),
     }
     for way in (ALONE, OTHERS):
-        ways[f"per class, {way}"] = {pair: _of(suggested[pair][way]) for pair in pairs}
+        ways[f"per class, {way}"] = {pair: _of(calibrated[pair][way]) for pair in pairs}
     rows = {}
     for way, thresholds in ways.items():
         own = {
@@ -253,8 +253,8 @@ def _classes(results: Results) -> str:
             taus = own["thresholds"]
             rows.append(
                 [name if way == ALONE else "", way, f"{min(taus):.3f}–{max(taus):.3f}",
-                 share(own["promised"][0]), share(_measured(own, 0)), share(own["measured"][0]),
-                 share(own["promised"][1]), share(own["measured"][1]), own["clips"]]
+                 fraction(own["promised"][0]), fraction(_measured(own, 0)), fraction(own["measured"][0]),
+                 fraction(own["promised"][1]), fraction(own["measured"][1]), own["clips"]]
             )  # fmt: skip
     return table(
         ["class", "", "τ", "precision promised", "measured, as much other motion",
@@ -286,9 +286,9 @@ def _kept(results: Results) -> str:
         worst = min(precision), min(recall)
         parts.append(
             f"{way.capitalize()}: of {len(precision)} classes {broken[0]} have less precision and "
-            f"{broken[1]} less recall than promised (the worst by {share(max(-worst[0], 0.0))} and "
-            f"{share(max(-worst[1], 0.0))}); promise and measure differ by {share(float(off[0]))} "
-            f"and {share(float(off[1]))} on average."
+            f"{broken[1]} less recall than promised (the worst by {fraction(max(-worst[0], 0.0))} and "
+            f"{fraction(max(-worst[1], 0.0))}); promise and measure differ by {fraction(float(off[0]))} "
+            f"and {fraction(float(off[1]))} on average."
         )
     parts.append(
         "Promises are cautious on purpose: one more right and one more wrong label are assumed, "
@@ -305,10 +305,10 @@ def _compared(rows: Mapping[str, Any]) -> str:
         [
             [
                 way,
-                f"{share(own['F1'])} {_limits(own['intervals']['F1'])}",
-                f"{share(own['F2'])} {_limits(own['intervals']['F2'])}",
-                f"{share(own['P1'])}, {share(own['R1'])}",
-                f"{share(own['P2'])}, {share(own['R2'])}",
+                f"{fraction(own['F1'])} {_limits(own['intervals']['F1'])}",
+                f"{fraction(own['F2'])} {_limits(own['intervals']['F2'])}",
+                f"{fraction(own['P1'])}, {fraction(own['R1'])}",
+                f"{fraction(own['P2'])}, {fraction(own['R2'])}",
                 number(own["false_per_minute"]),
             ]
             for way, own in rows.items()
@@ -317,7 +317,7 @@ def _compared(rows: Mapping[str, Any]) -> str:
 
 
 def _limits(triple: Mapping[str, float]) -> str:
-    return f"[{share(triple['low'])}, {share(triple['high'])}]"
+    return f"[{fraction(triple['low'])}, {fraction(triple['high'])}]"
 
 
 def _better(results: Results) -> str:
@@ -341,7 +341,7 @@ def _better(results: Results) -> str:
 
 
 def _two(scores: tuple[float, float]) -> str:
-    return " / ".join(share(score) for score in scores)
+    return " / ".join(fraction(score) for score in scores)
 
 
 def draw(results: Results) -> "Mapping[str, Figure]":
@@ -370,9 +370,9 @@ def _points(results: Results, way: str, which: int) -> tuple[list[float], list[f
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
-        data_entry(f"streams: {CMU}", [p.words for p in other_motion(recordings, "amc")]),
-        data_entry(f"streams: {BANDAI}", [p.words for p in other_motion(recordings, "bvh")]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
+        data_entry(f"streams: {CMU}", [p.packed for p in other_motion(recordings, "amc")]),
+        data_entry(f"streams: {BANDAI}", [p.packed for p in other_motion(recordings, "bvh")]),
         data_entry(f"to choose thresholds by: {BANDAI}", negatives(recordings)),
     ]
 

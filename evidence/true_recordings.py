@@ -31,7 +31,7 @@ from evidence.common.streams import CHOOSING, make_streams, negatives
 from evidence.true_recordings_page import write
 from motionary.evaluation import Segment, rename_segments, to_segments
 from motionary.io import read_labels
-from motionary.models.library import Teaching, suggest_thresholds
+from motionary.models.library import TrainingOptions, calibrate_thresholds
 from motionary.plots import plot_sheet
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ THRESHOLDS = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12, 0
 SURPRISE, EQUAL = "by surprise", "all alike"
 WAYS = {
     SURPRISE: Setting(mirrored=True),
-    EQUAL: Setting(mirrored=True, by_surprise=False),
+    EQUAL: Setting(mirrored=True, by_self_information=False),
 }
 
 Truth = Mapping[str, Sequence[Segment]]
@@ -54,9 +54,9 @@ def measure_recordings(recordings: Recordings) -> Results:
     chosen = {way: _choose(recordings, setting) for way, setting in WAYS.items()}
     clips = recordings.of(actors=set(ACTORS) - {UNSEEN})
     found = {way: _seek(recordings, clips, setting) for way, setting in WAYS.items()}
-    suggested = {
-        "told from each other": _suggest(clips, []),
-        "told from other recordings too": _suggest(clips, negatives(recordings)),
+    calibrated = {
+        "told from each other": _calibrate(clips, []),
+        "told from other recordings too": _calibrate(clips, negatives(recordings)),
     }
     everyone = _seek(recordings, recordings.clips, WAYS[SURPRISE])
     curves = {
@@ -65,7 +65,7 @@ def measure_recordings(recordings: Recordings) -> Results:
     }
     measured = {way: {t: _all(own) for t, own in curve.items()} for way, curve in curves.items()}
     by_class = {
-        name: _label(recordings, found[SURPRISE], own, truth) for name, own in suggested.items()
+        name: _label(recordings, found[SURPRISE], own, truth) for name, own in calibrated.items()
     }
     seen_best = best_of(measured[SURPRISE])
     one = {way: curves[way][chosen[way]] for way in WAYS}
@@ -79,7 +79,7 @@ def measure_recordings(recordings: Recordings) -> Results:
             way: _to_plateau_end(recordings, clips, way, chosen[way], truth) for way in WAYS
         },
         "suggested": {name: _all(own) for name, own in by_class.items()},
-        "suggested_thresholds": suggested,
+        "suggested_thresholds": calibrated,
         "trivial": _trivial(recordings, truth),
         "seconds": {name: len(recordings.others[name]) / 30 for name in LABELLED},
         "recordings": {
@@ -120,7 +120,7 @@ def _choose(recordings: Recordings, setting: Setting) -> float:
         clips = recordings.of(actors=set(ACTORS) - set(pair))
         classes = with_setting(learn_all(clips), setting, clips)
         for stream in make_streams(recordings, pair, seed=SEED, without=tuple(LABELLED)).values():
-            sought = seek(stream.words, classes, most=THRESHOLDS[-1], setting=setting)
+            sought = seek(stream.packed, classes, most=THRESHOLDS[-1], setting=setting)
             found.append((sought, stream.truth, stream.seconds))
     curve = {
         t: measure([Labelled(labels_at(one, t), truth, seconds) for one, truth, seconds in found])
@@ -145,11 +145,11 @@ def _to_plateau_end(
     return _all(_label(recordings, found, threshold, truth))
 
 
-def _suggest(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]:
-    suggestions = suggest_thresholds(
-        examples(clips), groups="HDM_(..)_", negatives=others, teaching=Teaching(mirror=True)
+def _calibrate(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]:
+    calibrations = calibrate_thresholds(
+        examples(clips), groups="HDM_(..)_", negatives=others, training=TrainingOptions(mirror=True)
     )
-    return {name: one.threshold for name, one in suggestions.items()}
+    return {name: one.threshold for name, one in calibrations.items()}
 
 
 def _label(
@@ -271,7 +271,7 @@ def draw_recordings(recordings: Recordings, results: Results) -> "Mapping[str, F
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
     return [
-        data_entry(HDM05, [clip.words for clip in recordings.clips]),
+        data_entry(HDM05, [clip.packed for clip in recordings.clips]),
         data_entry(
             f"four recordings of HDM05 and {CMU}, with {TRUTH}",
             [recordings.others[name] for name in LABELLED],

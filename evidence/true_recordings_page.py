@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from evidence.common.pages import claim, number, pair, picture, share, table
+from evidence.common.pages import claim, fraction, number, pair, picture, table
 from evidence.common.recordings import CMU, HDM05
 
 Results = dict[str, Any]
@@ -58,7 +58,7 @@ The threshold is chosen on [streams](streams.md) without the three recordings of
         picture(
             "true_recordings",
             "F1 of frames and F2 of segments of the four recordings together "
-            "against the threshold, by surprise and with all entries alike",
+            "against the threshold, by self_information and with all entries alike",
         )
     }
 Recordings: {HDM05}; {CMU}.
@@ -118,8 +118,8 @@ def _scores(results: Results) -> str:
 
 def _row(name: str, own: Mapping[str, float]) -> list[str]:
     return [
-        name, share(own["F1"]), share(own["F2"]), f"{share(own['P1'])}, {share(own['R1'])}",
-        f"{share(own['P2'])}, {share(own['R2'])}", number(own["false_per_minute"]),
+        name, fraction(own["F1"]), fraction(own["F2"]), f"{fraction(own['P1'])}, {fraction(own['R1'])}",
+        f"{fraction(own['P2'])}, {fraction(own['R2'])}", number(own["false_per_minute"]),
     ]  # fmt: skip
 
 
@@ -128,15 +128,15 @@ def _both(own: Mapping[str, float]) -> str:
 
 
 def _said(results: Results) -> str:
-    surprise, equal = (results["one"][way] for way in ("by surprise", "all alike"))
+    self_information, equal = (results["one"][way] for way in ("by surprise", "all alike"))
     trivial = results["trivial"]["everywhere"]
-    suggested = results["suggested"]["told from other recordings too"]
+    calibrated = results["suggested"]["told from other recordings too"]
     return claim(
-        equal["F1"] > trivial["F1"] > surprise["F1"],
+        equal["F1"] > trivial["F1"] > self_information["F1"],
         f"With all entries alike, as published, the threshold chosen elsewhere carries over "
         f"({_both(equal)}, against {_both(trivial)} for the most frequent class everywhere). By "
-        f"surprise, which is better on the streams, it does not: {_both(surprise)}, and "
-        f"{_both(suggested)} with thresholds per class, worse than saying the most frequent class. "
+        f"surprise, which is better on the streams, it does not: {_both(self_information)}, and "
+        f"{_both(calibrated)} with thresholds per class, worse than saying the most frequent class. "
         "At these thresholds few labels by surprise are false, and most motions are missed. The "
         "streams hold other clips of the same eleven ways to move; these recordings hold other "
         "jumps, walks and throws, and a threshold chosen on clips is too low for them.",
@@ -158,7 +158,7 @@ def _curves(results: Results) -> str:
     return (
         table(["F1 / F2", "best τ here", "at the best τ", "at τ = .06"], rows)
         + "\nWhich threshold is best here is known only after the fact; by surprise it is "
-        f"{results['loosened'] / results['chosen']['by surprise']:.1f} times the one that streams "
+        f"{results['loosened'] / results['chosen']['by self_information']:.1f} times the one that streams "
         "suggest."
     )
 
@@ -193,7 +193,7 @@ def _false(results: Results) -> str:
                 row["recording"],
                 row["label"],
                 f"{row['start']:.1f}–{row['end']:.1f}",
-                share(row["cost"], 3),
+                fraction(row["cost"], 3),
                 ", ".join(row["truth"]) or "–",
                 "; ".join(row["ways"]),
                 LOOKED_AT.get(_key(row), NOT_LOOKED_AT),

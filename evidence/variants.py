@@ -25,10 +25,15 @@ from evidence.variants_page import (
     write,
 )
 from motionary.errors import MotionaryError
-from motionary.features import FULL_BODY, FeatureSequence, compute_features, say_yardsticks
+from motionary.features import (
+    FULL_BODY,
+    FeatureSequence,
+    compute_features,
+    describe_reference_lengths,
+)
 from motionary.io import read
 from motionary.labels import Label
-from motionary.models.library import ClassLibrary, Teaching, learn_classes
+from motionary.models.library import ClassLibrary, TrainingOptions, learn_classes
 from motionary.motion import Motion
 from motionary.retrieval.annotation import annotate
 
@@ -122,7 +127,7 @@ def _fits(source: Source, kind: str, suffix: str) -> bool:
 class Truth(NamedTuple):
     """Words and labels of a recording as it is."""
 
-    words: FeatureSequence
+    packed: FeatureSequence
     labels: tuple[Label, ...]
 
 
@@ -142,16 +147,16 @@ class Judge:
             path = variants.write_draft(draft, Path(folder), task.suffix, asf=task.source.asf)
             try:
                 motion = read(path, **draft.told)
-                words = compute_features(motion)
+                packed = compute_features(motion)
             except MotionaryError as error:
                 verdict = RIGHT if kind.expected != variants.SAME else ALARM
                 return row | {"verdict": verdict, "error": str(error)}
         first = round(draft.rest_frames / motion.rate_hz * 30)
-        words = words.part(first, len(words)) if first else words
+        packed = packed.part(first, len(packed)) if first else packed
         truth = self.truth_of(draft.truth, task.source)
-        row |= compare_words(words, truth.words)
-        row["notes"] = [*motion.notes, *say_yardsticks(motion)]
-        row |= compare_labels(self.label(words), truth.labels)
+        row |= compare_words(packed, truth.packed)
+        row["notes"] = [*motion.notes, *describe_reference_lengths(motion)]
+        row |= compare_labels(self.label(packed), truth.labels)
         row["verdict"] = _verdict(row, kind.expected)
         return row
 
@@ -159,16 +164,16 @@ class Judge:
         """Words and labels of what reading should give."""
         is_source = motion is source.motion
         if not is_source or source.name not in self.truths:
-            words = compute_features(motion)
-            truth = Truth(words, self.label(words))
+            packed = compute_features(motion)
+            truth = Truth(packed, self.label(packed))
             if not is_source:
                 return truth
             self.truths[source.name] = truth
         return self.truths[source.name]
 
-    def label(self, words: FeatureSequence) -> tuple[Label, ...]:
+    def label(self, packed: FeatureSequence) -> tuple[Label, ...]:
         """Labels, none without classes."""
-        return tuple(annotate(words, self.library)) if self.library is not None else ()
+        return tuple(annotate(packed, self.library)) if self.library is not None else ()
 
 
 def _verdict(row: Mapping[str, Any], expected: str) -> str:
@@ -178,11 +183,11 @@ def _verdict(row: Mapping[str, Any], expected: str) -> str:
     return SAID if said else WRONG
 
 
-def compare_words(words: FeatureSequence, truth: FeatureSequence) -> Results:
+def compare_words(packed: FeatureSequence, truth: FeatureSequence) -> Results:
     """Shares of the values known in both that differ, and that differ for longer than a flip."""
-    n = min(len(words), len(truth))
-    known = (words.known_features[:n] & truth.known_features[:n]).astype(bool)
-    differ = (words.features[:n] != truth.features[:n]) & known
+    n = min(len(packed), len(truth))
+    known = (packed.known_features[:n] & truth.known_features[:n]).astype(bool)
+    differ = (packed.features[:n] != truth.features[:n]) & known
     total = max(1, int(known.sum()))
     lasting = _runs_longer(differ, _FLIP_WORDS)
     worst = lasting.sum(axis=0)
@@ -190,7 +195,7 @@ def compare_words(words: FeatureSequence, truth: FeatureSequence) -> Results:
         "flips": float(differ.sum()) / total,
         "lasting": float(lasting.sum()) / total,
         "known": float(known.mean()),
-        "length": len(words) - len(truth),
+        "length": len(packed) - len(truth),
         "which": [FULL_BODY.ids[i] for i in np.argsort(-worst, kind="stable")[:3] if worst[i]],
     }
 
@@ -234,7 +239,7 @@ def measure(recordings: Recordings) -> Results:
     """What became of every variant, and of the recordings as they are."""
     teachers = [clip for clip in recordings.clips if clip.actor != HELD_OUT]
     library = ClassLibrary(
-        learn_classes(examples(teachers), teaching=Teaching(mirror=True)).classes
+        learn_classes(examples(teachers), training=TrainingOptions(mirror=True)).classes
     )
     sources = load_sources(recordings.folder, _names(recordings))
     judge, rows = Judge(library), []
@@ -299,9 +304,9 @@ def _short(row: Results) -> Results:
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
     """Entries of the record."""
-    teachers = [clip.words for clip in recordings.clips if clip.actor != HELD_OUT]
-    own = [clip.words for clip in recordings.of(actors=[HELD_OUT])]
-    others = [words for name, words in recordings.others.items() if name in OTHERS]
+    teachers = [clip.packed for clip in recordings.clips if clip.actor != HELD_OUT]
+    own = [clip.packed for clip in recordings.of(actors=[HELD_OUT])]
+    others = [packed for name, packed in recordings.others.items() if name in OTHERS]
     return [
         data_entry(f"{HDM05}, taught", teachers),
         data_entry(f"{HDM05}, one clip of each class changed", own),

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from evidence.common import variants
-from evidence.common.pages import picture, share, table
+from evidence.common.pages import fraction, picture, table
 from evidence.common.running import Results
 from motionary.plots.style import BLUE, ORANGE, RULE, TRUNK, VERMILLION, house_style
 
@@ -50,7 +50,7 @@ where the variant asks for it. Each file is read as its user would read it: noth
 the rate of AMC files, which hold none, and the skeleton of half a body.
 
 - *same*: relations are those of the recording. Values that differ for up to 0.1 s are threshold
-  flips and counted; a variant is *silently wrong* if more than {share(WRONG_FROM)} of its known
+  flips and counted; a variant is *silently wrong* if more than {fraction(WRONG_FROM)} of its known
   values differ for longer, and no word says so.
 - *error, rightly*: what the file says contradicts the body, and reading it is refused.
 - *read with a warning*: not the same, and a note says what is open: that the body does not tell

@@ -80,6 +80,6 @@ def write_examples(folder: Path) -> None:
 
 def write_stream(path: Path, *, seed: int = 11):
     """A recording of several motions; when each of them happens comes back."""
-    motion, stretches = synthetic_stream(STREAM, seed=seed, rate_hz=RATE_HZ)
+    motion, segments = synthetic_stream(STREAM, seed=seed, rate_hz=RATE_HZ)
     write_bvh(motion, path)
-    return stretches
+    return segments

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 
-from motionary.models.keyframes import Gap, KeyframeQuery, WordIndex, index_words
-from motionary.packing import Words, pack
+from motionary.models.keyframes import Gap, KeyframeQuery, WordIndex, index_packed
+from motionary.packing import PackedFeatures, pack
 
 SET = "a stream of yes and no"
 
@@ -31,17 +31,17 @@ class Case(NamedTuple):
         return list(zip(self.values, self.fixed, strict=True))
 
     @property
-    def words(self) -> list[Words]:
+    def packed(self) -> list[PackedFeatures]:
         return [pack(document) for document in self.documents]
 
     @property
-    def masks(self) -> list[Words]:
+    def masks(self) -> list[PackedFeatures]:
         return [pack(mask) for mask in self.known]
 
     @property
     def index(self) -> WordIndex:
         ids = ids_of(self.values.shape[1])
-        return index_words(self.words, self.masks, feature_set=SET, feature_ids=ids)
+        return index_packed(self.packed, self.masks, feature_set=SET, feature_ids=ids)
 
 
 def ids_of(n_features: int) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from motionary.matching import Pattern
-from motionary.packing import Words, pack
+from motionary.packing import PackedFeatures, pack
 from oracles import matching as oracle
 
 FREE = UNKNOWN = None
@@ -19,22 +19,22 @@ class Case(NamedTuple):
     weights: list
     entries: list | None
     frames: list
-    n_relations: int
+    n_features: int
     skip_weight: float
 
     @property
     def pattern(self) -> Pattern:
-        values, fixed = words_and_mask(self.columns, self.n_relations)
+        values, fixed = words_and_mask(self.columns, self.n_features)
         entries = None if self.entries is None else np.array(self.entries)
         return Pattern(values, fixed, np.array(self.weights), entries)
 
     @property
-    def words(self) -> Words:
-        return words_and_mask(self.frames, self.n_relations)[0]
+    def packed(self) -> PackedFeatures:
+        return words_and_mask(self.frames, self.n_features)[0]
 
     @property
-    def known(self) -> Words:
-        return words_and_mask(self.frames, self.n_relations)[1]
+    def known(self) -> PackedFeatures:
+        return words_and_mask(self.frames, self.n_features)[1]
 
     def oracle_costs(self) -> list:
         """Rows of cell costs, as fractions."""
@@ -51,26 +51,26 @@ class Case(NamedTuple):
         return oracle.best_matches(self.oracle_costs(), skip_weight=self.skip_weight)
 
 
-def words_and_mask(rows: list, n_relations: int) -> tuple[Words, Words]:
+def words_and_mask(rows: list, n_features: int) -> tuple[PackedFeatures, PackedFeatures]:
     """Words of rows of 0, 1 and None, and the mask of what is not None."""
-    table = np.array(rows, dtype=object).reshape(len(rows), n_relations)
+    table = np.array(rows, dtype=object).reshape(len(rows), n_features)
     return pack(table == 1), pack(table != None)  # noqa: E711
 
 
-def random_rows(rng, n, n_relations, *, share_none, share_empty=0.0):
+def random_rows(rng, n, n_features, *, share_none, share_empty=0.0):
     """Rows of 0, 1 and None; some of nothing but None."""
-    table = rng.integers(0, 2, (n, n_relations)).astype(object)
-    table[rng.random((n, n_relations)) < share_none] = None
+    table = rng.integers(0, 2, (n, n_features)).astype(object)
+    table[rng.random((n, n_features)) < share_none] = None
     table[rng.random(n) < share_empty] = None
     return table.tolist()
 
 
 @st.composite
-def cases(draw, *, most_frames=26, unknown=None, weighed=None, n_relations=None):
+def cases(draw, *, most_frames=26, unknown=None, weighed=None, n_features=None):
     """Small cases in which ties, free columns and unknown stretches are common."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     n_columns, n_frames = draw(st.integers(1, 7)), draw(st.integers(0, most_frames))
-    n = draw(st.sampled_from(n_relations or [1, 2, 5, 40, 64, 65, 130]))
+    n = draw(st.sampled_from(n_features or [1, 2, 5, 40, 64, 65, 130]))
     free, blind = draw(st.sampled_from([0, 0.3, 0.8, 1])), draw(st.sampled_from([0, 0.2, 0.6]))
     weighed = draw(st.booleans()) if weighed is None else weighed
     return Case(
@@ -81,7 +81,7 @@ def cases(draw, *, most_frames=26, unknown=None, weighed=None, n_relations=None)
             rng, n_frames, n, share_none=0 if unknown is False else blind,
             share_empty=0 if unknown is False else draw(st.sampled_from([0, 0.3])),
         ),
-        n_relations=n,
+        n_features=n,
         skip_weight=draw(st.sampled_from([2, 1, 0, 1.5])),
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from motionary.features import FULL_BODY, WORD_HZ, FeatureSequence
+from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence
 from motionary.packing import pack
 
 N = len(FULL_BODY)
@@ -32,4 +32,4 @@ def stream(*parts, seed=0, pause=40):
 
 def seconds(frame) -> float:
     """When a word begins."""
-    return frame / WORD_HZ
+    return frame / SEQUENCE_HZ

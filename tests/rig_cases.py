@@ -4,6 +4,8 @@ A line is a joint, the joint above it, and where it stands: at a generic joint, 
 from one to another, or beside one, by metres. Of a line with @ there is one for each side.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
@@ -469,10 +471,10 @@ def rig_lines(name):
     prefix, sides, text = (RIGS | STRANGERS)[name]
     lines = [line.split() for line in text.splitlines() if line.strip()]
     done = []
-    for words in lines:
-        both = any("@" in word or "$" in word for word in words)
+    for packed in lines:
+        both = any("@" in word or "$" in word for word in packed)
         for letter, side in zip("lr", sides, strict=True) if both else [("", "")]:
-            joint, parent, *place = (w.replace("@", side).replace("$", letter) for w in words)
+            joint, parent, *place = (w.replace("@", side).replace("$", letter) for w in packed)
             full = [full_name(part, prefix) for part in (joint, parent)]
             done.append((full[0], full[1], place))
     return done
@@ -495,9 +497,9 @@ def standing():
     return dict(zip(GENERIC_JOINTS, places, strict=True))
 
 
-def place_of(words, places):
-    first, _, second = words[0].partition(">")
-    rest = [float(word) for word in words[1:]]
+def place_of(packed, places):
+    first, _, second = packed[0].partition(">")
+    rest = [float(word) for word in packed[1:]]
     place = places[first]
     if second:
         place = place + rest.pop(0) * (places[second] - places[first])
@@ -506,7 +508,7 @@ def place_of(words, places):
 
 def rest_places(name):
     """Where the joints of a rig stand at rest, in the order of its lines."""
-    return np.array([place_of(words, standing()) for *_, words in rig_lines(name)])
+    return np.array([place_of(packed, standing()) for *_, packed in rig_lines(name)])
 
 
 def rig_motion(name, *, rename=lambda joint: joint, n_frames=60, seed=0):
@@ -515,10 +517,10 @@ def rig_motion(name, *, rename=lambda joint: joint, n_frames=60, seed=0):
     # Parents first, each branch after its parent.
     places, index = standing(), {}
     parents, where = [], []
-    for joint, parent, words in lines:
+    for joint, parent, packed in lines:
         index[joint] = len(parents)
         parents.append(index[parent] if parent else -1)
-        where.append(place_of(words, places))
+        where.append(place_of(packed, places))
     where = np.array(where)
     offsets = np.array(
         [p - where[above] if above >= 0 else p for p, above in zip(where, parents, strict=True)]
@@ -539,3 +541,22 @@ def rig_motion(name, *, rename=lambda joint: joint, n_frames=60, seed=0):
     )
     positions = forward_kinematics(skeleton, quaternions_to_matrices(rotations), root)
     return Motion(names, positions, 60.0, skeleton=skeleton, rotations=rotations)
+
+
+def dog():
+    """A body on four legs under the names of a person, as motion capture of dogs has them."""
+    made = rig_motion("optitrack", n_frames=40)
+    places = made.positions.copy()
+    index = {name.rpartition(":")[2]: i for i, name in enumerate(made.names)}
+    rest = {
+        "Hip": (0, 0.6, 0), "Ab": (0, 0.6, 0.2), "Chest": (0, 0.6, 0.5), "Neck": (0, 0.65, 0.6),
+        "Head": (0, 0.8, 0.75),
+        "Shoulder": (0.08, 0.6, 0.5), "UArm": (0.1, 0.5, 0.5), "FArm": (0.1, 0.3, 0.47),
+        "Hand": (0.1, 0.05, 0.5), "Thigh": (0.1, 0.55, 0), "Shin": (0.1, 0.35, 0.05),
+        "Foot": (0.1, 0.1, -0.05), "Toe": (0.1, 0.0, 0.03),
+    }  # fmt: skip
+    for name, joint in index.items():
+        side = -1 if name.startswith("R") else 1
+        place = rest.get(name) or rest[name[1:]]
+        places[:, joint] = np.array(place) * (side, 1, 1)
+    return replace(made, positions=places, mapping=None)

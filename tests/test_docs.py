@@ -140,11 +140,11 @@ def run_python(block: Block, where: str, names: dict[str, object]) -> str:
 def run_shell(block: Block, where: str, motionary) -> str:
     put_out = ""
     for line in block.text.replace("\\\n", " ").split("\n"):
-        words = shlex.split(line, comments=True)
-        if not words:
+        packed = shlex.split(line, comments=True)
+        if not packed:
             continue
-        assert words[0] == "motionary", f"{where}: only lines of motionary are run, got {line}"
-        ran = motionary(*words[1:])
+        assert packed[0] == "motionary", f"{where}: only lines of motionary are run, got {line}"
+        ran = motionary(*packed[1:])
         assert ran.code == 0, f"{where}: {line}\nends with {ran.code}: {ran.err}"
         put_out += ran.out
     return put_out
@@ -245,8 +245,8 @@ def test_explanations_in_the_documentation_are_those_of_the_demonstration(demons
     quoted = 0
     for page in PAGES:
         for quote in re.findall(r"(?:^> .+\n)+", page.read_text("utf-8"), re.MULTILINE):
-            words = " ".join(quote.replace("> ", "").split())
-            if "of what the class asks for held" in words:
-                assert words in said, name_of(page)
+            packed = " ".join(quote.replace("> ", "").split())
+            if "of what the class asks for held" in packed:
+                assert packed in said, name_of(page)
                 quoted += 1
     assert quoted

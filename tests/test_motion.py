@@ -60,7 +60,7 @@ def test_translations_replace_offsets():
 
 
 @pytest.mark.parametrize(
-    ("names", "parents", "offsets", "words"),
+    ("names", "parents", "offsets", "packed"),
     [
         (("a", "a"), [-1, 0], np.zeros((2, 3)), "unique"),
         (("a", "b"), [-1], np.zeros((2, 3)), "need parents"),
@@ -70,13 +70,13 @@ def test_translations_replace_offsets():
         (("a", "b"), [-2, 0], np.zeros((2, 3)), "before it"),
     ],
 )
-def test_broken_trees_are_refused(names, parents, offsets, words):
-    with pytest.raises(InvalidInput, match=words):
+def test_broken_trees_are_refused(names, parents, offsets, packed):
+    with pytest.raises(InvalidInput, match=packed):
         Skeleton(names, np.array(parents, dtype=np.intp), offsets)
 
 
 @pytest.mark.parametrize(
-    ("positions", "rate_hz", "words"),
+    ("positions", "rate_hz", "packed"),
     [
         (np.zeros((4, 3, 3)), 30.0, "2 joints"),
         (np.zeros((4, 6)), 30.0, "shape"),
@@ -86,8 +86,8 @@ def test_broken_trees_are_refused(names, parents, offsets, words):
         (np.full((4, 2, 3), np.inf), 30.0, "finite"),
     ],
 )
-def test_impossible_motions_are_refused(positions, rate_hz, words):
-    with pytest.raises(InvalidInput, match=words):
+def test_impossible_motions_are_refused(positions, rate_hz, packed):
+    with pytest.raises(InvalidInput, match=packed):
         Motion(("a", "b"), positions, rate_hz)
 
 

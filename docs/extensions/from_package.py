@@ -15,7 +15,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from motionary.cli.app import build_app
-from motionary.features import FULL_BODY, Relation
+from motionary.features import FULL_BODY, Feature
 from motionary.features import quantities as q
 from motionary.io import MOTION_SUFFIXES, WRITTEN_SUFFIXES, options_of
 from motionary.skeletons import known_mappings, named_mapping
@@ -82,19 +82,19 @@ class Relations(SphinxDirective):
         """A table."""
         rows = [
             [nodes.Text(cell) for cell in (r.id, r.name, r.group, _thresholds(r), r.sentence)]
-            for r in FULL_BODY.relations
+            for r in FULL_BODY.features
         ]
         heads = ["", "relation", "group", "ends / starts", "in words"]
         return [_table(heads, rows, widths=[6, 28, 8, 22, 36])]
 
 
-def _thresholds(relation: Relation) -> str:
+def _thresholds(feature: Feature) -> str:
     def shown(value: float | tuple[float, float]) -> str:
         return f"{value[0]:g}–{value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
 
-    test = _SIGNS.get(relation.test, "")
-    per = " per s" if relation.quantity in _VELOCITIES else ""
-    return f"{test}{shown(relation.weak)} / {shown(relation.strong)} {relation.unit}{per}"
+    test = _SIGNS.get(feature.test, "")
+    per = " per s" if feature.quantity in _VELOCITIES else ""
+    return f"{test}{shown(feature.weak)} / {shown(feature.strong)} {feature.unit}{per}"
 
 
 class Skeletons(SphinxDirective):

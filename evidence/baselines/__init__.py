@@ -11,7 +11,7 @@ from evidence.baselines.frame_classifier import (
     FrameTraining,
     train_frame_classifier,
 )
-from evidence.baselines.frames import position_frames, relation_frames, rotation_frames
+from evidence.baselines.frames import feature_frames, position_frames, rotation_frames
 from evidence.baselines.windows import Window, position_windows
 
 __all__ = [
@@ -21,11 +21,11 @@ __all__ = [
     "FrameTraining",
     "Matches",
     "Window",
+    "feature_frames",
     "find_example",
     "match_costs",
     "position_frames",
     "position_windows",
-    "relation_frames",
     "rotation_frames",
     "train_frame_classifier",
 ]

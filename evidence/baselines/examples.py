@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evidence.baselines.dtw import match_costs
-from evidence.baselines.frames import position_frames, relation_frames, rotation_frames
+from evidence.baselines.frames import feature_frames, position_frames, rotation_frames
 from motionary.errors import InvalidInput
 from motionary.matching import SKIP_WEIGHT, Hit
 from motionary.motion import Motion
@@ -87,7 +87,7 @@ def _same(one: Hit, other: Hit) -> bool:
     return 2 * shared > min(one.stop - one.start, other.stop - other.start)
 
 
-def relation_costs(example: Floats, document: Floats) -> Floats:
+def feature_costs(example: Floats, document: Floats) -> Floats:
     """Share of the relations known in both that disagree; 1 if fewer than half are known."""
     seen_x, seen_y = np.isfinite(example), np.isfinite(document)
     x, y = np.where(seen_x, example, 0.0), np.where(seen_y, document, 0.0)
@@ -135,7 +135,7 @@ def _check_joints(example: Floats, document: Floats) -> None:
 #: rotation as in print, is removed.
 BASELINES: Mapping[str, Baseline] = MappingProxyType(
     {
-        "relations": Baseline(relation_frames, relation_costs),
+        "relations": Baseline(feature_frames, feature_costs),
         "quaternions": Baseline(rotation_frames, rotation_costs),
         "positions": Baseline(position_frames, position_costs),
         "positions-upright": Baseline(partial(position_frames, removed="rotation"), position_costs),

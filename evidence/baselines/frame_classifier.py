@@ -134,8 +134,8 @@ def _solve(
 ) -> Floats:
     """Weights of least squared hinge, all classes at once; each class weighs alike."""
     sides = np.where(labels[:, np.newaxis] == np.arange(n_classes), 1.0, -1.0)
-    share = (sides > 0).mean(axis=0)
-    balance = np.where(sides > 0, 0.5 / share, 0.5 / (1 - share)) / len(labels)
+    fraction = (sides > 0).mean(axis=0)
+    balance = np.where(sides > 0, 0.5 / fraction, 0.5 / (1 - fraction)) / len(labels)
     shape = (lifted.shape[1], n_classes)
 
     def loss(flat: Floats) -> tuple[float, Floats]:

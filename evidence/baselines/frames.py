@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import WORD_HZ, compute_features
+from motionary.features import SEQUENCE_HZ, compute_features
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.rotations import unit_vectors
 
@@ -21,11 +21,11 @@ Removed = Literal["heading", "rotation"]
 _SEGMENTS = (("lhip", "lknee"), ("rhip", "rknee"), ("root", "neck"))
 
 
-def relation_frames(motion: Motion) -> Floats:
+def feature_frames(motion: Motion) -> Floats:
     """The 40 relations of a motion, shape (frames, 40): 0, 1, or NaN where unknown."""
-    words = compute_features(motion)
-    frames = words.features.astype(np.float64)
-    frames[words.known_features == 0] = np.nan
+    packed = compute_features(motion)
+    frames = packed.features.astype(np.float64)
+    frames[packed.known_features == 0] = np.nan
     return frames
 
 
@@ -49,7 +49,7 @@ def rotation_frames(motion: Motion) -> Floats:
     agree = np.sign(np.einsum("fji,fji->fj", rotations[1:], rotations[:-1]))
     signs = np.concatenate([np.ones_like(agree[:1]), np.cumprod(np.where(agree < 0, -1, 1), 0)])
     steady = rotations * signs[..., np.newaxis] if len(agree) else rotations
-    frames = resample(steady, rate_hz=motion.rate_hz, to_hz=WORD_HZ)
+    frames = resample(steady, rate_hz=motion.rate_hz, to_hz=SEQUENCE_HZ)
     unit: Floats = frames / np.linalg.norm(frames, axis=-1, keepdims=True)
     return unit
 
@@ -77,7 +77,7 @@ def position_frames(motion: Motion, *, removed: Removed = "heading") -> Floats:
     """
     if removed not in ("heading", "rotation"):
         raise InvalidInput(f"removed must be 'heading' or 'rotation', got {removed!r}")
-    places = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=WORD_HZ)
+    places = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=SEQUENCE_HZ)
     axes = body_axes(places, removed=removed)
     return to_body(places, centre=_joint(places, "root"), axes=axes, size=body_size(places))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evidence.baselines.frames import body_axes, body_size, to_body
 from motionary.errors import InvalidInput
-from motionary.features import WORD_HZ
+from motionary.features import SEQUENCE_HZ
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 
 Floats = NDArray[np.float64]
@@ -49,8 +49,8 @@ def position_windows(motion: Motion, *, window: Window | None = None) -> Floats:
         If no frame shows what gives the size of the body.
     """
     chosen = window or Window()
-    places = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=WORD_HZ)
-    half = chosen.length_s * WORD_HZ / 2
+    places = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=SEQUENCE_HZ)
+    half = chosen.length_s * SEQUENCE_HZ / 2
     offsets = np.rint(np.linspace(-half, half, chosen.poses)).astype(np.intp)
     around = np.clip(np.arange(len(places))[:, np.newaxis] + offsets, 0, len(places) - 1)
     seen = to_body(

@@ -81,6 +81,6 @@ def score_distance(
 
 
 def smallest(distance: Floats, clips: Sequence[Clip]) -> Floats:
-    lengths = np.array([len(clip.words) + 2 for clip in clips])
+    lengths = np.array([len(clip.packed) + 2 for clip in clips])
     ends = np.cumsum(lengths)
     return np.array([distance[end - n : end].min() for end, n in zip(ends, lengths, strict=True)])

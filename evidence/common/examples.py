@@ -19,7 +19,7 @@ from motionary.evaluation import compute_average_precision, compute_r_precision
 from motionary.features import FeatureSequence
 from motionary.matching import Corpus, Pattern
 from motionary.retrieval.index import Collection
-from motionary.retrieval.search import Growing, Judged, SearchResult, search
+from motionary.retrieval.search import QueryExpansion, RelevanceFeedback, SearchResult, search
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -55,9 +55,11 @@ class Query:
     pool: Pool
     relevant: Bools
 
-    def costs(self, growing: Growing | None, *, judged: Judged | None = None) -> Floats:
+    def costs(
+        self, expansion: QueryExpansion | None, *, feedback: RelevanceFeedback | None = None
+    ) -> Floats:
         """Cost of every recording."""
-        result = self.hits(growing, judged=judged, limit=1)
+        result = self.hits(expansion, feedback=feedback, limit=1)
         return self.costs_of(result[0].evidence.pattern)
 
     def costs_of(self, pattern: Pattern) -> Floats:
@@ -65,12 +67,18 @@ class Query:
         return np.asarray(clip_costs({"": pattern}, self.pool.corpus)[:, 0], dtype=np.float64)
 
     def hits(
-        self, growing: Growing | None, *, judged: Judged | None = None, limit: int
+        self,
+        expansion: QueryExpansion | None,
+        *,
+        feedback: RelevanceFeedback | None = None,
+        limit: int,
     ) -> SearchResult:
         """The first hits."""
-        return search(judged or self.example, self.pool.collection, limit=limit, growing=growing)
+        return search(
+            feedback or self.example, self.pool.collection, limit=limit, expansion=expansion
+        )
 
-    def judge(self, hits: SearchResult) -> tuple[Judged, Bools]:
+    def judge(self, hits: SearchResult) -> tuple[RelevanceFeedback, Bools]:
         """What a person who knows the truth says of hits, and which recordings are left."""
         numbers = {id(s): i for i, s in enumerate(self.pool.collection.sequences)}
         at = [numbers[id(hit.evidence.sequence)] for hit in hits]
@@ -78,11 +86,11 @@ class Query:
         bad = tuple(hit for hit, i in zip(hits, at, strict=True) if not self.relevant[i])
         left = np.ones(len(self.relevant), dtype=np.bool_)
         left[at] = False
-        return Judged(self.example, good, bad), left
+        return RelevanceFeedback(self.example, good, bad), left
 
 
 def score_judged(
-    queries: Sequence[Query], settings: Mapping[str, Growing], *, n_hits: int
+    queries: Sequence[Query], settings: Mapping[str, QueryExpansion], *, n_hits: int
 ) -> dict[str, Any]:
     """Answers before and after the first hits are judged.
 
@@ -94,13 +102,13 @@ def score_judged(
     }
     n_good = []
     for query in queries:
-        hits = query.hits(Growing(), limit=n_hits)
-        judged, left = query.judge(hits)
-        n_good.append(len(judged.good))
+        hits = query.hits(QueryExpansion(), limit=n_hits)
+        feedback, left = query.judge(hits)
+        n_good.append(len(feedback.good))
         answers = {"before": query.costs_of(hits[0].evidence.pattern)}
-        for name, growing in settings.items():
-            told = replace(judged, bad=()) if growing.prior < 0 else judged
-            answers[name] = query.costs(growing, judged=told)
+        for name, expansion in settings.items():
+            told = replace(feedback, bad=()) if expansion.prior < 0 else feedback
+            answers[name] = query.costs(expansion, feedback=told)
         for name, costs in answers.items():
             scores["all"][name].append(score(costs, query.relevant))
             if query.relevant[left].any():
@@ -121,11 +129,11 @@ def others_of(clips: Sequence[Clip], queries: Sequence[Clip]) -> list[Query]:
         actor: [clip for clip in clips if clip.actor != actor]
         for actor in {query.actor for query in queries}
     }
-    made = {actor: Pool(tuple(c.words for c in pool)) for actor, pool in pools.items()}
+    made = {actor: Pool(tuple(c.packed for c in pool)) for actor, pool in pools.items()}
     return [
         Query(
             query.name.split("/")[-1],
-            query.words,
+            query.packed,
             made[query.actor],
             np.array([c.motion_class == query.motion_class for c in pools[query.actor]]),
         )
@@ -138,9 +146,9 @@ def score(costs: Floats, relevant: Bools) -> tuple[float, float]:
     return compute_average_precision(costs, relevant), compute_r_precision(costs, relevant)
 
 
-def score_all(queries: Sequence[Query], growing: Growing) -> list[tuple[float, float]]:
+def score_all(queries: Sequence[Query], expansion: QueryExpansion) -> list[tuple[float, float]]:
     """Both of each query."""
-    return [score(query.costs(growing), query.relevant) for query in queries]
+    return [score(query.costs(expansion), query.relevant) for query in queries]
 
 
 def mean(scores: Sequence[tuple[float, float]]) -> dict[str, float]:

@@ -17,7 +17,7 @@ from evidence.common.recordings import ACTORS, Clip, Recordings, examples
 from evidence.common.streams import AMC_STRETCHES, CHOOSING, REPORTING
 from motionary.evaluation import score_classification
 from motionary.features import FeatureSequence
-from motionary.models.library import Teaching, learn_classes
+from motionary.models.library import TrainingOptions, learn_classes
 from motionary.retrieval.annotation import annotate
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ class Document(NamedTuple):
     """Words and windows of a recording; `label` is its class, or empty."""
 
     label: str
-    words: FeatureSequence
+    packed: FeatureSequence
     windows: Floats
 
 
@@ -43,10 +43,10 @@ def windows_of(recordings: Recordings) -> dict[str, Floats]:
 
 def train(clips: Sequence[Clip], windows: Mapping[str, Floats]) -> FrameClassifier:
     """A machine of some clips."""
-    taught: dict[str, list[Any]] = {}
+    trained: dict[str, list[Any]] = {}
     for clip in clips:
-        taught.setdefault(clip.motion_class, []).append(windows[clip.name])
-    return train_frame_classifier(taught)
+        trained.setdefault(clip.motion_class, []).append(windows[clip.name])
+    return train_frame_classifier(trained)
 
 
 def judge_clips(
@@ -70,23 +70,23 @@ def label_among_others(recordings: Recordings, windows: Mapping[str, Floats]) ->
     for pair in (*CHOOSING, *REPORTING):
         learned = recordings.of(actors=set(ACTORS) - set(pair))
         documents = others + [
-            Document(c.motion_class, c.words, windows[c.name]) for c in recordings.of(actors=pair)
+            Document(c.motion_class, c.packed, windows[c.name]) for c in recordings.of(actors=pair)
         ]
         names = recordings.classes
         found["frames"].append(_by_frames(train(learned, windows), documents, names))
         found["templates"].append(_by_templates(learned, documents, names))
     return {way: _chosen(rows, way) for way, rows in found.items()} | {
-        "minutes of others": sum(len(d.words) for d in others) / 1800
+        "minutes of others": sum(len(d.packed) for d in others) / 1800
     }
 
 
 def _others(recordings: Recordings) -> list[Document]:
     documents = []
     for name, start_s, end_s, _ in AMC_STRETCHES:
-        words = recordings.others[name]
-        first, stop = round(start_s * 30), min(round(end_s * 30), len(words))
+        packed = recordings.others[name]
+        first, stop = round(start_s * 30), min(round(end_s * 30), len(packed))
         windows = position_windows(recordings.motion(name))[first:stop]
-        documents.append(Document("", words.part(first, stop), windows))
+        documents.append(Document("", packed.part(first, stop), windows))
     return documents
 
 
@@ -105,13 +105,13 @@ def _by_frames(
 def _by_templates(
     clips: Sequence[Clip], documents: Sequence[Document], names: Sequence[str]
 ) -> dict[str, list[Floats]]:
-    library = learn_classes(examples(clips), teaching=Teaching(mirror=False))
+    library = learn_classes(examples(clips), training=TrainingOptions(mirror=False))
     rows = []
     for threshold in COSTS:
         labels = []
         for document in documents:
-            label = np.full(len(document.words), NONE)
-            for one in annotate(document.words, library, threshold=threshold, preselect=False):
+            label = np.full(len(document.packed), NONE)
+            for one in annotate(document.packed, library, threshold=threshold, preselect=False):
                 label[round(one.start_s * 30) : round(one.end_s * 30)] = names.index(one.name)
             labels.append(label)
         rows.append(_count(labels, documents, names))
@@ -163,7 +163,7 @@ def right_class(
     names = recordings.classes
     truth = [clip.motion_class for clip in tested]
     patterns = patterns_of(templates_of(learned), tolerance=TOLERANCE_2006)
-    costs = clip_costs(patterns, corpus_of([c.words for c in tested]))
+    costs = clip_costs(patterns, corpus_of([c.packed for c in tested]))
     result = {"MT": score_classification(costs, truth, names=names).accuracy}
     for way in ("RF", "3D heading"):
         frames = Frames(recordings, [*learned, *tested], way)
@@ -174,5 +174,5 @@ def right_class(
             cost = smallest(frames.distance(query, among), tested)
             nearest[:, column] = np.minimum(nearest[:, column], cost)
         result[f"{way} all"] = score_classification(nearest, truth, names=names).accuracy
-    judged = judge_clips(train(learned, windows), tested, windows)
-    return result | {"frames: clips": judged["clips"], "frames: frames": judged["frames"]}
+    feedback = judge_clips(train(learned, windows), tested, windows)
+    return result | {"frames: clips": feedback["clips"], "frames: frames": feedback["frames"]}

@@ -31,8 +31,8 @@ from motionary.matching import (
     find_runs,
     modify,
 )
-from motionary.models.library import MotionClass, Teaching, learn_classes
-from motionary.models.library.teaching import measure_background
+from motionary.models.library import MotionClass, TrainingOptions, learn_classes
+from motionary.models.library.training import measure_background
 from motionary.retrieval.annotation import ClassDistance, class_distance
 
 #: Overlap at which average precision is told.
@@ -52,7 +52,7 @@ class Setting(NamedTuple):
     to_plateau_end : whether a match goes on as long as it costs the same
     """
 
-    by_surprise: bool = True
+    by_self_information: bool = True
     tolerance: float = 0.05
     mirrored: bool = False
     skip_weight: float = SKIP_WEIGHT
@@ -77,7 +77,7 @@ class Labelled(NamedTuple):
 
 def learn_all(clips: Iterable[Clip]) -> tuple[MotionClass, ...]:
     """Classes with mirror images; what is asked of them is said by `with_setting`."""
-    return learn_classes(examples(clips), teaching=Teaching(mirror=True)).classes
+    return learn_classes(examples(clips), training=TrainingOptions(mirror=True)).classes
 
 
 def with_setting(
@@ -92,7 +92,7 @@ def with_setting(
     """
     names = {one.name for one in classes}
     background: tuple[float, ...] = ()
-    if setting.by_surprise:
+    if setting.by_self_information:
         known = examples(clip for clip in clips if clip.motion_class in names)
         background = measure_background(known, FULL_BODY, mirror=setting.mirrored)
     return tuple(
@@ -100,29 +100,29 @@ def with_setting(
             one,
             background=background,
             tolerance=setting.tolerance,
-            subclasses=one.subclasses if setting.mirrored else one.subclasses[:1],
+            prototypes=one.prototypes if setting.mirrored else one.prototypes[:1],
         )
         for one in classes
     )
 
 
 def seek(
-    words: FeatureSequence, classes: Sequence[MotionClass], *, most: float, setting: Setting
+    packed: FeatureSequence, classes: Sequence[MotionClass], *, most: float, setting: Setting
 ) -> Sought:
     """Matches of classes that a setting was given, up to a cost of `most`."""
     matches = {}
     for one in classes:
-        found = class_distance(words, one, threshold=most, skip_weight=setting.skip_weight)
+        found = class_distance(packed, one, threshold=most, skip_weight=setting.skip_weight)
         matches[one.name] = (
-            _to_plateau_ends(words, found, setting)
+            _to_plateau_ends(packed, found, setting)
             if setting.to_plateau_end
             else [match.alignment for match in found.matches]
         )
-    return Sought(matches, len(words))
+    return Sought(matches, len(packed))
 
 
 def _to_plateau_ends(
-    words: FeatureSequence, found: ClassDistance, setting: Setting
+    packed: FeatureSequence, found: ClassDistance, setting: Setting
 ) -> list[Alignment]:
     """Matches, each to the last frame at which it costs no more."""
     curves: dict[int, NDArray[np.float32]] = {}
@@ -131,7 +131,7 @@ def _to_plateau_ends(
         curve = curves.get(id(match.pattern))
         if curve is None:
             curve = distance_function(
-                match.pattern, words.words, words.known, skip_weight=setting.skip_weight
+                match.pattern, packed.packed, packed.known, skip_weight=setting.skip_weight
             )
             curves[id(match.pattern)] = curve
         end = match.alignment.end
@@ -155,14 +155,14 @@ def labels_at(
         most = thresholds if isinstance(thresholds, int | float) else thresholds[name]
         matches = [match for match in sought.matches[name] if match.cost <= most]
         modified.append(modify(matches, n_frames=sought.n_frames)[0])
-    stretches = (
+    segments = (
         [(s.class_index, s.start, s.stop) for s in annotate_distances(modified)]
         if extended
         else _not_extended(modified)
     )
     return [
         Segment(chosen[index], start / 30, stop / 30, float(modified[index][start:stop].min()))
-        for index, start, stop in stretches
+        for index, start, stop in segments
     ]
 
 

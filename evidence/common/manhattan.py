@@ -23,7 +23,7 @@ def manhattan_distance(
     A cell costs the mean difference of the relations times the mean of the column's weight
     and 1, so that the scale is that of the masked cost.
     """
-    frames = unpack(corpus.words, template.n_features).astype(np.float64)
+    frames = unpack(corpus.packed, template.n_features).astype(np.float64)
     # Of a relation that is 0 or 1, |x - y| is x (1 - 2 y) + y.
     costs = (1 - 2 * template.values) @ frames.T + template.values.sum(axis=1, keepdims=True)
     costs *= ((template.weights + 1) / 2 / template.n_features)[:, np.newaxis]

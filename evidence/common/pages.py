@@ -28,7 +28,7 @@ def picture(name: str, caption: str) -> str:
     return f"![{caption}](pictures/{name}.png)\n\n*{caption}*\n"
 
 
-def share(value: float | None, digits: int = 2) -> str:
+def fraction(value: float | None, digits: int = 2) -> str:
     """A share in [0, 1] without its leading zero, as the papers print it."""
     if value is None:
         return "–"
@@ -38,7 +38,7 @@ def share(value: float | None, digits: int = 2) -> str:
 
 def pair(first: float | None, second: float | None) -> str:
     """Two shares, such as F1 and F2."""
-    return f"{share(first)} / {share(second)}"
+    return f"{fraction(first)} / {fraction(second)}"
 
 
 def number(value: float | None, digits: int = 1) -> str:
@@ -48,7 +48,7 @@ def number(value: float | None, digits: int = 1) -> str:
 
 def with_interval(triple: dict[str, float]) -> str:
     """A mean with its limits."""
-    return f"{share(triple['mean'])} [{share(triple['low'])}, {share(triple['high'])}]"
+    return f"{fraction(triple['mean'])} [{fraction(triple['low'])}, {fraction(triple['high'])}]"
 
 
 def claim(holds: bool, text: str) -> str:
@@ -86,7 +86,7 @@ def _cell(item: Any) -> str:
     if item is None:
         return "–"
     if isinstance(item, float):
-        return share(item) if abs(item) < 1 else f"{item:.2f}"
+        return fraction(item) if abs(item) < 1 else f"{item:.2f}"
     return str(item)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evidence.common.ranking import clip_costs
 from motionary.features import FeatureSequence
-from motionary.matching import Corpus, surprise
+from motionary.matching import Corpus, self_information
 from motionary.models.templates import QuantisedTemplate, pattern_of
 
 Floats = NDArray[np.float64]
@@ -46,7 +46,7 @@ def part_costs(example: FeatureSequence, corpus: Corpus, ones: Floats, parts: Pa
             for tempo in parts.tempos
         }
         costs.append(np.minimum(clip_costs(patterns, corpus).min(axis=1), _MOST))
-        told = surprise(part.features.astype(np.bool_), ones) * part.known_features
+        told = self_information(part.features.astype(np.bool_), ones) * part.known_features
         weights.append(told.sum() / len(part))
     return np.asarray(np.average(costs, axis=0, weights=weights), dtype=np.float64)
 
@@ -56,7 +56,7 @@ def at_tempo(sequence: FeatureSequence, tempo: float) -> FeatureSequence:
     n_frames = max(2, round(len(sequence) / tempo))
     at = np.minimum(((np.arange(n_frames) + 0.5) * tempo).astype(np.intp), len(sequence) - 1)
     return FeatureSequence(
-        sequence.words[at], sequence.known[at], sequence.feature_set, sequence.source
+        sequence.packed[at], sequence.known[at], sequence.feature_set, sequence.source
     )
 
 

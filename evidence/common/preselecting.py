@@ -9,8 +9,8 @@ from evidence.common.ranking import corpus_of
 from evidence.common.streams import Stream
 from motionary.features import FeatureSequence
 from motionary.matching import Pattern, corpus_distance, find_hits
-from motionary.models.keyframes import select_in_words
-from motionary.models.library import MotionClass, Subclass
+from motionary.models.keyframes import select_in_sequence
+from motionary.models.library import MotionClass, Prototype
 
 Windows = list[tuple[int, int]]
 THRESHOLDS = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.13)
@@ -40,33 +40,35 @@ class StreamHits(NamedTuple):
     clips: int
 
 
-def windows_of(subclass: Subclass, words: FeatureSequence) -> Windows:
+def windows_of(prototype: Prototype, packed: FeatureSequence) -> Windows:
     """Where a subclass is sought: everywhere without keyframes."""
-    if not subclass.queries:
-        return [(0, len(words))]
-    n_columns = subclass.template.n_columns
-    ranges = select_in_words(
-        subclass.queries, n_columns, words.words, words.known, votes=subclass.votes
+    if not prototype.queries:
+        return [(0, len(packed))]
+    n_columns = prototype.template.n_columns
+    ranges = select_in_sequence(
+        prototype.queries, n_columns, packed.packed, packed.known, votes=prototype.votes
     )
     return ranges.of(0)
 
 
-def match(pattern: Pattern, words: FeatureSequence, windows: Windows) -> list[np.ndarray]:
+def match(pattern: Pattern, packed: FeatureSequence, windows: Windows) -> list[np.ndarray]:
     """Distance function in every window."""
     if not windows:
         return []
-    corpus = corpus_of([words.part(start, stop) for start, stop in windows])
+    corpus = corpus_of([packed.part(start, stop) for start, stop in windows])
     return list(corpus.split(corpus_distance(pattern, corpus)))
 
 
 def hits_in(one: MotionClass, stream: Stream, *, threshold: float) -> StreamHits:
     """Hits of the templates of a class that are not mirrored."""
-    ((_, pattern), *_), subclass = one.sought(), one.subclasses[0]
-    windows = windows_of(subclass, stream.words)
+    ((_, pattern), *_), prototype = one.sought(), one.prototypes[0]
+    windows = windows_of(prototype, stream.packed)
     middles = []
-    for (start, stop), distance in zip(windows, match(pattern, stream.words, windows), strict=True):
-        part = stream.words.part(start, stop)
-        hits = find_hits(distance, pattern, part.words, part.known, threshold=threshold)
+    for (start, stop), distance in zip(
+        windows, match(pattern, stream.packed, windows), strict=True
+    ):
+        part = stream.packed.part(start, stop)
+        hits = find_hits(distance, pattern, part.packed, part.known, threshold=threshold)
         middles += [start + (hit.start + hit.stop) / 2 for hit in hits]
     clips = [s for s in stream.truth if s.name == one.name]
     inside = [[s.start_s <= middle / 30 < s.end_s for middle in middles] for s in clips]
@@ -74,27 +76,30 @@ def hits_in(one: MotionClass, stream: Stream, *, threshold: float) -> StreamHits
     return StreamHits(len(middles), right, sum(map(any, inside)), len(clips))
 
 
-def share_looked_at(classes: Sequence[MotionClass], words: FeatureSequence) -> float:
+def share_looked_at(classes: Sequence[MotionClass], packed: FeatureSequence) -> float:
     """Share of the frames in which a template is matched, mean over all templates."""
     return float(
         np.mean(
-            [sum(b - a for a, b in windows_of(s, words)) / len(words) for s in _subclasses(classes)]
+            [
+                sum(b - a for a, b in windows_of(s, packed)) / len(packed)
+                for s in _subclasses(classes)
+            ]
         )
     )
 
 
-def search_keyframes(classes: Sequence[MotionClass], words: FeatureSequence) -> None:
+def search_keyframes(classes: Sequence[MotionClass], packed: FeatureSequence) -> None:
     """Keyframes of all classes in a recording that no index knows, to be timed."""
-    for subclass in _subclasses(classes):
-        windows_of(subclass, words)
+    for prototype in _subclasses(classes):
+        windows_of(prototype, packed)
 
 
-def match_all(classes: Sequence[MotionClass], words: FeatureSequence) -> None:
+def match_all(classes: Sequence[MotionClass], packed: FeatureSequence) -> None:
     """The same, and distance functions of all templates in what is left, to be timed."""
     for one in classes:
-        for subclass, (_, pattern) in zip(one.subclasses, one.sought(), strict=True):
-            match(pattern, words, windows_of(subclass, words))
+        for prototype, (_, pattern) in zip(one.prototypes, one.sought(), strict=True):
+            match(pattern, packed, windows_of(prototype, packed))
 
 
-def _subclasses(classes: Sequence[MotionClass]) -> Iterator[Subclass]:
-    return (subclass for one in classes for subclass in one.subclasses)
+def _subclasses(classes: Sequence[MotionClass]) -> Iterator[Prototype]:
+    return (prototype for one in classes for prototype in one.prototypes)

@@ -23,7 +23,7 @@ from motionary.models.keyframes import (
     choose_query,
     from_patterns,
     from_template,
-    index_words,
+    index_packed,
     mirror_query,
     select_in_index,
 )
@@ -77,8 +77,8 @@ def lessons_of(clips: Sequence[Clip]) -> dict[str, Lesson]:
     return {
         name: Lesson(
             template,
-            tuple(clip.words for clip in clips if clip.motion_class == name),
-            tuple(clip.words for clip in clips if clip.motion_class != name),
+            tuple(clip.packed for clip in clips if clip.motion_class == name),
+            tuple(clip.packed for clip in clips if clip.motion_class != name),
         )
         for name, template in templates_of(clips).items()
     }
@@ -139,19 +139,19 @@ def with_queries(
     for one in classes:
         queries, votes = committees[one.name]
         mirrored = tuple(mirror_query(query) for query in queries)
-        subclasses = [
-            replace(subclass, queries=mirrored if i else queries, votes=votes)
-            for i, subclass in enumerate(one.subclasses)
+        prototypes = [
+            replace(prototype, queries=mirrored if i else queries, votes=votes)
+            for i, prototype in enumerate(one.prototypes)
         ]
-        result.append(replace(one, subclasses=tuple(subclasses)))
+        result.append(replace(one, prototypes=tuple(prototypes)))
     return tuple(result)
 
 
 def index_of(sequences: Sequence[FeatureSequence]) -> WordIndex:
     """Index of recordings, a document each."""
     first = sequences[0].feature_set
-    return index_words(
-        [s.words for s in sequences], [s.known for s in sequences],
+    return index_packed(
+        [s.packed for s in sequences], [s.known for s in sequences],
         feature_set=first.name, feature_ids=first.ids,
     )  # fmt: skip
 
@@ -167,7 +167,7 @@ class Tested:
     @classmethod
     def of(cls, clips: Sequence[Clip]) -> "Tested":
         """Clips, each a document of its class."""
-        sequences = tuple(clip.words for clip in clips)
+        sequences = tuple(clip.packed for clip in clips)
         return cls(sequences, tuple(clip.motion_class for clip in clips), index_of(sequences))
 
 

@@ -24,7 +24,7 @@ from motionary.matching import (
     Pattern,
     concatenate,
     corpus_distance,
-    share_of_ones,
+    feature_prior,
 )
 from motionary.models.templates import MotionTemplate, learn_template, pattern_of, quantise
 from motionary.packing import full_mask
@@ -39,7 +39,7 @@ TOLERANCE_2006 = 0.1
 def corpus_of(sequences: Sequence[FeatureSequence]) -> Corpus:
     """Recordings as one padded stretch of words."""
     return concatenate(
-        [s.words for s in sequences],
+        [s.packed for s in sequences],
         [s.known for s in sequences],
         full=full_mask(1, len(sequences[0].feature_set))[0],
     )
@@ -49,7 +49,7 @@ def templates_of(clips: Sequence[Clip]) -> dict[str, MotionTemplate]:
     """A template of each class, sorted by name."""
     by_class: dict[str, list[FeatureSequence]] = {}
     for clip in clips:
-        by_class.setdefault(clip.motion_class, []).append(clip.words)
+        by_class.setdefault(clip.motion_class, []).append(clip.packed)
     return {name: template_of(by_class[name]) for name in sorted(by_class)}
 
 
@@ -76,7 +76,7 @@ def patterns_of(
 
 def background_of(clips: Sequence[Clip]) -> Floats:
     """Share of the clips' frames in which each relation holds."""
-    ones = share_of_ones(corpus_of([c.words for c in clips]), len(clips[0].words.feature_set))
+    ones = feature_prior(corpus_of([c.packed for c in clips]), len(clips[0].packed.feature_set))
     return np.clip(ones, 1e-6, 1 - 1e-6)
 
 

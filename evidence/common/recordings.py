@@ -40,7 +40,7 @@ class Clip(NamedTuple):
     name: str
     motion_class: str
     actor: str
-    words: FeatureSequence
+    packed: FeatureSequence
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,23 +110,23 @@ def load(*, jobs: int = 1) -> Recordings:
         for name, path in name_recordings(folder / part).items()
         if path.name not in _LEFT_OUT and path.suffix.lower() in (".amc", ".bvh")
     ]
-    words = {}
+    packed = {}
     for (name, _), item in zip(
         clips + others, read_features(clips + others, jobs=jobs), strict=True
     ):
         if isinstance(item, Failure):
             raise item.error
-        words[name] = item
+        packed[name] = item
     return Recordings(
         folder,
-        tuple(_clip(name, words[name]) for name, _ in sorted(clips)),
-        {name: words[name] for name, _ in others},
+        tuple(_clip(name, packed[name]) for name, _ in sorted(clips)),
+        {name: packed[name] for name, _ in others},
     )
 
 
-def _clip(name: str, words: FeatureSequence) -> Clip:
+def _clip(name: str, packed: FeatureSequence) -> Clip:
     motion_class, file = name.split("/")
-    return Clip(name, motion_class, file.split("_")[1], words)
+    return Clip(name, motion_class, file.split("_")[1], packed)
 
 
 def examples(clips: Iterable[Clip]) -> dict[str, dict[str, list[FeatureSequence]]]:
@@ -134,15 +134,15 @@ def examples(clips: Iterable[Clip]) -> dict[str, dict[str, list[FeatureSequence]
     result: dict[str, dict[str, list[FeatureSequence]]] = {}
     for clip in clips:
         by_class = result.setdefault(clip.motion_class, {clip.motion_class: []})
-        by_class[clip.motion_class].append(clip.words)
+        by_class[clip.motion_class].append(clip.packed)
     return {name: result[name] for name in sorted(result)}
 
 
-def of_2006(words: FeatureSequence) -> FeatureSequence:
+def of_2006(packed: FeatureSequence) -> FeatureSequence:
     """Words of the 39 relations of 2006: the same without F40, the last."""
     last = np.uint64(1) << np.uint64(len(FULL_BODY) - 1)
     return replace(
-        words, words=words.words & ~last, known=words.known & ~last, feature_set=FULL_BODY_2006
+        packed, packed=packed.packed & ~last, known=packed.known & ~last, feature_set=FULL_BODY_2006
     )
 
 

@@ -55,14 +55,14 @@ class Stream(NamedTuple):
     others : motion without the classes
     """
 
-    words: FeatureSequence
+    packed: FeatureSequence
     truth: tuple[Segment, ...]
     others: tuple[Segment, ...]
 
     @property
     def seconds(self) -> float:
         """Length."""
-        return len(self.words) / 30
+        return len(self.packed) / 30
 
     def known_to(self, names: Sequence[str]) -> tuple[Segment, ...]:
         """Truth of some classes only: clips of the others are motion like any other."""
@@ -73,7 +73,7 @@ class Part(NamedTuple):
     """A piece of a stream; `name` is the class of a clip, or a recording."""
 
     name: str
-    words: FeatureSequence
+    packed: FeatureSequence
 
 
 def make_streams(
@@ -92,7 +92,7 @@ def make_streams(
     streams = {}
     for kind in KINDS:
         others = other_motion(recordings, kind, without=without)
-        room = sum(len(part.words) for part in others)
+        room = sum(len(part.packed) for part in others)
         clips = _take(pool, room, rng)
         streams[kind] = _join(
             [clips[i] for i in rng.permutation(len(clips))],
@@ -105,7 +105,7 @@ def make_streams(
 def clips_alone(recordings: Recordings, pair: tuple[str, str], *, seed: int) -> dict[str, Stream]:
     """All clips of two actors, one after the other, nothing between."""
     rng = np.random.default_rng([seed, *(ACTORS.index(actor) for actor in pair)])
-    clips = [Part(c.motion_class, c.words) for c in recordings.of(actors=pair)]
+    clips = [Part(c.motion_class, c.packed) for c in recordings.of(actors=pair)]
     shuffled = [clips[i] for i in rng.permutation(len(clips))]
     return {"clips": _join(shuffled, [], f"{'+'.join(pair)}, clips")}
 
@@ -118,23 +118,23 @@ def other_motion(recordings: Recordings, kind: str, *, without: Collection[str] 
     for name, start_s, end_s, _ in AMC_STRETCHES:
         if name in without:
             continue
-        words = recordings.others[name]
-        first, stop = round(start_s * 30), min(round(end_s * 30), len(words))
+        packed = recordings.others[name]
+        first, stop = round(start_s * 30), min(round(end_s * 30), len(packed))
         n_pieces = int(np.ceil((stop - first) / 30 / LONGEST_S))
         edges = np.linspace(first, stop, n_pieces + 1).astype(int).tolist()
-        pieces += [Part(name, words.part(a, b)) for a, b in itertools.pairwise(edges)]
+        pieces += [Part(name, packed.part(a, b)) for a, b in itertools.pairwise(edges)]
     return pieces
 
 
 def negatives(recordings: Recordings) -> list[FeatureSequence]:
     """Recordings that are in no stream, without the classes."""
-    return [part.words for part in _bandai(recordings, NEGATIVE_KINDS)]
+    return [part.packed for part in _bandai(recordings, NEGATIVE_KINDS)]
 
 
 def _bandai(recordings: Recordings, kinds: tuple[str, ...]) -> list[Part]:
     return [
-        Part(name, words)
-        for name, words in sorted(recordings.others.items())
+        Part(name, packed)
+        for name, packed in sorted(recordings.others.items())
         if name.startswith("bandai/") and name.split("/")[1].startswith(kinds)
     ]
 
@@ -150,10 +150,10 @@ def _take(
         more = False
         for i in rng.permutation(len(keys)):
             own = pool[keys[i]]
-            if own and len(own[-1].words) <= room:
+            if own and len(own[-1].packed) <= room:
                 clip = own.pop()
-                room -= len(clip.words)
-                taken.append(Part(clip.motion_class, clip.words))
+                room -= len(clip.packed)
+                taken.append(Part(clip.motion_class, clip.packed))
                 more = True
     return taken
 
@@ -171,13 +171,13 @@ def _join(clips: Sequence[Part], others: Sequence[Part], source: str) -> Stream:
     between: list[Segment] = []
     at = 0
     for part, is_clip in parts:
-        segment = Segment(part.name, at / 30, (at + len(part.words)) / 30)
+        segment = Segment(part.name, at / 30, (at + len(part.packed)) / 30)
         (truth if is_clip else between).append(segment)
-        at += len(part.words)
-    words = FeatureSequence(
-        np.concatenate([part.words.words for part, _ in parts]),
-        np.concatenate([part.words.known for part, _ in parts]),
+        at += len(part.packed)
+    packed = FeatureSequence(
+        np.concatenate([part.packed.packed for part, _ in parts]),
+        np.concatenate([part.packed.known for part, _ in parts]),
         FULL_BODY,
         source,
     )
-    return Stream(words, tuple(truth), tuple(between))
+    return Stream(packed, tuple(truth), tuple(between))

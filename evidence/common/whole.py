@@ -40,9 +40,9 @@ def whole_costs(patterns: Mapping[str, Pattern], clips: Sequence[FeatureSequence
 
 def _cell_costs(pattern: Pattern, frames: Floats) -> Floats:
     """Masked cost of each column in each frame, shape (columns, clips, frames)."""
-    n_relations = frames.shape[-1]
-    fixed = unpack(pattern.fixed, n_relations)
-    value = unpack(pattern.values, n_relations)
+    n_features = frames.shape[-1]
+    fixed = unpack(pattern.fixed, n_features)
+    value = unpack(pattern.values, n_features)
     entries = fixed if pattern.entry_weights is None else fixed * pattern.entry_weights
     total = entries.sum(axis=1)
     entries = entries * (pattern.column_weights / np.where(total > 0, total, 1.0))[:, np.newaxis]

@@ -23,7 +23,7 @@ GENERIC_JOINTS = (
 )  # fmt: skip
 
 #: Start of the note that says why joints are not mapped.
-NO_RELATIONS = "no relations: "
+NO_FEATURES = "no relations: "
 
 Floats = NDArray[np.float64]
 
@@ -69,12 +69,12 @@ class Normal(NamedTuple):
     a: str
     b: str
     c: str
-    share: float
+    fraction: float
 
     def renamed(self, names: Mapping[str, str]) -> "Normal":
         """The same step between points of other names."""
         a, b, c = (names.get(name, name) for name in (self.a, self.b, self.c))
-        return Normal(a, b, c, self.share)
+        return Normal(a, b, c, self.fraction)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ class Motion:
         """
         if self.mapping is None:
             why = next(
-                (note for note in self.notes if note.startswith(NO_RELATIONS)),
+                (note for note in self.notes if note.startswith(NO_FEATURES)),
                 f"no known skeleton has the joints {', '.join(self.names[:6])}, ...; "
                 "pass skeleton= with a known name",
             )
@@ -200,7 +200,7 @@ class Motion:
         lengths = np.linalg.norm(b - a, axis=1)
         seen = lengths[~np.isnan(lengths)]
         mean = seen.mean() if len(seen) else np.nan
-        step: Floats = unit_vectors(away) * (normal.share * mean)
+        step: Floats = unit_vectors(away) * (normal.fraction * mean)
         return step
 
     def cut(self, first: int, stop: int) -> Self:

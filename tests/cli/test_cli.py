@@ -29,8 +29,8 @@ def world(tmp_path_factory):
     """Examples of three classes, and one recording with several motions."""
     folder = tmp_path_factory.mktemp("world")
     write_examples(folder / "examples")
-    stretches = write_stream(folder / "takes" / "take one.bvh")
-    (folder / "stretches.json").write_text(json.dumps(stretches))
+    segments = write_stream(folder / "takes" / "take one.bvh")
+    (folder / "stretches.json").write_text(json.dumps(segments))
     return folder
 
 
@@ -44,8 +44,8 @@ def library(world):
 
 
 def stretch_of(world, name):
-    stretches = json.loads((world / "stretches.json").read_text())
-    return next((start, end) for label, start, end in stretches if label == name)
+    segments = json.loads((world / "stretches.json").read_text())
+    return next((start, end) for label, start, end in segments if label == name)
 
 
 def json_lines(text):
@@ -75,11 +75,13 @@ def test_the_help_names_every_command(motionary):
 
 
 def test_the_help_shows_the_defaults_of_the_library(motionary):
-    from motionary.models.library import Teaching
-    from motionary.retrieval.search import Growing
+    from motionary.models.library import TrainingOptions
+    from motionary.retrieval.search import QueryExpansion
 
-    assert f"[default: {Growing().hits}" in motionary("search", "--help").out
-    assert f"{Teaching().tolerance};" in re.sub(r"\s+", " ", motionary("learn", "--help").out)
+    assert f"[default: {QueryExpansion().hits}" in motionary("search", "--help").out
+    assert f"{TrainingOptions().tolerance};" in re.sub(
+        r"\s+", " ", motionary("learn", "--help").out
+    )
 
 
 def test_the_version_is_told(motionary):
@@ -256,8 +258,8 @@ def test_stretches_that_were_not_seen_are_told(motionary, library, tmp_path):
     path.write_text(text)
     ran = motionary("annotate", path, "--library", library, "--skeleton", "generic", "--json")
     (track,) = json_lines(ran.out)
-    (stretch,) = track["unassessed"]
-    assert stretch == {"start_s": 0.0, "end_s": pytest.approx(blind.duration_s, abs=1e-4)}
+    (segment,) = track["unassessed"]
+    assert segment == {"start_s": 0.0, "end_s": pytest.approx(blind.duration_s, abs=1e-4)}
     shown = motionary("annotate", path, "--library", library, "--skeleton", "generic").out
     assert "(too little seen)" in shown
 

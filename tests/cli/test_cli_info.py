@@ -10,7 +10,7 @@ from motionary.io import read, read_labels, write, write_labels
 from motionary.io.tables import write_table
 from motionary.labels import Label, LabelTrack
 from motionary.motion import GENERIC_JOINTS, Motion
-from motionary.plots import plot_recordings, say_facing
+from motionary.plots import describe_facing, plot_recordings
 from motionary.samples import synthetic_motion
 from motionary.skeletons import named_mapping
 from rig_cases import rig_motion, standing
@@ -86,7 +86,7 @@ def test_a_picture_says_name_unit_axes_and_facing(rig):
     assert "skeleton guessed, 60 Hz" in written
     assert "unit cm, by legs of 0.83 m" in written
     assert "y up, by the body" in written
-    assert say_facing(squat) in written
+    assert describe_facing(squat) in written
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_facing_is_that_of_the_hips(degrees, words):
     # At rest the figure faces +z.
     positions = np.array([list(standing().values())]) @ about_y.T
     turned = Motion(GENERIC_JOINTS, positions, 120.0, named_mapping("generic"))
-    assert say_facing(turned) == words
+    assert describe_facing(turned) == words
 
 
 def test_the_table_is_written_for_programs_and_for_excel(motionary, rig, tmp_path):

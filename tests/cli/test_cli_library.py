@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cli_cases import CLASSES, EXAMPLES, RATE_HZ, run, write_bvh, write_examples
-from motionary.models.library import ClassLibrary, Teaching, learn, load_library
+from motionary.models.library import ClassLibrary, TrainingOptions, learn, load_library
 from motionary.samples import synthetic_motion
 
 PNG = b"\x89PNG"
@@ -25,8 +25,8 @@ def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("world")
     write_examples(folder / "examples")
     learn(folder / "examples").save(folder / "plain")
-    teaching = Teaching(keep_examples=True, provenance="synthetic", licence="CC0")
-    learn(folder / "examples", teaching=teaching, suggest=True).save(folder / "kept")
+    training = TrainingOptions(keep_examples=True, provenance="synthetic", licence="CC0")
+    learn(folder / "examples", training=training, calibrate=True).save(folder / "kept")
     return folder
 
 
@@ -67,7 +67,7 @@ def test_programs_get_the_same(motionary, world):
     for row, one in zip(rows, load_library(world / "kept"), strict=True):
         assert row["class"] == one.name
         assert row["threshold"] == one.threshold
-        assert row["promised_recall"] == one.promised_recall
+        assert row["promised_recall"] == one.estimated_recall
         assert (row["examples"], row["kept_examples"]) == (EXAMPLES, EXAMPLES)
         assert (row["licence"], row["feature_set"]) == ("CC0", "full-body-40")
 
@@ -84,7 +84,7 @@ def test_an_empty_library_is_listed(motionary, tmp_path):
 
 
 def test_what_is_shown_can_be_given_back(motionary, library, tmp_path):
-    before = load_library(library)["squat"].subclasses[0].template
+    before = load_library(library)["squat"].prototypes[0].template
     ran = motionary("library", "show", library, "squat", "--plot", tmp_path / "x.png")
     assert (ran.code, ran.err) == (0, "")
     assert ran.out.startswith("# learned from 3 recordings\nfeatures: full-body-40\nlasts ")
@@ -92,7 +92,7 @@ def test_what_is_shown_can_be_given_back(motionary, library, tmp_path):
     (tmp_path / "squat.txt").write_text(ran.out)
     ran = motionary("library", "edit", library, "squat", "--text", tmp_path / "squat.txt")
     assert (ran.code, ran.err) == (0, "")
-    after = load_library(library)["squat"].subclasses[0].template
+    after = load_library(library)["squat"].prototypes[0].template
     assert np.array_equal(after.values, before.values)
     assert after.provenance == before.provenance
 
@@ -101,9 +101,9 @@ def test_an_edited_text_changes_what_it_says_and_nothing_else(motionary, library
     before = fixed(library, "squat")
     text = motionary("library", "show", library, "squat").out
     line = next(x for x in text.splitlines() if x.startswith("throughout: "))
-    relation = line.removeprefix("throughout: ").split(",")[0]
+    feature = line.removeprefix("throughout: ").split(",")[0]
     edited = tmp_path / "squat.txt"
-    edited.write_text(text.replace(f"throughout: {relation},", "throughout:", 1))
+    edited.write_text(text.replace(f"throughout: {feature},", "throughout:", 1))
     ran = motionary("library", "edit", library, "squat", "--text", edited, "--plot",
                     tmp_path / "x.png")  # fmt: skip
     assert ran.code == 0
@@ -112,7 +112,7 @@ def test_an_edited_text_changes_what_it_says_and_nothing_else(motionary, library
     after = fixed(library, "squat")
     changed = np.flatnonzero((before.fixed != after.fixed).any(axis=0))
     assert [load_library(library).feature_set.names[i] for i in changed] == [
-        relation.removeprefix("not ")
+        feature.removeprefix("not ")
     ]
     assert not after.fixed[:, changed].any()
 
@@ -134,7 +134,7 @@ def test_a_class_designed_from_nothing(motionary, tmp_path):
     own = load_library(tmp_path / "own")
     assert own.names == ("sweeping",)
     assert own["sweeping"].threshold == 0.1
-    assert own["sweeping"].subclasses[0].template.provenance == "sweeping, designed by hand"
+    assert own["sweeping"].prototypes[0].template.provenance == "sweeping, designed by hand"
     ran = motionary("library", "edit", tmp_path / "own", "sweeping", "--new", "--text", text)
     assert ran.code == 1
     assert "has a class 'sweeping' already; leave out --new" in ran.err
@@ -153,7 +153,7 @@ def test_thresholds_names_and_restrictions(motionary, world, tmp_path):
     assert ran.code == 0, ran.err
     changed = load_library(library)
     assert changed.names == ("kick_left", "knees", "wave_right")
-    assert (changed["knees"].threshold, changed["knees"].promised_recall) == (0.04, None)
+    assert (changed["knees"].threshold, changed["knees"].estimated_recall) == (0.04, None)
     asked = fixed(library, "knees").fixed.any(axis=0)
     assert {changed.feature_set.ids[i] for i in np.flatnonzero(asked)} == {"F20", "F21"}
     assert motionary("library", "edit", library, "knees", "--remove").out == "knees: removed\n"
@@ -177,14 +177,14 @@ def test_queries_of_a_template_that_changed_are_told_to_be_gone(motionary, libra
 
     loaded = load_library(library)
     one = loaded["squat"]
-    asked = replace(one.subclasses[0], queries=(parse_query("right knee bent"),))
-    replace_class(loaded, "squat", replace(one, subclasses=(asked,))).save(library)
+    asked = replace(one.prototypes[0], queries=(parse_query("right knee bent"),))
+    replace_class(loaded, "squat", replace(one, prototypes=(asked,))).save(library)
     ran = motionary("library", "edit", library, "squat", "--rename", "knees")
     assert (ran.code, ran.err) == (0, "")
     (tmp_path / "t.txt").write_text("for 1 s: body low")
     ran = motionary("library", "edit", library, "knees", "--text", tmp_path / "t.txt")
     assert "class 'knees': its keyframe queries were of the template before, and are" in ran.err
-    assert load_library(library)["knees"].subclasses[0].queries == ()
+    assert load_library(library)["knees"].prototypes[0].queries == ()
 
 
 def test_a_joined_class_of_kept_examples_gets_a_threshold_of_its_own(motionary, world, tmp_path):
@@ -192,8 +192,8 @@ def test_a_joined_class_of_kept_examples_gets_a_threshold_of_its_own(motionary, 
     ran = motionary("library", "edit", tmp_path / "library", "squat", "--join", "wave_right")
     assert ran.code == 0, ran.err
     joined = load_library(tmp_path / "library")["squat"]
-    assert joined.subclasses[0].template.n_examples == 2 * EXAMPLES
-    assert joined.promised_recall is not None
+    assert joined.prototypes[0].template.n_examples == 2 * EXAMPLES
+    assert joined.estimated_recall is not None
 
 
 # -- merge ----------------------------------------------------------------------------------
@@ -209,12 +209,12 @@ def test_merging_tells_what_clashes(motionary, world, tmp_path):
                     "--on-clash", "first", "--plot", tmp_path / "x.png")  # fmt: skip
     assert ran.code == 0
     assert "class 'squat' is in several libraries: the first is kept" in ran.err
-    assert load_library(out)["squat"].subclasses[0].examples == ()
+    assert load_library(out)["squat"].prototypes[0].examples == ()
     assert (tmp_path / "x.png").read_bytes().startswith(PNG)
     ran = motionary("library", "merge", world / "plain", world / "kept", "-o", out,
                     "--on-clash", "both")  # fmt: skip
     assert ran.code == 0
-    assert [s.name for s in load_library(out)["squat"].subclasses] == ["squat", "squat-2"]
+    assert [s.name for s in load_library(out)["squat"].prototypes] == ["squat", "squat-2"]
 
 
 def test_merging_without_clash(motionary, library, world, tmp_path):
@@ -245,16 +245,16 @@ def test_a_library_that_keeps_examples_grows_as_if_learned_at_once(motionary, wo
     shutil.copytree(world / "examples", tmp_path / "all")
     for file in sorted(new.iterdir()):
         shutil.copy(file, tmp_path / "all" / "squat" / f"z{file.name}")
-    teaching = Teaching(keep_examples=True)
-    expected = learn(tmp_path / "all", teaching=teaching, suggest=True)
+    training = TrainingOptions(keep_examples=True)
+    expected = learn(tmp_path / "all", training=training, calibrate=True)
     got = load_library(tmp_path / "library")
     for one, other in zip(got, expected, strict=True):
         assert np.array_equal(
-            one.subclasses[0].template.values, other.subclasses[0].template.values
+            one.prototypes[0].template.values, other.prototypes[0].template.values
         )
         assert one.background == other.background
         assert one.threshold == other.threshold
-        assert one.promised_precision == other.promised_precision
+        assert one.estimated_precision == other.estimated_precision
 
 
 def test_a_library_that_does_not_says_so(motionary, library, tmp_path):
@@ -265,7 +265,7 @@ def test_a_library_that_does_not_says_so(motionary, library, tmp_path):
     assert "were not kept (learn --keep-examples): its template stands for them" in ran.err
     changed = load_library(library)["squat"]
     assert changed.threshold == before
-    assert changed.subclasses[0].template.n_examples == 4
+    assert changed.prototypes[0].template.n_examples == 4
 
 
 def test_known_examples_change_nothing_and_broken_ones_are_told(motionary, world, tmp_path):
@@ -300,7 +300,7 @@ def test_learning_advises_chooses_thresholds_and_tells_what_to_expect(motionary,
     assert all(0 < row["threshold"] < 0.2 and row["promised_recall"] > 0.4 for row in rows)
     learned = load_library(tmp_path / "lib")
     assert [row["threshold"] for row in rows] == [one.threshold for one in learned]
-    assert len(learned["squat"].subclasses[0].examples) == EXAMPLES + 5
+    assert len(learned["squat"].prototypes[0].examples) == EXAMPLES + 5
     told = motionary("learn", examples, "-o", tmp_path / "lib2", "--threshold", 0.07, "--json")
     assert {row["threshold"] for row in rows_of(told.out)} == {0.07}
     assert {row["promised_recall"] for row in rows_of(told.out)} == {None}

@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from test_skeletons_rigs import dog
 
 from cli_cases import run
 from motionary.io import write
 from motionary.models.library import learn
 from motionary.samples import synthetic_motion
+from rig_cases import dog
 
 
 @pytest.fixture

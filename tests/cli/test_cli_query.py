@@ -105,7 +105,7 @@ def test_labels_lie_around_keyframes_unless_all_is_looked_at(motionary, world, t
     library = load_library(world / "library")
     nowhere = parse_queries("body spread out on the floor")
     classes = tuple(
-        replace(one, subclasses=tuple(replace(s, queries=nowhere) for s in one.subclasses))
+        replace(one, prototypes=tuple(replace(s, queries=nowhere) for s in one.prototypes))
         for one in library
     )
     replace(library, classes=classes).save(tmp_path / "library")
@@ -122,8 +122,8 @@ def test_labels_lie_around_keyframes_unless_all_is_looked_at(motionary, world, t
 
 def collection(patterns):
     """The form in which the published queries are passed on: body low, and not."""
-    (low,) = (r for r in FULL_BODY.relations if r.name == "body low")
-    group = [r for r in FULL_BODY.relations if r.group == low.group]
+    (low,) = (r for r in FULL_BODY.features if r.name == "body low")
+    group = [r for r in FULL_BODY.features if r.group == low.group]
     n = len(patterns)
     return {
         "keyframes": ["*" * group.index(low) + sign for sign in patterns],
@@ -291,7 +291,7 @@ def test_a_class_joins_a_library(motionary, world, squat, tmp_path):
     motionary("search", world / "examples", "--like", kick, "--save-class", library)
     saved = load_library(library)
     assert saved.names == ("like squat 0", "like kick_left 1")
-    assert saved["like squat 0"].subclasses[0].queries
+    assert saved["like squat 0"].prototypes[0].queries
     ran = motionary("search", world / "examples", "--class", "like squat 0", "--library", library,
                     "--limit", EXAMPLES, "--json")  # fmt: skip
     assert "squat/squat 0.bvh" in recordings(ran)

@@ -390,7 +390,7 @@ def test_labels_of_another_recording_are_refused_by_name():
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "packed"),
     [
         (lambda: evaluate({}, {}), "no recording"),
         (lambda: evaluate({"a": []}, {"b": []}, missing="skip"), "in the truth: b"),
@@ -404,8 +404,8 @@ def test_labels_of_another_recording_are_refused_by_name():
         (lambda: evaluate({str(i): [] for i in range(9)}, {}), "and 4 more"),
     ],
 )
-def test_evaluate_says_what_is_wrong(call, words):
-    with pytest.raises(InvalidInput, match=words):
+def test_evaluate_says_what_is_wrong(call, packed):
+    with pytest.raises(InvalidInput, match=packed):
         call()
 
 

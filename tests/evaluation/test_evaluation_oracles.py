@@ -191,8 +191,8 @@ def test_the_truth_itself_is_perfect(table):
 def test_bounds_hold(predicted, truth):
     scores = evaluate({"a": predicted}, {"a": truth}, durations_s={"a": 60})
     row = scores.concatenated
-    shares = [*row.frames, *row.segments, *row.segment_f.values(), row.edit_score]
-    assert all(0 <= share <= 1 for share in shares)
+    fractions = [*row.frames, *row.segments, *row.segment_f.values(), row.edit_score]
+    assert all(0 <= fraction <= 1 for fraction in fractions)
     assert all(math.isnan(v) or 0 <= v <= 1 for v in row.mean_average_precision.values())
     assert row.segment_f[0.1] >= row.segment_f[0.25] >= row.segment_f[0.5]
     total = len(predicted) + len(truth)

@@ -77,9 +77,9 @@ def test_two_annotators_differ_in_pauses_and_pieces(truth, second):
 def test_everything_is_jump(truth):
     """A trivial labeller; classes that the eleven do not cover are left out."""
     predicted = {name: [Segment("jump", 0, seconds)] for name, seconds in DURATIONS_S.items()}
-    taught = evaluate(predicted, truth, classes=TAUGHT, durations_s=DURATIONS_S)
-    assert round(taught.concatenated.frames.f, 2) == 0.25
+    trained = evaluate(predicted, truth, classes=TAUGHT, durations_s=DURATIONS_S)
+    assert round(trained.concatenated.frames.f, 2) == 0.25
     everything = evaluate(predicted, truth, durations_s=DURATIONS_S)
     assert round(everything.concatenated.frames.f, 2) == 0.21
-    assert everything.concatenated.frames.precision == taught.concatenated.frames.precision
-    assert taught.confusion.matrix.sum() == pytest.approx(30 * sum(DURATIONS_S.values()), abs=4)
+    assert everything.concatenated.frames.precision == trained.concatenated.frames.precision
+    assert trained.confusion.matrix.sum() == pytest.approx(30 * sum(DURATIONS_S.values()), abs=4)

@@ -8,11 +8,11 @@ from evidence.baselines import (
     BASELINES,
     FrameTraining,
     Window,
+    feature_frames,
     find_example,
     match_costs,
     position_frames,
     position_windows,
-    relation_frames,
     rotation_frames,
     train_frame_classifier,
 )
@@ -59,9 +59,9 @@ def test_no_path_leads_through_infinite_cells():
 def test_relations_of_one_example_are_matched_as_words_with_equal_weights():
     example, stream = (compute_features(synthetic_motion("squat", seed=s)) for s in (0, 3))
     pattern = Pattern(
-        example.words, np.tile(full_mask(1, 40), (len(example), 1)), np.ones(len(example))
+        example.packed, np.tile(full_mask(1, 40), (len(example), 1)), np.ones(len(example))
     )
-    expected = distance_function(pattern, stream.words)
+    expected = distance_function(pattern, stream.packed)
     way = BASELINES["relations"]
     frames = [way.measure(synthetic_motion("squat", seed=s)) for s in (0, 3)]
     distance = match_costs(way.costs(*frames)).distance
@@ -69,7 +69,7 @@ def test_relations_of_one_example_are_matched_as_words_with_equal_weights():
 
 
 def test_relations_that_are_unknown_do_not_count():
-    frames = relation_frames(synthetic_motion("bow", seed=1))
+    frames = feature_frames(synthetic_motion("bow", seed=1))
     hidden = frames.copy()
     hidden[:, :5] = np.nan
     costs = BASELINES["relations"].costs(frames, hidden)

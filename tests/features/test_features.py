@@ -9,10 +9,10 @@ from motionary.errors import InvalidInput
 from motionary.features import (
     FULL_BODY,
     FULL_BODY_2006,
-    WORD_HZ,
+    SEQUENCE_HZ,
     FeatureSequence,
     compute_features,
-    relation_matrix,
+    feature_matrix,
 )
 from motionary.io import read
 from motionary.motion import GENERIC_JOINTS, Motion, resample
@@ -76,7 +76,7 @@ def golden_pieces(data, golden, *, continued):
     for folder, number, column, offset in CLIPS:
         path = data / "hdm05" / folder / f"HDM_mm_{folder}_{number}_120.amc"
         before = take[column - 1] if continued else None
-        features, known = relation_matrix(
+        features, known = feature_matrix(
             read(path).generic_positions(), FULL_BODY_2006, before=before
         )
         assert known.all()
@@ -111,7 +111,7 @@ def words_of(motion, positions=None, **changes):
 
 def count_flips(first, second):
     assert np.array_equal(first.known, second.known)
-    return int(np.bitwise_count(first.words ^ second.words).sum())
+    return int(np.bitwise_count(first.packed ^ second.packed).sum())
 
 
 def ids_where(mask):
@@ -142,14 +142,14 @@ def test_words_do_not_tell_where_the_body_faces(motions):
 
 
 def test_any_turn_place_and_size_flips_next_to_nothing(motions):
-    angle, n_words, flips = 0.7, 0, 0
+    angle, n_integers, flips = 0.7, 0, 0
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     for motion in motions:
         moved = 0.83 * motion.positions @ turn.T + np.array([3.1, 0.7, -11.3])
-        n_words += len(words_of(motion))
+        n_integers += len(words_of(motion))
         flips += count_flips(words_of(motion), words_of(motion, moved))
-    assert n_words > 700
+    assert n_integers > 700
     assert flips <= 1
 
 
@@ -158,8 +158,8 @@ def test_a_mirrored_motion_has_mirrored_words(motions):
     for motion in motions:
         partner = [GENERIC_JOINTS.index(_other_side(j)) for j in GENERIC_JOINTS]
         mirrored = words_of(motion, motion.positions[:, partner] * np.array([-1.0, 1.0, 1.0]))
-        expected = permute(words_of(motion).words, FULL_BODY.mirror_order)
-        differ = FeatureSequence(mirrored.words ^ expected, mirrored.known, FULL_BODY).features
+        expected = permute(words_of(motion).packed, FULL_BODY.mirror_order)
+        differ = FeatureSequence(mirrored.packed ^ expected, mirrored.known, FULL_BODY).features
         flips += differ.sum(axis=0, dtype=int)
     # F1 and F2 are both measured from the left hip: they differ where the hips turn.
     assert ids_where(flips > 0) <= {"F1", "F2"}
@@ -193,9 +193,9 @@ def test_resampling_there_and_back_keeps_the_samples(motions):
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "share"), [(30, 0.002), (60, 0.0006), (100, 0.0006), (240, 0.0003)]
+    ("rate_hz", "fraction"), [(30, 0.002), (60, 0.0006), (100, 0.0006), (240, 0.0003)]
 )
-def test_the_same_motion_at_other_rates_has_nearly_the_same_words(rate_hz, share):
+def test_the_same_motion_at_other_rates_has_nearly_the_same_words(rate_hz, fraction):
     flips = total = 0
     for name in SYNTHETIC_CLASSES:
         fine = synthetic_motion(name, seed=4, rate_hz=1200)
@@ -209,12 +209,12 @@ def test_the_same_motion_at_other_rates_has_nearly_the_same_words(rate_hz, share
         assert abs(len(reference) - len(other)) <= 1
         flips += int((reference.features[:n] != other.features[:n]).sum())
         total += 40 * n
-    assert flips <= share * total
+    assert flips <= fraction * total
 
 
-@pytest.mark.parametrize(("step", "share"), [(2, 0.001), (4, 0.002)])
+@pytest.mark.parametrize(("step", "fraction"), [(2, 0.001), (4, 0.002)])
 def test_a_recording_at_a_half_or_a_quarter_of_its_rate_has_nearly_the_same_words(
-    data, step, share
+    data, step, fraction
 ):
     motion = read(data / "cmu" / "86_01.amc")
     coarse = replace(
@@ -223,7 +223,7 @@ def test_a_recording_at_a_half_or_a_quarter_of_its_rate_has_nearly_the_same_word
     first, second = compute_features(motion), compute_features(coarse)
     assert len(first) == len(second)
     # Measured: .0008 and .0016, most of them F40 and F39, which are not averaged over time.
-    assert count_flips(first, second) <= share * 40 * len(first)
+    assert count_flips(first, second) <= fraction * 40 * len(first)
 
 
 def test_a_gap_stays_a_gap_when_resampled():
@@ -248,7 +248,7 @@ def test_an_unseen_joint_makes_unknown_exactly_what_needs_it(motions, joint):
     expected = set(NEEDS[joint].split())
     unknown = ids_where(~got.known_features.any(axis=0))
     assert unknown == expected
-    assert (got.words & ~got.known == 0).all()
+    assert (got.packed & ~got.known == 0).all()
 
 
 def test_without_upper_arms_and_thighs_nothing_is_measured_in_them(motions):
@@ -265,13 +265,13 @@ def test_known_relations_do_not_mind_what_is_not_seen(motions):
     positions = motion.positions.copy()
     positions[:, GENERIC_JOINTS.index("lfingers")] = np.nan
     full, less = words_of(motion), words_of(motion, positions)
-    assert not ((full.words ^ less.words) & less.known).any()
+    assert not ((full.packed ^ less.packed) & less.known).any()
 
 
 def test_a_gap_hides_a_relation_for_as_long_as_its_window_meets_it(motions):
     positions = np.repeat(as_array([standing()]), 200, axis=0)
     positions[100:110, GENERIC_JOINTS.index("rfingers")] = np.nan
-    _, known = relation_matrix(positions, FULL_BODY)
+    _, known = feature_matrix(positions, FULL_BODY)
     unknown = ~known[:, FULL_BODY.ids.index("F33")]
     assert np.flatnonzero(unknown).tolist() == list(range(100, 110))
     # F13: differences 99 to 109 are missing, windows reach 5 back and 6 ahead.
@@ -286,7 +286,7 @@ def test_a_length_unseen_at_first_is_its_median(motions):
     full, late = words_of(motion), words_of(motion, positions)
     assert late.known_features[0, FULL_BODY.ids.index("F7")] == 0
     assert late.known_features[0, FULL_BODY.ids.index("F17")] == 1
-    assert not ((full.words ^ late.words) & late.known)[2:].any()
+    assert not ((full.packed ^ late.packed) & late.known)[2:].any()
 
 
 def test_a_body_without_extent_is_unknown_not_false():
@@ -311,9 +311,9 @@ def test_few_frames_are_enough(frames):
 # -- time -------------------------------------------------------------------------------
 
 
-def sequence(n_words, **arguments):
-    words = pack(np.zeros((n_words, 40), dtype=bool))
-    return FeatureSequence(words, words, FULL_BODY, **arguments)
+def sequence(n_integers, **arguments):
+    packed = pack(np.zeros((n_integers, 40), dtype=bool))
+    return FeatureSequence(packed, packed, FULL_BODY, **arguments)
 
 
 @pytest.mark.parametrize("rate_hz", [30.0, 60.0, 100.0, 120.0, 240.0])
@@ -325,7 +325,7 @@ def test_words_frames_and_seconds_belong_together(rate_hz):
     )  # fmt: skip
     got = compute_features(motion)
     assert got.source == "take.amc"
-    assert got.rate_hz == WORD_HZ
+    assert got.rate_hz == SEQUENCE_HZ
     assert got.duration_s == pytest.approx(n_frames / rate_hz)
     assert len(got) == int((n_frames - 1) / rate_hz * 30 + 1e-9) + 1
     assert got.seconds(0) == 0

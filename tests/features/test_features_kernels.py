@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motionary.features import FULL_BODY, FULL_BODY_2006, relation_matrix
+from motionary.features import FULL_BODY, FULL_BODY_2006, feature_matrix
 from motionary.features.hysteresis import hysteresis
 from motionary.features.velocity import smoothed_velocity, window_frames
 from oracles import features as oracle
@@ -82,8 +82,8 @@ def test_the_end_of_a_track_is_reflected_with_its_edge():
 @pytest.mark.parametrize("seed", SEEDS)
 def test_relations_of_random_movement_equal_the_transcription(seed):
     positions = random_positions(seed, frames=150)
-    features, known = relation_matrix(positions, FULL_BODY)
-    expected, expected_known = oracle.relations(oracle.as_tracks(positions))
+    features, known = feature_matrix(positions, FULL_BODY)
+    expected, expected_known = oracle.features(oracle.as_tracks(positions))
     assert FULL_BODY.ids == tuple(oracle.IDS)
     assert known.all()
     assert expected_known.all()
@@ -92,7 +92,7 @@ def test_relations_of_random_movement_equal_the_transcription(seed):
 
 def test_random_movement_shows_every_relation_both_ways():
     positions = [random_positions(seed, frames=150) for seed in SEEDS]
-    shown = np.concatenate([relation_matrix(p, FULL_BODY)[0] for p in positions])
+    shown = np.concatenate([feature_matrix(p, FULL_BODY)[0] for p in positions])
     assert shown.any(axis=0).all()
     assert not shown.all(axis=0).any()
 
@@ -105,8 +105,8 @@ def test_relations_with_gaps_equal_the_transcription(seed):
         start = rng.integers(0, 90)
         # Some gaps begin with the first frame, where lengths are measured.
         positions[0 if rng.random() < 0.5 else start : start + rng.integers(1, 40), joint] = np.nan
-    features, known = relation_matrix(positions, FULL_BODY)
-    expected, expected_known = oracle.relations(oracle.as_tracks(positions))
+    features, known = feature_matrix(positions, FULL_BODY)
+    expected, expected_known = oracle.features(oracle.as_tracks(positions))
     assert np.argwhere(known != expected_known).tolist() == []
     assert np.argwhere(features != expected).tolist() == []
     assert not known.all()
@@ -115,21 +115,21 @@ def test_relations_with_gaps_equal_the_transcription(seed):
 def test_thresholds_and_tests_are_those_of_the_table():
     positions = oracle.as_array([oracle.standing()] * 2)
     table = oracle.table(oracle.as_tracks(positions))
-    for relation in FULL_BODY.relations:
-        _, test, weak, strong = table[relation.id]
+    for feature in FULL_BODY.features:
+        _, test, weak, strong = table[feature.id]
         if test == "in":
-            assert (relation.weak, relation.strong) == (
+            assert (feature.weak, feature.strong) == (
                 (90 - weak, 90 + weak),
                 (90 - strong, 90 + strong),
             )
         else:
-            assert (relation.test, relation.weak, relation.strong) == (test, weak, strong)
+            assert (feature.test, feature.weak, feature.strong) == (test, weak, strong)
 
 
 def test_the_state_before_a_piece_carries_on():
     positions = random_positions(3, frames=200)
-    whole, _ = relation_matrix(positions, FULL_BODY_2006)
+    whole, _ = feature_matrix(positions, FULL_BODY_2006)
     # Every pose but the first is that of the piece; lengths are of the first frame.
-    static = [i for i, r in enumerate(FULL_BODY_2006.relations) if r.id in ("F7", "F8", "F20")]
-    piece, _ = relation_matrix(positions[77:], FULL_BODY_2006, before=whole[76])
+    static = [i for i, r in enumerate(FULL_BODY_2006.features) if r.id in ("F7", "F8", "F20")]
+    piece, _ = feature_matrix(positions[77:], FULL_BODY_2006, before=whole[76])
     assert np.array_equal(piece[:, static], whole[77:, static])

@@ -13,7 +13,7 @@ from motionary.features import (
     FeatureSet,
     compute_features,
     describe_set,
-    find_relation,
+    find_feature,
     known_sets,
     set_from_rows,
 )
@@ -32,31 +32,31 @@ def test_sets_are_known_by_name():
 
 
 def test_the_middle_level_is_the_published_relation():
-    middle = {r.id: r for r in THREE_LEVELS.relations}
+    middle = {r.id: r for r in THREE_LEVELS.features}
     split = {"F25", "F26", "F32"}
-    assert all(middle[r.id] == r for r in FULL_BODY.relations if r.id not in split)
-    words = compute_features(synthetic_motion("squat", seed=0), feature_set=THREE_LEVELS)
+    assert all(middle[r.id] == r for r in FULL_BODY.features if r.id not in split)
+    packed = compute_features(synthetic_motion("squat", seed=0), feature_set=THREE_LEVELS)
     published = compute_features(synthetic_motion("squat", seed=0))
-    features = dict(zip(THREE_LEVELS.ids, words.features.T, strict=True))
-    for relation, row in zip(FULL_BODY.relations, published.features.T, strict=True):
-        if relation.id not in split:
-            assert np.array_equal(features[relation.id], row), relation.id
+    features = dict(zip(THREE_LEVELS.ids, packed.features.T, strict=True))
+    for feature, row in zip(FULL_BODY.features, published.features.T, strict=True):
+        if feature.id not in split:
+            assert np.array_equal(features[feature.id], row), feature.id
 
 
 @pytest.mark.parametrize("motion", ["squat", "kick_left", "jump"])
 def test_a_harder_level_holds_less_often(motion):
-    words = compute_features(synthetic_motion(motion, seed=1), feature_set=THREE_LEVELS)
-    share = dict(zip(THREE_LEVELS.ids, words.features.mean(axis=0), strict=True))
+    packed = compute_features(synthetic_motion(motion, seed=1), feature_set=THREE_LEVELS)
+    fraction = dict(zip(THREE_LEVELS.ids, packed.features.mean(axis=0), strict=True))
     for id_ in THREE_LEVELS.ids[1::3]:
         # One frame: the switches of two levels may close in another order.
-        slack = 1 / len(words)
-        assert share[f"{id_}-"] + slack >= share[id_] >= share[f"{id_}+"] - slack, id_
+        slack = 1 / len(packed)
+        assert fraction[f"{id_}-"] + slack >= fraction[id_] >= fraction[f"{id_}+"] - slack, id_
 
 
 def test_words_of_129_relations_pack_into_three_integers():
-    words = compute_features(synthetic_motion("kick_left", seed=0), feature_set=THREE_LEVELS)
-    assert words.words.shape == (len(words), 3)
-    assert np.array_equal(unpack(words.words, 129), words.features)
+    packed = compute_features(synthetic_motion("kick_left", seed=0), feature_set=THREE_LEVELS)
+    assert packed.packed.shape == (len(packed), 3)
+    assert np.array_equal(unpack(packed.packed, 129), packed.features)
     swapped = THREE_LEVELS.mirror_order
     assert np.array_equal(swapped[swapped], np.arange(129))
     assert swapped[THREE_LEVELS.ids.index("F13+")] == THREE_LEVELS.ids.index("F14+")
@@ -69,7 +69,7 @@ def test_a_set_that_is_written_down_is_the_same_set(one):
 
 
 def test_a_quantity_of_ones_own_cannot_be_written_down():
-    own = replace(FULL_BODY.relations[16], quantity=lambda body, window_s, joint: body[joint][1])
+    own = replace(FULL_BODY.features[16], quantity=lambda body, window_s, joint: body[joint][1])
     assert describe_set(FeatureSet("own", (replace(own, mirror=own.id),))) is None
 
 
@@ -107,14 +107,14 @@ def test_a_missing_field_is_named():
 
 
 def test_relations_are_found_by_name_and_id():
-    assert find_relation("F13", FULL_BODY) == find_relation(" Right  hand FAST ", FULL_BODY) == 12
-    assert find_relation("f13+", THREE_LEVELS) == THREE_LEVELS.ids.index("F13+")
+    assert find_feature("F13", FULL_BODY) == find_feature(" Right  hand FAST ", FULL_BODY) == 12
+    assert find_feature("f13+", THREE_LEVELS) == THREE_LEVELS.ids.index("F13+")
     with pytest.raises(InvalidInput, match="did you mean 'right hand fast'"):
-        find_relation("right hand fsat", FULL_BODY)
+        find_feature("right hand fsat", FULL_BODY)
     with pytest.raises(InvalidInput, match="'right hand above neck'"):
-        find_relation("neck", FULL_BODY)
+        find_feature("neck", FULL_BODY)
     with pytest.raises(InvalidInput, match="it has right foot behind left leg, left foot"):
-        find_relation("xyz", LEGS)
-    twice = [replace(r, name="same") for r in LEGS.relations[:2]]
+        find_feature("xyz", LEGS)
+    twice = [replace(r, name="same") for r in LEGS.features[:2]]
     with pytest.raises(InvalidInput, match="may be each of F15, F16; write the id"):
-        find_relation("same", FeatureSet("twice", tuple(twice)))
+        find_feature("same", FeatureSet("twice", tuple(twice)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from motionary import compute_features
-from motionary.features import FULL_BODY, LEGS, say_yardsticks
+from motionary.features import FULL_BODY, LEGS, describe_reference_lengths
 from motionary.motion import GENERIC_JOINTS
 from motionary.samples import synthetic_motion
 
@@ -29,33 +29,33 @@ def kick():
 
 def test_legs_alone_give_the_relations_of_legs(kick):
     legs = without(kick, set(GENERIC_JOINTS) - LEGS_OF_BODY)
-    words = compute_features(legs, feature_set=LEGS)
-    assert words.known_features.all()
+    packed = compute_features(legs, feature_set=LEGS)
+    assert packed.known_features.all()
     whole = compute_features(kick, feature_set=LEGS)
     # The figure's upper arm is .69 of its thigh: a threshold is 3 % off.
-    assert (words.features == whole.features).mean() > 0.98
+    assert (packed.features == whole.features).mean() > 0.98
     known = compute_features(legs).known_features.any(axis=0)
     assert {FULL_BODY.ids[i] for i in np.flatnonzero(known)} == set(LEGS.ids)
-    (note,) = say_yardsticks(legs)
+    (note,) = describe_reference_lengths(legs)
     assert note.startswith("no upper arm: .71 of the thigh stands in")
 
 
 def test_one_arm_measures_for_the_other(kick):
     one = without(kick, [f"r{joint}" for joint in ARMS])
-    (note,) = say_yardsticks(one)
+    (note,) = describe_reference_lengths(one)
     assert note.startswith("no right upper arm: the left upper arm stands in")
-    words, whole = compute_features(one), compute_features(kick)
-    known = words.known_features.astype(bool)
-    assert (words.features == whole.features)[known].all()
+    packed, whole = compute_features(one), compute_features(kick)
+    known = packed.known_features.astype(bool)
+    assert (packed.features == whole.features)[known].all()
     assert known[:, FULL_BODY.ids.index("F25")].all()
 
 
 def test_whole_bodies_need_no_stand_in(kick):
-    assert say_yardsticks(kick) == ()
+    assert describe_reference_lengths(kick) == ()
 
 
 def test_without_arms_and_legs_nothing_stands_in(kick):
     trunk = without(kick, set(GENERIC_JOINTS) - {"root", "belly", "chest", "neck", "head"})
-    assert say_yardsticks(trunk) == ()
+    assert describe_reference_lengths(trunk) == ()
     known = compute_features(trunk).known_features.any(axis=0)
     assert {FULL_BODY.ids[i] for i in np.flatnonzero(known)} == {"F32"}

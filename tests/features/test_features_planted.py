@@ -8,7 +8,7 @@ typed here once more, from the published table; the figure's lengths are known.
 import numpy as np
 import pytest
 
-from motionary.features import FULL_BODY, relation_matrix
+from motionary.features import FULL_BODY, feature_matrix
 from oracles.features import as_array, standing
 
 HUMERUS, SHOULDERS, HIPS, CHEST_TO_NECK, HEIGHT = 0.25, 0.5, 0.25, 0.125, 1.625
@@ -167,11 +167,11 @@ def values_around(weak, strong):
 
 
 def mirror_of(id):
-    return FULL_BODY.relations[FULL_BODY.ids.index(id)].mirror
+    return FULL_BODY.features[FULL_BODY.ids.index(id)].mirror
 
 
 def state_of(id, positions):
-    features, known = relation_matrix(positions, FULL_BODY)
+    features, known = feature_matrix(positions, FULL_BODY)
     column = FULL_BODY.ids.index(id)
     assert known[:, column].all()
     return features[:, column].tolist()

@@ -9,10 +9,10 @@ from motionary.errors import InvalidInput
 from motionary.features import (
     FULL_BODY,
     FULL_BODY_2006,
+    Feature,
     FeatureSet,
-    Relation,
     compute_features,
-    relation_matrix,
+    feature_matrix,
 )
 from motionary.features import quantities as q
 from motionary.motion import GENERIC_JOINTS, Motion
@@ -32,13 +32,13 @@ def bow():
 
 
 def test_an_array_gives_the_words_of_its_motion(bow):
-    words = compute_features(bow).words
+    packed = compute_features(bow).packed
     got = compute_features(bow.positions, rate_hz=bow.rate_hz)
-    assert np.array_equal(got.words, words)
+    assert np.array_equal(got.packed, packed)
     order = np.random.default_rng(0).permutation(24)
     names = [GENERIC_JOINTS[i] for i in order]
     got = compute_features(bow.positions[:, order].tolist(), rate_hz=120, skeleton=names)
-    assert np.array_equal(got.words, words)
+    assert np.array_equal(got.packed, packed)
 
 
 def test_an_array_of_smpl_joints_is_known_but_for_the_top_of_the_head(bow):
@@ -50,7 +50,7 @@ def test_an_array_of_smpl_joints_is_known_but_for_the_top_of_the_head(bow):
     full = compute_features(bow)
     unknown = np.flatnonzero(~got.known_features.any(axis=0))
     assert [FULL_BODY.ids[i] for i in unknown] == ["F37", "F38"]
-    differ = (full.words ^ got.words) & got.known
+    differ = (full.packed ^ got.packed) & got.known
     assert not differ.any()
     assert "F37" in mapping.note
 
@@ -94,16 +94,16 @@ def test_what_does_not_fit_is_told_clearly(arguments, message):
 
 def test_relations_need_all_generic_joints():
     with pytest.raises(InvalidInput, match="24 generic joints"):
-        relation_matrix(np.zeros((3, 23, 3)), FULL_BODY)
+        feature_matrix(np.zeros((3, 23, 3)), FULL_BODY)
     with pytest.raises(InvalidInput, match="one state a relation"):
-        relation_matrix(POSITIONS, FULL_BODY, before=np.zeros(39, dtype=bool))
+        feature_matrix(POSITIONS, FULL_BODY, before=np.zeros(39, dtype=bool))
 
 
 # -- sets of other relations ------------------------------------------------------------
 
 
 def knee_flexed(degrees):
-    return Relation(
+    return Feature(
         id=f"K{degrees}",
         name=f"right knee flexed beyond {180 - degrees} degrees",
         group="lower",
@@ -120,7 +120,7 @@ def knee_flexed(degrees):
 def test_a_set_may_have_more_relations_than_a_word_has_bits(bow):
     ladder = FeatureSet("knee ladder", tuple(knee_flexed(a) for a in range(90, 180)))
     got = compute_features(bow, feature_set=ladder)
-    assert got.words.shape == (len(got), 2)
+    assert got.packed.shape == (len(got), 2)
     angles = relation_angles(bow)
     expected = angles[:, None] <= np.arange(90, 180)
     assert np.array_equal(got.features, expected)
@@ -181,7 +181,7 @@ def test_a_set_needs_a_name_relations_and_unique_ids():
 def test_a_quantity_of_the_wrong_shape_is_refused():
     wrong = replace(knee_flexed(90), quantity=lambda body, window_s, *joints: np.zeros(1))
     with pytest.raises(InvalidInput, match=r"one value a frame, shape \(3,\), got \(1,\)"):
-        relation_matrix(POSITIONS, FeatureSet("set", (wrong,)))
+        feature_matrix(POSITIONS, FeatureSet("set", (wrong,)))
 
 
 def test_selecting_keeps_order_and_needs_both_sides():
@@ -200,12 +200,12 @@ def test_mirror_pairs_are_those_of_the_table():
     for a, b in pairs:
         expected[[a - 1, b - 1]] = b - 1, a - 1
     assert FULL_BODY.mirror_order.tolist() == expected.tolist()
-    groups = [r.group for r in FULL_BODY.relations]
+    groups = [r.group for r in FULL_BODY.features]
     assert groups == ["upper"] * 14 + ["lower"] * 12 + ["mix"] * 14
 
 
 def test_relations_are_told_in_words():
     assert len(set(FULL_BODY.names)) == 40
-    for relation in FULL_BODY.relations:
-        assert relation.sentence.endswith(".")
-        assert "{" not in relation.name + relation.sentence
+    for feature in FULL_BODY.features:
+        assert feature.sentence.endswith(".")
+        assert "{" not in feature.name + feature.sentence

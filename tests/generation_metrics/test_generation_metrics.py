@@ -50,7 +50,7 @@ def test_published_features_are_what_the_table_says():
     random = np.random.default_rng(3)
     start = random.normal(size=(1, 24, 3))
     path = start + np.cumsum(random.normal(scale=0.004, size=(40, 24, 3)), axis=0)
-    np.testing.assert_allclose(published_features(path), generation.shares(path.tolist()))
+    np.testing.assert_allclose(published_features(path), generation.fractions(path.tolist()))
 
 
 def standing():
@@ -110,14 +110,14 @@ def test_corrected_features_hardly_change_with_the_rate_and_published_ones_do(da
 
 def test_corrected_features_are_shares_of_what_is_known():
     motion = synthetic_motion("squat", seed=2)
-    words = compute_features(motion)
-    np.testing.assert_allclose(motion_features(motion), words.features.mean(axis=0))
+    packed = compute_features(motion)
+    np.testing.assert_allclose(motion_features(motion), packed.features.mean(axis=0))
     names = list(motion.names)
     hidden = motion.positions.copy()
     hidden[:, names.index("rfingers")] = np.nan
-    shares = motion_features(replace(motion, positions=hidden, rotations=None))
-    assert np.isnan(shares[FULL_BODY.ids.index("F13")])
-    assert np.isfinite(shares[FULL_BODY.ids.index("F1")])
+    fractions = motion_features(replace(motion, positions=hidden, rotations=None))
+    assert np.isnan(fractions[FULL_BODY.ids.index("F13")])
+    assert np.isfinite(fractions[FULL_BODY.ids.index("F1")])
 
 
 def test_arrays_are_in_the_order_of_smpl():

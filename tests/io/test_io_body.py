@@ -53,7 +53,7 @@ def test_a_rig_turns_with_its_joints(tmp_path, data, up):
         with pytest.raises(InvalidInput, match=r"head is above its feet along y.*--up y"):
             read(first, up=up)
     np.testing.assert_array_equal(
-        compute_features(read(again)).words, compute_features(original).words
+        compute_features(read(again)).packed, compute_features(original).packed
     )
 
 
@@ -81,7 +81,7 @@ def test_units_are_told_by_the_legs(tmp_path, walk, metres, note):
     path = save(tmp_path / "a.npz", walk, positions=walk.positions / metres)
     motion = read(path)
     assert motion.notes[0].startswith(note)
-    np.testing.assert_array_equal(compute_features(motion).words, compute_features(walk).words)
+    np.testing.assert_array_equal(compute_features(motion).packed, compute_features(walk).packed)
     np.testing.assert_allclose(read(path, unit=metres).positions, walk.positions)
 
 
@@ -107,7 +107,7 @@ def test_exchanged_sides_are_an_error_and_can_be_put_right(tmp_path, walk):
         read(wrong)
     right = read(wrong, sides="swapped")
     assert right.names == walk.names
-    np.testing.assert_array_equal(compute_features(right).words, compute_features(walk).words)
+    np.testing.assert_array_equal(compute_features(right).packed, compute_features(walk).packed)
     assert "left and right named, as told" in read(wrong, sides="named").notes
 
 
@@ -117,7 +117,7 @@ def test_left_handed_axes_are_an_error_and_can_be_put_right(tmp_path, walk):
     with pytest.raises(InvalidInput, match="left-handed"):
         read(wrong)
     right = read(wrong, sides="mirrored")
-    np.testing.assert_array_equal(compute_features(right).words, compute_features(walk).words)
+    np.testing.assert_array_equal(compute_features(right).packed, compute_features(walk).packed)
 
 
 def test_a_person_in_the_mirror_is_a_person(tmp_path, walk):
@@ -126,7 +126,7 @@ def test_a_person_in_the_mirror_is_a_person(tmp_path, walk):
     )
     mirrored = exchange_names(mirror(walk))
     np.testing.assert_array_equal(
-        compute_features(read(path)).words, compute_features(mirrored).words
+        compute_features(read(path)).packed, compute_features(mirrored).packed
     )
 
 

@@ -11,10 +11,10 @@ from motionary.matching import (
     concatenate,
     corpus_distance,
     distance_function,
+    feature_prior,
     find_hits,
     local_minima,
-    share_of_ones,
-    surprise,
+    self_information,
 )
 from motionary.packing import full_mask, pack
 
@@ -110,26 +110,26 @@ def test_a_recording_from_a_read_only_file_can_be_searched():
 
 def test_frames_of_many_relations_are_told_apart_by_all_of_them():
     rng = np.random.default_rng(7)
-    words = np.stack([rng.permutation(512).astype(np.uint64) for _ in range(8)], axis=1)
-    other = words.copy()
+    packed = np.stack([rng.permutation(512).astype(np.uint64) for _ in range(8)], axis=1)
+    other = packed.copy()
     other[:, 0] = np.roll(other[:, 0], 1)
-    document = np.concatenate((words, other))
-    pattern = Pattern(words[:1], np.full((1, 8), ~np.uint64(0)), np.ones(1))
-    expected = np.bitwise_count(document ^ words[0]).sum(axis=1) / 512
+    document = np.concatenate((packed, other))
+    pattern = Pattern(packed[:1], np.full((1, 8), ~np.uint64(0)), np.ones(1))
+    expected = np.bitwise_count(document ^ packed[0]).sum(axis=1) / 512
     np.testing.assert_allclose(distance_function(pattern, document), expected, rtol=1e-6)
     costs = [found.cost for found in align(pattern, document, None, range(len(document)))]
     np.testing.assert_allclose(costs, expected)
 
 
 def test_rarity_counts_known_frames_of_documents_only():
-    words = pack([[1, 0, 1], [1, 0, 0], [1, 0, 0]])
+    packed = pack([[1, 0, 1], [1, 0, 0], [1, 0, 0]])
     known = pack([[1, 1, 1], [1, 1, 0], [1, 1, 0]])
-    corpus = concatenate([words[:1], words[1:]], [known[:1], known[1:]], full=full_mask(1, 3)[0])
-    ones = share_of_ones(corpus, 3)
+    corpus = concatenate([packed[:1], packed[1:]], [known[:1], known[1:]], full=full_mask(1, 3)[0])
+    ones = feature_prior(corpus, 3)
     np.testing.assert_allclose(ones, [4 / 5, 1 / 5, 2 / 3])
 
 
 def test_surprise_is_the_negative_logarithm_of_the_share_that_shows_the_value():
     ones = np.array([0.25, 0.25])
-    weights = surprise(np.array([[True, False]]), ones)
+    weights = self_information(np.array([[True, False]]), ones)
     np.testing.assert_allclose(weights, [[np.log(4), np.log(4 / 3)]])

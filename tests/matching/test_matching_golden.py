@@ -79,10 +79,10 @@ def followed(hits_of_class):
 
 
 def test_a_document_that_follows_the_paths_is_matched_along_them(followed, hits_of_class):
-    pattern, words = followed
+    pattern, packed = followed
     taken: set[int] = set()
     for path, (start, stop, _) in hits_of_class[1]:
-        found = align(pattern, words, None, [stop - 1])[0]
+        found = align(pattern, packed, None, [stop - 1])[0]
         own = [tuple(cell) for cell in path.tolist() if cell[1] not in taken]
         assert len(own) >= len(path) - 1
         assert set(own) <= {tuple(cell) for cell in found.path.tolist()}
@@ -91,9 +91,9 @@ def test_a_document_that_follows_the_paths_is_matched_along_them(followed, hits_
 
 
 def test_a_document_that_follows_the_paths_has_the_authors_hits(followed, hits_of_class):
-    pattern, words = followed
-    distance = distance_function(pattern, words)
-    found = find_hits(distance, pattern, words, threshold=0.3)
+    pattern, packed = followed
+    distance = distance_function(pattern, packed)
+    found = find_hits(distance, pattern, packed, threshold=0.3)
     expected = [hit[:2] for _, hit in hits_of_class[1]]
     # The frame that two hits share is the last of the worse one, which may end beside it.
     np.testing.assert_allclose([hit[:2] for hit in found], expected, atol=1)

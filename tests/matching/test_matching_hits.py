@@ -48,25 +48,25 @@ def test_minima_at_plateaus_and_ends(values, threshold, minima):
     st.sampled_from([None, 0, 1, 3]),
 )
 def test_hits_are_those_of_the_definition(case, threshold, limit):
-    pattern, words, known = case.pattern, case.words, case.known
-    distance = distance_function(pattern, words, known, skip_weight=case.skip_weight)
+    pattern, packed, known = case.pattern, case.packed, case.known
+    distance = distance_function(pattern, packed, known, skip_weight=case.skip_weight)
     starts = [path[0][1] if path else None for _, path in case.oracle_matches()]
     expected = oracle.hits(
         [float(d) for d in distance], starts, threshold=np.float32(threshold), limit=limit
     )
     hits = find_hits(
-        distance, pattern, words, known,
+        distance, pattern, packed, known,
         threshold=threshold, limit=limit, skip_weight=case.skip_weight,
     )  # fmt: skip
     assert [tuple(hit) for hit in hits] == expected
 
 
-def find_among(ends: dict[int, float], pattern, words, *, threshold=1.0, limit=None):
+def find_among(ends: dict[int, float], pattern, packed, *, threshold=1.0, limit=None):
     """Hits where only the given ends have a finite cost."""
-    distance = np.full(len(words), INF, dtype=np.float32)
+    distance = np.full(len(packed), INF, dtype=np.float32)
     for end, cost in ends.items():
         distance[end] = cost
-    return find_hits(distance, pattern, words, threshold=threshold, limit=limit)
+    return find_hits(distance, pattern, packed, threshold=threshold, limit=limit)
 
 
 def free_pattern(n_columns: int) -> Pattern:
@@ -97,9 +97,9 @@ def test_what_a_hit_of_ten_frames_excludes(other_end, is_hit):
 
 @pytest.mark.parametrize(("n_frames", "half"), [(9, 5), (10, 5), (11, 6)])
 def test_half_of_a_hit_is_rounded_up(n_frames, half):
-    words = np.zeros((80, 1), np.uint64)
+    packed = np.zeros((80, 1), np.uint64)
     for other_end, is_hit in [(40 - half, False), (39 - half, True)]:
-        hits = find_among({40: 0.1, other_end: 0.2}, free_pattern(n_frames), words)
+        hits = find_among({40: 0.1, other_end: 0.2}, free_pattern(n_frames), packed)
         assert len(hits) == 1 + is_hit
 
 
@@ -143,17 +143,17 @@ def test_hits_come_cheapest_first_and_ties_earliest_first():
 )
 def test_threshold_and_limit_end_the_search(threshold, limit, ends):
     costs = {10: 0.125, 30: 0.25, 50: 0.5}
-    words = np.zeros((60, 1), np.uint64)
-    hits = find_among(costs, free_pattern(10), words, threshold=threshold, limit=limit)
+    packed = np.zeros((60, 1), np.uint64)
+    hits = find_among(costs, free_pattern(10), packed, threshold=threshold, limit=limit)
     assert [hit.stop - 1 for hit in hits] == ends
 
 
 def test_many_hits_exclude_across_batches_of_candidates():
     rng = np.random.default_rng(8)
-    words = pack(np.cumsum(rng.random((600, 40)) < 0.1, axis=0) % 2)
-    pattern = Pattern(words[50:56], full_mask(6, 40), np.ones(6))
-    distance = distance_function(pattern, words)
-    hits = find_hits(distance, pattern, words, threshold=INF)
+    packed = pack(np.cumsum(rng.random((600, 40)) < 0.1, axis=0) % 2)
+    pattern = Pattern(packed[50:56], full_mask(6, 40), np.ones(6))
+    distance = distance_function(pattern, packed)
+    hits = find_hits(distance, pattern, packed, threshold=INF)
     assert hits[0][:2] == (50, 56)
     assert hits[0].cost == 0
     assert len(hits) > 64

@@ -238,7 +238,7 @@ def passes(value, test, threshold):
     }[test]
 
 
-def relations(P, rate_hz=120):
+def features(P, rate_hz=120):
     """Features and which are known, (frames, 40) each."""
     features, known = [], []
     for values, test, weak, strong in table(P, rate_hz).values():

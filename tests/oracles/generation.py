@@ -83,7 +83,7 @@ def columns_of(before, now):
     ]  # fmt: skip
 
 
-def shares(positions):
+def fractions(positions):
     """Share of the frames after the first, for each column."""
     frames = [dict(zip(NAMES, frame, strict=True)) for frame in positions]
     rows = [columns_of(before, now) for before, now in pairwise(frames)]

@@ -13,14 +13,14 @@ def shows(value, fixed, word, known):
     return all(k and v == w for v, f, w, k in zip(value, fixed, word, known, strict=True) if f)
 
 
-def all_hits(keyframes, gaps, words, known):
+def all_hits(keyframes, gaps, packed, known):
     """All hits (n_1, ..., n_K) in one document, 0-based, in lexicographic order.
 
     keyframes: pairs (value, fixed); gaps: pairs (least, most), most None = no bound;
     words, known: arrays (frames, relations) of 0/1.
     """
     candidates = [
-        [n for n in range(len(words)) if shows(*keyframe, words[n], known[n])]
+        [n for n in range(len(packed)) if shows(*keyframe, packed[n], known[n])]
         for keyframe in keyframes
     ]
     found = []

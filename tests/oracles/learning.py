@@ -15,10 +15,10 @@ def learn(matrices, *, stop=0.005, max_passes=10):
     before = None
     for _ in range(max_passes):
         total = sum(sum(weights) for _, weights in examples) / len(examples)
-        examples, dearest = one_pass(examples)
-        if dearest / total <= stop or dearest == before:
+        examples, highest_cost = one_pass(examples)
+        if highest_cost / total <= stop or highest_cost == before:
             break
-        before = dearest
+        before = highest_cost
     return examples[0]
 
 

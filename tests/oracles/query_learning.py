@@ -4,17 +4,17 @@ import itertools
 from fractions import Fraction
 
 
-def holds_a_hit(keyframes, gaps, words, known):
+def holds_a_hit(keyframes, gaps, packed, known):
     """Whether any choice of one frame per keyframe is a hit in one clip.
 
     keyframes: pairs (value, fixed) of 0/1 per relation; gaps: pairs (least, most);
     words, known: one row of 0/1 per frame.
     """
-    for frames in itertools.product(range(len(words)), repeat=len(keyframes)):
+    for frames in itertools.product(range(len(packed)), repeat=len(keyframes)):
         steps = [b - a for a, b in itertools.pairwise(frames)]
         in_time = all(lo <= step <= hi for step, (lo, hi) in zip(steps, gaps, strict=True))
         if in_time and all(
-            shows(value, fixed, words[n], known[n])
+            shows(value, fixed, packed[n], known[n])
             for n, (value, fixed) in zip(frames, keyframes, strict=True)
         ):
             return True

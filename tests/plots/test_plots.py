@@ -9,7 +9,7 @@ import pytest
 
 from motionary import plots
 from motionary.errors import InvalidInput, UnwritableFile
-from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, Relation, compute_features
+from motionary.features import FULL_BODY, Feature, FeatureSequence, FeatureSet, compute_features
 from motionary.features.quantities import speed
 from motionary.io import read
 from motionary.labels import Label, LabelTrack
@@ -26,10 +26,10 @@ INDEX = {name: i for i, name in enumerate(GENERIC_JOINTS)}
 def words(n_frames=90, *, share_known=1.0, source="squat_01.amc", seed=1):
     random = np.random.default_rng(seed)
     # Relations hold for a while, as those of people do.
-    relations = np.repeat(random.random((-(-n_frames // 5), 40)) < 0.4, 5, axis=0)[:n_frames]
+    features = np.repeat(random.random((-(-n_frames // 5), 40)) < 0.4, 5, axis=0)[:n_frames]
     known = random.random((n_frames, 40)) < share_known
     return FeatureSequence(
-        pack(relations & known), pack(known), FULL_BODY, source, 120.0, 4 * n_frames
+        pack(features & known), pack(known), FULL_BODY, source, 120.0, 4 * n_frames
     )
 
 
@@ -91,10 +91,10 @@ def person(n_frames=12, *, heading_deg=0.0, seed=4):
 
 def custom_sequence():
     """One relation in a group with a long name."""
-    relation = Relation(
+    feature = Feature(
         "A1", NASTY, NASTY, speed, ("root",), ">", 1.0, 2.0, "humerus", "The root moves."
     )
-    chosen = FeatureSet("one", (relation,))
+    chosen = FeatureSet("one", (feature,))
     return FeatureSequence(full_mask(20, 1), full_mask(20, 1), chosen, NASTY, 30.0, 20)
 
 
@@ -286,7 +286,7 @@ def test_matplotlib_is_imported_late_and_pyplot_never():
 def test_features_are_white_black_and_blue_grey_where_they_should_be():
     sequence = words(24, share_known=0.8)
     sequence = FeatureSequence(
-        sequence.words, sequence.known & pack(np.arange(24)[:, None] % np.arange(2, 42) > 0),
+        sequence.packed, sequence.known & pack(np.arange(24)[:, None] % np.arange(2, 42) > 0),
         FULL_BODY, "x", 120.0, 96,
     )  # fmt: skip
     figure = plots.plot_features(sequence)
@@ -331,7 +331,7 @@ def test_a_quantised_template_shows_what_is_fixed():
     figure = plots.plot_template(shown, tolerance=0.1)
     pixels = rendered(figure)
     quantised = quantise(shown, tolerance=0.1)
-    shares, fixed = figure.axes[0], figure.axes[4]
+    fractions, fixed = figure.axes[0], figure.axes[4]
     for row, column in np.ndindex(14, 30):
         place = ((column + 0.5) / 30, row)
         expected = style.WHITE if quantised.values[column, row] else style.BLACK
@@ -341,10 +341,10 @@ def test_a_quantised_template_shows_what_is_fixed():
         value = shown.values[column, row]
         if value in (0.0, 1.0):
             assert is_colour(
-                colour_at(pixels, shares, *place), style.WHITE if value else style.BLACK
+                colour_at(pixels, fractions, *place), style.WHITE if value else style.BLACK
             )
         else:
-            red, _, blue = colour_at(pixels, shares, *place)
+            red, _, blue = colour_at(pixels, fractions, *place)
             assert red > blue + 0.2
 
 

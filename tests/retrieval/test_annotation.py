@@ -6,7 +6,7 @@ import pytest
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY_2006, FeatureSequence
 from motionary.matching import align, distance_function, local_minima
-from motionary.models.library import ClassLibrary, Teaching, learn
+from motionary.models.library import ClassLibrary, TrainingOptions, learn
 from motionary.retrieval.annotation import annotate, class_distance, unassessed
 from motionary.retrieval.explanation import explain
 from oracles import annotation as oracle
@@ -14,16 +14,16 @@ from packing_cases import N, random_rows, seconds, sequence, stream
 
 LENGTH = 30
 STEP, TURN = random_rows(1, LENGTH), random_rows(2, LENGTH)
-PLAIN = Teaching(by_surprise=False)
+PLAIN = TrainingOptions(by_self_information=False)
 
 
-def teach(teaching=PLAIN, **classes) -> ClassLibrary:
+def teach(training=PLAIN, **classes) -> ClassLibrary:
     """A library of one example, or several, for each class."""
     examples = {
         name: [sequence(rows) for rows in (given if isinstance(given, list) else [given])]
         for name, given in classes.items()
     }
-    return learn(examples, teaching=teaching)
+    return learn(examples, training=training)
 
 
 @pytest.fixture(scope="module")
@@ -57,13 +57,13 @@ def test_labels_name_the_files_own_frames(library):
 
 
 @pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("teaching", [PLAIN, Teaching()], ids=["plain", "by surprise"])
-def test_labels_are_those_of_the_definition(seed, teaching):
+@pytest.mark.parametrize("training", [PLAIN, TrainingOptions()], ids=["plain", "by surprise"])
+def test_labels_are_those_of_the_definition(seed, training):
     """Given distance functions and paths: least of the subclasses, runs, extension, merging."""
     rng = np.random.default_rng(seed)
     examples = [random_rows([seed, i], 12)[:, :N] for i in range(3)]
     mixed = np.where(rng.random((12, N)) < 0.6, examples[0], examples[1])
-    library = teach(teaching, a=examples[0], b=[examples[1], mixed], c=examples[2])
+    library = teach(training, a=examples[0], b=[examples[1], mixed], c=examples[2])
     rows, _ = stream(mixed, examples[1], examples[0][:8], examples[2], seed=seed, pause=5)
     recording = sequence(rows)
     # High enough that matches of all classes overlap.
@@ -72,9 +72,9 @@ def test_labels_are_those_of_the_definition(seed, teaching):
     for motion_class in library:
         matches = []
         for _, pattern in motion_class.sought():
-            distance = distance_function(pattern, recording.words, recording.known)
+            distance = distance_function(pattern, recording.packed, recording.known)
             ends = local_minima(distance, threshold=0.45)
-            matches += align(pattern, recording.words, recording.known, ends)
+            matches += align(pattern, recording.packed, recording.known, ends)
         triples = [(m.start, m.end, m.cost) for m in matches]
         distances.append(oracle.modified_distance(triples, len(rows)))
     expected = oracle.segments(distances)
@@ -96,10 +96,10 @@ def test_labels_of_different_classes_may_overlap():
 
 
 def test_the_cheapest_subclass_gives_the_label():
-    subclasses = {"ways": [sequence(STEP)]}
-    library = learn(subclasses, teaching=Teaching(by_surprise=False, mirror=True))
+    prototypes = {"ways": [sequence(STEP)]}
+    library = learn(prototypes, training=TrainingOptions(by_self_information=False, mirror=True))
     (motion_class,) = library
-    assert [s.name for s in motion_class.subclasses] == ["ways", "waysMirrored"]
+    assert [s.name for s in motion_class.prototypes] == ["ways", "waysMirrored"]
     mirrored = STEP[:, library.feature_set.mirror_order]
     rows, (a, b) = stream(STEP, mirrored)
     track = annotate(sequence(rows), library)
@@ -120,7 +120,7 @@ def test_each_class_has_its_own_threshold():
     noisy = STEP.copy()
     noisy[:, :4] ^= True
     strict = teach(step=STEP, turn=TURN)
-    loose = teach(Teaching(by_surprise=False, threshold=0.15), step=STEP)
+    loose = teach(TrainingOptions(by_self_information=False, threshold=0.15), step=STEP)
     recording = sequence(stream(noisy)[0])
     assert spans(annotate(recording, strict)) == []
     assert [name for name, *_ in spans(annotate(recording, loose))] == ["step"]
@@ -129,18 +129,18 @@ def test_each_class_has_its_own_threshold():
 # -- what was not seen -------------------------------------------------------------------
 
 
-def blind(rows, *stretches, relations=slice(None)):
+def blind(rows, *segments, features=slice(None)):
     """Words in which relations are unknown in some stretches."""
     known = np.ones_like(rows)
-    for start, stop in stretches:
-        known[start:stop, relations] = False
+    for start, stop in segments:
+        known[start:stop, features] = False
     return sequence(rows, known)
 
 
 @pytest.mark.parametrize("threshold", [None, 0.5, 1.0])
-@pytest.mark.parametrize("by_surprise", [False, True])
-def test_a_drop_out_is_never_labelled(threshold, by_surprise):
-    library = teach(Teaching(by_surprise=by_surprise), step=STEP, turn=TURN)
+@pytest.mark.parametrize("by_self_information", [False, True])
+def test_a_drop_out_is_never_labelled(threshold, by_self_information):
+    library = teach(TrainingOptions(by_self_information=by_self_information), step=STEP, turn=TURN)
     rows = np.zeros((100, N), dtype=np.bool_)
     track = annotate(blind(rows, (0, 100)), library, threshold=threshold)
     assert len(track) == 0
@@ -158,7 +158,7 @@ def test_a_motion_in_a_drop_out_is_not_labelled_and_one_beside_it_is(library, th
 
 def test_a_partly_unknown_motion_says_how_much_was_seen(library):
     rows, (a,) = stream(STEP)
-    track = annotate(blind(rows, (0, len(rows)), relations=slice(0, 15)), library)
+    track = annotate(blind(rows, (0, len(rows)), features=slice(0, 15)), library)
     assert spans(track) == [("step", a, a + LENGTH)]
     (label,) = track
     assert label.known == (N - 15) / N
@@ -170,7 +170,7 @@ def test_a_partly_unknown_motion_says_how_much_was_seen(library):
 @pytest.mark.parametrize(("n_unknown", "assessed"), [(N // 2, True), (N // 2 + 1, False)])
 def test_at_least_half_must_be_seen(library, n_unknown, assessed):
     rows, (a,) = stream(STEP)
-    recording = blind(rows, (0, len(rows)), relations=slice(0, n_unknown))
+    recording = blind(rows, (0, len(rows)), features=slice(0, n_unknown))
     track = annotate(recording, library, threshold=1.0)
     if assessed:
         assert ("step", a, a + LENGTH) in spans(annotate(recording, library))
@@ -235,7 +235,7 @@ def test_the_nearest_class_says_what_was_not_seen(library):
     noisy = STEP.copy()
     noisy[:, :4] ^= True
     rows, _ = stream(noisy)
-    track = annotate(blind(rows, (0, len(rows)), relations=[39]), library)
+    track = annotate(blind(rows, (0, len(rows)), features=[39]), library)
     assert ", not seen: " in track.nearest
     assert library.feature_set.names[39] in track.nearest
 

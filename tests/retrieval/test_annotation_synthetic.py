@@ -28,19 +28,19 @@ def library():
 @pytest.fixture(scope="module")
 def streams():
     """Words of streams by figures that taught nothing, and the truth."""
-    words, truth = {}, {}
+    packed, truth = {}, {}
     for i, (name, classes) in enumerate(STREAMS.items()):
-        motion, stretches = synthetic_stream(classes, seed=100 + i)
-        words[name] = compute_features(motion)
-        labels = tuple(Label(*stretch) for stretch in stretches)
-        truth[name] = LabelTrack(name, labels, duration_s=words[name].duration_s)
-    return words, truth
+        motion, segments = synthetic_stream(classes, seed=100 + i)
+        packed[name] = compute_features(motion)
+        labels = tuple(Label(*segment) for segment in segments)
+        truth[name] = LabelTrack(name, labels, duration_s=packed[name].duration_s)
+    return packed, truth
 
 
 @pytest.fixture(scope="module")
 def tracks(library, streams):
-    words, _ = streams
-    return {name: annotate(sequence, library) for name, sequence in words.items()}
+    packed, _ = streams
+    return {name: annotate(sequence, library) for name, sequence in packed.items()}
 
 
 def trivial(truth):
@@ -84,16 +84,16 @@ def test_labels_stand_where_the_motions_are(tracks, streams):
 def test_a_library_from_disk_labels_the_same(tracks, streams, library, tmp_path):
     library.save(tmp_path / "library")
     loaded = ClassLibrary.load(tmp_path / "library")
-    words, _ = streams
-    assert {name: annotate(sequence, loaded) for name, sequence in words.items()} == tracks
+    packed, _ = streams
+    assert {name: annotate(sequence, loaded) for name, sequence in packed.items()} == tracks
 
 
 @pytest.mark.parametrize("name", ["squat", "kick_left", "bow"])
 def test_one_example_finds_its_kind(streams, name):
-    words, truth = streams
+    packed, truth = streams
     wanted = [(key, label) for key, track in truth.items() for label in track if label.name == name]
-    hits = search(synthetic_motion(name, seed=50), list(words.values()), limit=len(wanted))
-    sources = {sequence.source: key for key, sequence in words.items()}
+    hits = search(synthetic_motion(name, seed=50), list(packed.values()), limit=len(wanted))
+    sources = {sequence.source: key for key, sequence in packed.items()}
     for hit in hits:
         assert any(
             sources[hit.recording] == key

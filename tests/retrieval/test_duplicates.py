@@ -70,8 +70,8 @@ def first():
     return take(1)
 
 
-def span(stretch):
-    return (stretch.recording, pytest.approx(stretch.start_s), pytest.approx(stretch.end_s))
+def span(segment):
+    return (segment.recording, pytest.approx(segment.start_s), pytest.approx(segment.end_s))
 
 
 @pytest.fixture(scope="module")
@@ -153,17 +153,17 @@ def test_a_recording_that_is_gone_is_a_failure(first):
     def read(name):
         raise UnreadableFile(f"{name}: cannot be read: No such file or directory")
 
-    words = [compute_features(replace(first, source=name)) for name in ("a", "b")]
-    result = find_duplicates(Collection(tuple(words)), read=read)
+    packed = [compute_features(replace(first, source=name)) for name in ("a", "b")]
+    result = find_duplicates(Collection(tuple(packed)), read=read)
     assert result.duplicates == ()
     assert [str(f.item) for f in result.failures] == ["a and b"]
 
 
 def test_what_cannot_be_compared_is_refused(first):
-    words = Collection((compute_features(first),))
+    packed = Collection((compute_features(first),))
     other = Collection((compute_features(first, feature_set=FULL_BODY_2006),), FULL_BODY_2006)
     with pytest.raises(InvalidInput, match="words of one feature set"):
-        find_duplicates(words, other, read=lambda name: first)
+        find_duplicates(packed, other, read=lambda name: first)
     with pytest.raises(InvalidInput, match="no readable recording"):
         find_duplicates(Collection(()), read=lambda name: first)
 
@@ -173,8 +173,8 @@ def test_what_cannot_be_compared_is_refused(first):
 
 def test_changes_are_those_of_known_relations():
     rows, known = random_rows(1, 30), np.random.default_rng(2).random((30, N)) < 0.8
-    words = sequence(rows, known)
-    changes = changes_of([words.words], [words.known], N)
+    packed = sequence(rows, known)
+    changes = changes_of([packed.packed], [packed.known], N)
     expected = [
         (0, t, 2 * i + int(rows[t + 1, i]))
         for t in range(29)
@@ -186,9 +186,9 @@ def test_changes_are_those_of_known_relations():
 
 def test_changes_of_a_mirrored_document():
     rows = random_rows(3, 30)
-    words, image = sequence(rows), sequence(rows[:, FULL_BODY.mirror_order])
-    got = mirrored(changes_of([words.words], [words.known], N), FULL_BODY.mirror_order)
-    expected = changes_of([image.words], [image.known], N)
+    packed, image = sequence(rows), sequence(rows[:, FULL_BODY.mirror_order])
+    got = mirrored(changes_of([packed.packed], [packed.known], N), FULL_BODY.mirror_order)
+    expected = changes_of([image.packed], [image.known], N)
     assert all(np.array_equal(a, b) for a, b in zip(got, expected, strict=True))
 
 
@@ -206,7 +206,7 @@ def test_a_shared_stretch_gets_the_most_votes_at_its_offset():
         changes_of([pack(r) for r in some], [pack(r | True) for r in some], N)
         for some in (left, right)
     ]
-    found = find_candidates(*sides, n_relations=N, n_right=1, least_votes=5)
+    found = find_candidates(*sides, n_features=N, n_right=1, least_votes=5)
     best = int(np.argmax(found.votes))
     assert (found.left[best], found.right[best], found.offsets[best]) == (1, 0, 25)
     assert found.votes[best] > 30
@@ -216,7 +216,7 @@ def test_a_shared_stretch_gets_the_most_votes_at_its_offset():
 
 def test_nothing_shared_gives_no_candidates():
     none = changes_of([pack(np.zeros((50, N), bool))] * 2, [pack(np.ones((50, N), bool))] * 2, N)
-    found = find_candidates(none, none, n_relations=N, n_right=2, least_votes=1)
+    found = find_candidates(none, none, n_features=N, n_right=2, least_votes=1)
     assert len(found.left) == 0
 
 
@@ -225,8 +225,8 @@ def test_nothing_shared_gives_no_candidates():
 
 def signs(*events, n=100):
     found = np.zeros((n, N), dtype=np.int8)
-    for frame, relation, sign in events:
-        found[frame, relation] = sign
+    for frame, feature, sign in events:
+        found[frame, feature] = sign
     return found
 
 

@@ -10,16 +10,16 @@ from motionary.features import FULL_BODY, compute_features
 from motionary.io import read_labels
 from motionary.labels import Label
 from motionary.matching import align
-from motionary.models.library import Teaching, learn
+from motionary.models.library import TrainingOptions, learn
 from motionary.models.templates import QuantisedTemplate, pattern_of
 from motionary.retrieval.annotation import annotate
-from motionary.retrieval.explanation import Evidence, Finding, explain, tell_nearest
-from motionary.retrieval.search import Growing, search
+from motionary.retrieval.explanation import Evidence, Finding, describe_nearest, explain
+from motionary.retrieval.search import QueryExpansion, search
 from motionary.samples import synthetic_motion
 from packing_cases import N, sequence
 
-BIT = {relation.id: i for i, relation in enumerate(FULL_BODY.relations)}
-NAME = {relation.id: relation.name for relation in FULL_BODY.relations}
+BIT = {feature.id: i for i, feature in enumerate(FULL_BODY.features)}
+NAME = {feature.id: feature.name for feature in FULL_BODY.features}
 
 
 def evidence_of(asked, shown, *, n_columns=10, unknown=(), start=0, weights=None, **about):
@@ -41,7 +41,7 @@ def evidence_of(asked, shown, *, n_columns=10, unknown=(), start=0, weights=None
     template = QuantisedTemplate(values, fixed, np.ones(n_columns), FULL_BODY.ids, FULL_BODY.name)
     pattern = pattern_of(template, ones=weights)
     recording = sequence(rows, known, source="take", **about)
-    alignment = align(pattern, recording.words, recording.known, [start + n_columns - 1])[0]
+    alignment = align(pattern, recording.packed, recording.known, [start + n_columns - 1])[0]
     # Free of dead ends: the path is the diagonal, whatever its cost.
     path = np.column_stack([np.arange(n_columns), start + np.arange(n_columns)])
     return Evidence(
@@ -50,7 +50,7 @@ def evidence_of(asked, shown, *, n_columns=10, unknown=(), start=0, weights=None
 
 
 def told(findings):
-    return [(f.relation, round(30 * f.start_s), round(30 * f.end_s)) for f in findings]
+    return [(f.feature, round(30 * f.start_s), round(30 * f.end_s)) for f in findings]
 
 
 # -- what held and what failed -----------------------------------------------------------
@@ -61,7 +61,7 @@ def test_what_held_and_what_failed_is_named_with_its_time():
     assert told(why.held) == [("F3", 30, 40), ("F20", 34, 40)]
     assert told(why.failed) == [("F20", 30, 34)]
     assert why.unknown == ()
-    assert why.share_held == 16 / 20
+    assert why.fraction_held == 16 / 20
     assert (why.name, why.recording) == ("reach", "take")
     assert (why.start_s, why.end_s) == (1.0, 40 / 30)
 
@@ -81,12 +81,12 @@ def test_what_was_not_seen_neither_holds_nor_fails():
     assert told(why.held) == [("F3", 0, 10)]
     assert why.failed == ()
     assert why.unknown == (NAME["F20"],)
-    assert why.share_held == 1.0
+    assert why.fraction_held == 1.0
 
 
 def test_what_is_free_is_not_mentioned():
     why = explain(evidence_of({"F3": True}, {"F3": (0, 10), "F20": (0, 10)}))
-    assert {f.relation for f in why.held} == {"F3"}
+    assert {f.feature for f in why.held} == {"F3"}
     assert why.failed == ()
 
 
@@ -116,7 +116,7 @@ def test_findings_are_the_cells_of_the_path(seed):
     rows, known = rng.random((2, 30, N)) < [[[0.5]], [[0.8]]]
     template = QuantisedTemplate(values, fixed, np.ones(12), FULL_BODY.ids, FULL_BODY.name)
     pattern, recording = pattern_of(template), sequence(rows, known)
-    (alignment,) = align(pattern, recording.words, recording.known, [25])
+    (alignment,) = align(pattern, recording.packed, recording.known, [25])
     why = explain(Evidence("any", template, pattern, recording, alignment))
     cells = {
         (True, False): set(), (True, True): set(), (False, False): set(), (False, True): set(),
@@ -128,7 +128,7 @@ def test_findings_are_the_cells_of_the_path(seed):
     for holds, findings in ((True, why.held), (False, why.failed)):
         for value in (True, False):
             frames_told = {
-                (BIT[f.relation], frame)
+                (BIT[f.feature], frame)
                 for f in findings
                 if value != f.phrase.startswith("not ")
                 for frame in alignment.path[:, 1].tolist()
@@ -136,7 +136,7 @@ def test_findings_are_the_cells_of_the_path(seed):
             }
             assert frames_told == cells[holds, value]
     n_held = sum(len(c) for (holds, _), c in cells.items() if holds)
-    assert why.share_held == pytest.approx(n_held / sum(map(len, cells.values())))
+    assert why.fraction_held == pytest.approx(n_held / sum(map(len, cells.values())))
     assert set(why.unknown) == {
         FULL_BODY.names[i]
         for column, frame in alignment.path.tolist()
@@ -178,7 +178,7 @@ def test_what_is_rare_is_said_first():
     ones[BIT["F9"]] = 0.001
     asked = {name: True for name in ("F3", "F4", "F7", "F8", "F20", "F9")}
     why = explain(evidence_of(asked, {}, weights=ones))
-    assert why.worst()[0].relation == "F9"
+    assert why.worst()[0].feature == "F9"
 
 
 def test_an_action_tells_more_than_what_is_left_undone():
@@ -189,7 +189,7 @@ def test_an_action_tells_more_than_what_is_left_undone():
 
 def test_the_nearest_says_what_failed_and_what_was_not_seen():
     evidence = evidence_of({"F3": True, "F20": True, "F4": True}, {"F3": (0, 10)}, unknown=["F20"])
-    text = tell_nearest(evidence, what="squat", threshold=0.06)
+    text = describe_nearest(evidence, what="squat", threshold=0.06)
     assert text == (
         f"nothing below 0.06; nearest: squat {evidence.alignment.cost:.3f} at 0.0 s, "
         "failed: left hand above neck (0.0–0.3 s), not seen: right knee bent"
@@ -224,15 +224,15 @@ def raised():
     return up, compute_features(synthetic_motion("bow", seed=1))
 
 
-@pytest.mark.parametrize("by_surprise", [False, True])
-def test_raised_arms_are_told(raised, by_surprise):
+@pytest.mark.parametrize("by_self_information", [False, True])
+def test_raised_arms_are_told(raised, by_self_information):
     up, bow = raised
-    teaching = Teaching(by_surprise=by_surprise)
-    library = learn({"arms up": up[:3], "bow": [bow]}, teaching=teaching)
+    training = TrainingOptions(by_self_information=by_self_information)
+    library = learn({"arms up": up[:3], "bow": [bow]}, training=training)
     track = annotate(up[3], library, threshold=0.2)
     label = next(label for label in track if label.name == "arms up")
     why = explain(label)
-    assert {"F3", "F4"} <= {f.relation for f in why.held if not f.phrase.startswith("not ")}
+    assert {"F3", "F4"} <= {f.feature for f in why.held if not f.phrase.startswith("not ")}
     assert "hand" in str(why)
     assert why.name == "arms up"
     check_reads_well(str(why))
@@ -245,15 +245,15 @@ def test_arms_that_stay_down_are_what_failed(raised):
     assert len(track) == 0
     assert "arms up" in track.nearest
     least = search(library["arms up"], [bow], threshold=1.0, limit=1)[0]
-    missing = {f.relation for f in explain(least).failed if not f.phrase.startswith("not ")}
+    missing = {f.feature for f in explain(least).failed if not f.phrase.startswith("not ")}
     assert {"F3", "F4"} <= missing
     check_reads_well(track.nearest)
 
 
-@pytest.mark.parametrize("growing", [Growing(hits=0), None], ids=["as it is", "grown"])
-def test_every_hit_can_be_explained(raised, growing):
+@pytest.mark.parametrize("expansion", [QueryExpansion(hits=0), None], ids=["as it is", "grown"])
+def test_every_hit_can_be_explained(raised, expansion):
     up, bow = raised
-    for hit in search(up[0], [*up[1:], bow], limit=None, growing=growing):
+    for hit in search(up[0], [*up[1:], bow], limit=None, expansion=expansion):
         why = explain(hit)
         assert (why.start_s, why.end_s, why.cost) == (hit.start_s, hit.end_s, hit.cost)
         assert all(why.start_s <= f.start_s < f.end_s <= why.end_s for f in why.held)

@@ -7,7 +7,7 @@ from cli_cases import write_bvh
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features
 from motionary.io import read
-from motionary.matching import share_of_ones
+from motionary.matching import feature_prior
 from motionary.packing import unpack
 from motionary.retrieval.index import Collection, collect
 from motionary.samples import synthetic_motion
@@ -34,10 +34,10 @@ def test_a_folder_is_read_in_the_order_of_names(folder):
     assert names(found) == ["a.bvh", "b.bvh", "deep/er/a.bvh"]
     assert len(found) == 3
     assert found.n_frames == sum(len(s) for s in found.sequences)
-    for words in found.sequences:
-        expected = compute_features(read(folder / words.source))
-        assert np.array_equal(words.words, expected.words)
-        assert np.array_equal(words.known, expected.known)
+    for packed in found.sequences:
+        expected = compute_features(read(folder / packed.source))
+        assert np.array_equal(packed.packed, expected.packed)
+        assert np.array_equal(packed.known, expected.known)
 
 
 def test_a_file_that_cannot_be_read_is_told(folder):
@@ -48,10 +48,10 @@ def test_a_file_that_cannot_be_read_is_told(folder):
 
 def test_files_patterns_motions_and_words_may_be_mixed(folder):
     motion = synthetic_motion("kick_left", seed=0, rate_hz=30)
-    words = sequence(random_rows(0, 20), source="words")
-    found = collect([folder / "b.bvh", motion, words, str(folder / "a*.bvh")])
+    packed = sequence(random_rows(0, 20), source="words")
+    found = collect([folder / "b.bvh", motion, packed, str(folder / "a*.bvh")])
     assert sorted(names(found)) == sorted([motion.source, "words", "a.bvh", "b.bvh"])
-    assert collect([words]).sequences[0] is words
+    assert collect([packed]).sequences[0] is packed
     assert names(collect(str(folder / "b.bvh"))) == ["b.bvh"]
 
 
@@ -65,7 +65,7 @@ def test_two_processes_read_the_same(folder):
     one, two = collect(folder), collect(folder, jobs=2)
     assert names(one) == names(two)
     for a, b in zip(one.sequences, two.sequences, strict=True):
-        assert a.words.tobytes() == b.words.tobytes()
+        assert a.packed.tobytes() == b.packed.tobytes()
     assert str(one.failures[0].error) == str(two.failures[0].error)
 
 
@@ -107,7 +107,7 @@ def test_what_is_rare_is_counted_over_known_frames_of_all_recordings(seed):
     for length in rng.integers(1, 40, 3):
         rows = rng.random((length, N)) < rng.random(N)
         takes.append(sequence(rows, rng.random((length, N)) < 0.7))
-    found = Collection(tuple(takes)).share_of_ones
+    found = Collection(tuple(takes)).feature_prior
     holds = sum(t.features.sum(axis=0, dtype=int) for t in takes)
     seen = sum(t.known_features.sum(axis=0, dtype=int) for t in takes)
     np.testing.assert_allclose(found, (holds + 1) / (seen + 2))
@@ -120,15 +120,15 @@ def test_parts_hold_every_recording_once():
     for number, take in enumerate(takes):
         part, document = collection.locate(number)
         shard = collection.parts[part].shard
-        words, known = shard.words_of(document)
-        assert np.array_equal(words, take.words)
+        packed, known = shard.words_of(document)
+        assert np.array_equal(packed, take.packed)
         assert np.array_equal(known, take.known)
         assert collection.parts[part].numbers[document] == number
         seen.append((part, document))
     assert len(set(seen)) == 4
     corpora = [part.shard.corpus for part in collection.parts]
-    assert np.allclose(share_of_ones(corpora[0], N), collection.share_of_ones)
-    assert unpack(corpora[0].words, N).sum() == sum(t.features.sum() for t in takes)
+    assert np.allclose(feature_prior(corpora[0], N), collection.feature_prior)
+    assert unpack(corpora[0].packed, N).sum() == sum(t.features.sum() for t in takes)
 
 
 def test_feature_sets_are_those_that_were_asked_for():

@@ -47,7 +47,7 @@ def update(folder, place, **settings):
 def content(collection):
     """Everything that is known of a collection."""
     return [
-        (s.source, s.words.tobytes(), s.known.tobytes(), s.file_rate_hz, s.file_frames,
+        (s.source, s.packed.tobytes(), s.known.tobytes(), s.file_rate_hz, s.file_frames,
          s.first_frame)
         for s in collection.sequences
     ], [(f.item, str(f.error)) for f in collection.failures]  # fmt: skip
@@ -62,7 +62,7 @@ def assert_fresh(index, folder, tmp_path):
     for a, b in zip(*(q.parts for q in queries), strict=False):
         assert a.shard.word_index.n_documents <= len(index)
         assert b.shard.feature_set is a.shard.feature_set
-    assert np.array_equal(queries[0].share_of_ones, queries[1].share_of_ones)
+    assert np.array_equal(queries[0].feature_prior, queries[1].feature_prior)
 
 
 # -- saved = fresh, appended = rebuilt ----------------------------------------------------

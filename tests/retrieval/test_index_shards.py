@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence
-from motionary.matching import concatenate, share_of_ones
-from motionary.models.keyframes import HitRanges, index_words
+from motionary.matching import concatenate, feature_prior
+from motionary.models.keyframes import HitRanges, index_packed
 from motionary.packing import full_mask
 from motionary.retrieval.index.collection import Collection, join_collections
 from motionary.retrieval.index.shard import join_shards, make_shard, select
@@ -35,8 +35,8 @@ def same(a: FeatureSequence, b: FeatureSequence) -> bool:
     about = [
         (x.source, x.file_rate_hz, x.file_frames, x.first_frame, x.feature_set.name) for x in (a, b)
     ]
-    words = np.array_equal(a.words, b.words) and np.array_equal(a.known, b.known)
-    return bool(about[0] == about[1] and words)
+    packed = np.array_equal(a.packed, b.packed) and np.array_equal(a.known, b.known)
+    return bool(about[0] == about[1] and packed)
 
 
 SIZES = st.lists(st.integers(1, 40), min_size=1, max_size=8)
@@ -57,15 +57,15 @@ def test_the_corpus_is_that_of_the_documents(seed, lengths):
     given_documents = documents(seed, lengths)
     shard = make_shard(given_documents, FULL_BODY)
     expected = concatenate(
-        [d.words for d in given_documents],
+        [d.packed for d in given_documents],
         [d.known for d in given_documents],
         full=full_mask(1, N)[0],
     )
     corpus = shard.corpus
-    assert np.array_equal(corpus.words, expected.words)
+    assert np.array_equal(corpus.packed, expected.packed)
     assert np.array_equal(corpus.blocked, expected.blocked)
     assert np.array_equal(corpus.starts, expected.starts)
-    inside = np.setdiff1d(np.arange(len(corpus.words)), corpus.blocked)
+    inside = np.setdiff1d(np.arange(len(corpus.packed)), corpus.blocked)
     assert np.array_equal(corpus.known[inside], expected.known[inside])
 
 
@@ -82,8 +82,8 @@ def test_stretches_are_those_of_the_documents(seed, lengths, data):
     ranges = HitRanges(*(np.array(column, dtype=np.int64) for column in zip(*spans, strict=True)))
     corpus = make_shard(given_documents, FULL_BODY).cut(ranges)
     for i, (number, start, stop) in enumerate(spans):
-        words, known = corpus.document(i)
-        assert np.array_equal(words, given_documents[number].words[start:stop])
+        packed, known = corpus.document(i)
+        assert np.array_equal(packed, given_documents[number].packed[start:stop])
         assert np.array_equal(known, given_documents[number].known[start:stop])
     assert len(corpus.blocked) == 2 * (len(spans) - 1)
 
@@ -112,8 +112,8 @@ def test_a_written_shard_reads_back(tmp_path):
     back = read_shard(tmp_path / write_shard(shard, tmp_path), FULL_BODY)
     assert all(same(back.sequence(i), d) for i, d in enumerate(given_documents))
     assert np.array_equal(back.table, shard.table)
-    expected = index_words(
-        [d.words for d in given_documents],
+    expected = index_packed(
+        [d.packed for d in given_documents],
         [d.known for d in given_documents],
         feature_set=FULL_BODY.name,
         feature_ids=FULL_BODY.ids,
@@ -144,7 +144,7 @@ def test_a_shard_of_other_features_is_refused(tmp_path):
 def test_a_shard_must_fit_together():
     shard = make_shard(documents(4, [5, 6]), FULL_BODY)
     with pytest.raises(InvalidInput, match="needs words of shape"):
-        type(shard)(shard.names[:1], shard.table, shard.words, shard.masks, FULL_BODY)
+        type(shard)(shard.names[:1], shard.table, shard.packed, shard.masks, FULL_BODY)
 
 
 # -- collections of shards ----------------------------------------------------------------
@@ -152,7 +152,7 @@ def test_a_shard_must_fit_together():
 
 def test_documents_of_shards_stand_in_the_order_of_their_names():
     a, b = documents(1, [5, 9, 30]), documents(2, [12, 3])
-    renamed = [FeatureSequence(d.words, d.known, FULL_BODY, source=n)
+    renamed = [FeatureSequence(d.packed, d.known, FULL_BODY, source=n)
                for d, n in zip([*a, *b], "dbaec", strict=True)]  # fmt: skip
     shards = [make_shard(renamed[:3], FULL_BODY), make_shard(renamed[3:], FULL_BODY)]
     collection = Collection.of_shards(shards, FULL_BODY)
@@ -164,8 +164,8 @@ def test_documents_of_shards_stand_in_the_order_of_their_names():
         for document, number in enumerate(part.numbers):
             assert part.shard.names[document] == collection.sequences[number].source
     plain = Collection(tuple(sorted(renamed, key=lambda s: s.source)))
-    assert np.array_equal(collection.share_of_ones, plain.share_of_ones)
-    assert np.array_equal(plain.share_of_ones, share_of_ones(plain.parts[0].shard.corpus, N))
+    assert np.array_equal(collection.feature_prior, plain.feature_prior)
+    assert np.array_equal(plain.feature_prior, feature_prior(plain.parts[0].shard.corpus, N))
     with pytest.raises(IndexError):
         collection.sequences[5]
 

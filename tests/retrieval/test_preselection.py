@@ -19,43 +19,45 @@ from motionary.models.keyframes import (
     columns_of_query,
     extend,
     fit_hits,
-    from_relations,
+    from_features,
     from_template,
     margins,
     parse_queries,
     parse_query,
     search_query,
     select_in_index,
-    select_in_words,
+    select_in_sequence,
     single_hits,
 )
 from motionary.models.keyframes.ranges import HitRanges
-from motionary.models.library import ClassLibrary, MotionClass, Subclass, class_of_query, learn
+from motionary.models.library import ClassLibrary, MotionClass, Prototype, class_of_query, learn
 from motionary.packing import full_mask
 from motionary.retrieval.annotation import annotate, class_distance
 from motionary.retrieval.explanation import explain
 from motionary.retrieval.index import Collection
-from motionary.retrieval.search import Deriving, Growing, derive_queries, search
+from motionary.retrieval.search import Deriving, QueryExpansion, derive_queries, search
 from packing_cases import N, random_rows, sequence, stream
 
 LENGTH = 40
 STEP = random_rows(1, LENGTH)
-PLAIN = {"by_surprise": False}
+PLAIN = {"by_self_information": False}
 
 
-def taught(*, queries=(), votes=1, threshold=0.06):
+def trained(*, queries=(), votes=1, threshold=0.06):
     """A class of one template, with keyframes or without."""
-    from motionary.models.library import Teaching
+    from motionary.models.library import TrainingOptions
 
-    library = learn({"step": [sequence(STEP)]}, teaching=Teaching(**PLAIN, threshold=threshold))
-    (subclass,) = library["step"].subclasses
-    subclass = Subclass("step", subclass.template, tuple(queries), votes)
-    return MotionClass("step", (subclass,), threshold)
+    library = learn(
+        {"step": [sequence(STEP)]}, training=TrainingOptions(**PLAIN, threshold=threshold)
+    )
+    (prototype,) = library["step"].prototypes
+    prototype = Prototype("step", prototype.template, tuple(queries), votes)
+    return MotionClass("step", (prototype,), threshold)
 
 
 def query_of(columns, *, stiffness=0.7):
     """Keyframes of whole columns of the step."""
-    template = taught().quantised()[0]
+    template = trained().quantised()[0]
     return from_template(template, list(columns), stiffness=stiffness)
 
 
@@ -118,7 +120,7 @@ def test_windows_reach_twice_as_far_as_the_template(takes):
     assert (before, after) == (20, 12)
     assert list(found) == list(extend(hits, before, after, shard.lengths))
     for i, document in enumerate(takes.sequences):
-        alone = select_in_words([QUERY], LENGTH, document.words, document.known)
+        alone = select_in_sequence([QUERY], LENGTH, document.packed, document.known)
         assert alone.of(0) == found.of(i)
 
 
@@ -144,12 +146,12 @@ def plain_hits(motion_class, collection, query):
     ((template, pattern),) = motion_class.sought()
     found = []
     for document in collection.sequences:
-        ranges = select_in_words([query], template.n_columns, document.words, document.known)
+        ranges = select_in_sequence([query], template.n_columns, document.packed, document.known)
         for start, stop in ranges.of(0):
-            words, known = document.words[start:stop], document.known[start:stop]
-            distance = distance_function(pattern, words, known)
-            for hit in find_hits(distance, pattern, words, known, threshold=np.inf):
-                (path,) = align(pattern, words, known, [hit.stop - 1])
+            packed, known = document.packed[start:stop], document.known[start:stop]
+            distance = distance_function(pattern, packed, known)
+            for hit in find_hits(distance, pattern, packed, known, threshold=np.inf):
+                (path,) = align(pattern, packed, known, [hit.stop - 1])
                 begin, end = (start + path.start) / 30, (start + path.end + 1) / 30
                 found.append((path.cost, document.source, begin, end))
     kept = []
@@ -163,26 +165,26 @@ def plain_hits(motion_class, collection, query):
 
 @pytest.mark.parametrize("limit", [1, 2, 5, None])
 def test_hits_around_keyframes_are_those_of_the_windows(takes, limit):
-    motion_class = taught(queries=[QUERY], threshold=1.0)
+    motion_class = trained(queries=[QUERY], threshold=1.0)
     result = search(motion_class, takes, limit=limit)
     assert hits_of(result) == plain_hits(motion_class, takes, QUERY)[:limit]
     assert result.queries == (QUERY,)
-    assert 0 < result.share_matched < 0.6
+    assert 0 < result.fraction_matched < 0.6
 
 
 def test_what_lacks_a_keyframe_is_found_only_without_them(takes):
-    motion_class = taught(queries=[QUERY])
+    motion_class = trained(queries=[QUERY])
     assert {h.recording for h in search(motion_class, takes)} == {"take 0", "take 1"}
     everywhere = search(motion_class, takes, preselect=False)
     assert len(everywhere) == len(search(motion_class, takes)) + 1
     assert everywhere.queries == ()
-    assert everywhere.share_matched == 1
-    assert hits_of(everywhere) == hits_of(search(taught(), takes))
+    assert everywhere.fraction_matched == 1
+    assert hits_of(everywhere) == hits_of(search(trained(), takes))
 
 
 def test_hits_carry_paths_through_the_whole_recording(takes):
-    inside = search(taught(queries=[QUERY]), takes)[0]
-    whole = search(taught(), takes)[0]
+    inside = search(trained(queries=[QUERY]), takes)[0]
+    whole = search(trained(), takes)[0]
     assert inside == whole
     assert np.array_equal(inside.evidence.alignment.path, whole.evidence.alignment.path)
     assert str(explain(inside)) == str(explain(whole))
@@ -190,37 +192,37 @@ def test_hits_carry_paths_through_the_whole_recording(takes):
 
 def test_several_queries_and_votes(takes):
     other = query_of((5, 12))
-    both = taught(queries=[QUERY, other], votes=2)
-    any_of = taught(queries=[QUERY, other])
+    both = trained(queries=[QUERY, other], votes=2)
+    any_of = trained(queries=[QUERY, other])
     assert set(hits_of(search(both, takes))) < set(hits_of(search(any_of, takes)))
-    assert search(any_of, takes).share_matched > search(both, takes).share_matched
+    assert search(any_of, takes).fraction_matched > search(both, takes).fraction_matched
 
 
 def test_without_a_place_to_match_the_rarest_keyframe_is_told(takes):
-    nowhere = from_relations([dict.fromkeys(FULL_BODY.ids, True)], [])
-    result = search(taught(queries=[nowhere]), takes)
+    nowhere = from_features([dict.fromkeys(FULL_BODY.ids, True)], [])
+    result = search(trained(queries=[nowhere]), takes)
     assert len(result) == 0
-    assert result.share_matched == 0
+    assert result.fraction_matched == 0
     assert "no frame shows keyframe 1 of 1" in result.nearest
 
 
 def test_given_keyframes_go_before_those_of_the_class(takes):
-    nowhere = from_relations([dict.fromkeys(FULL_BODY.ids, True)], [])
-    assert len(search(taught(queries=[nowhere]), takes, preselect=QUERY)) == 3
-    assert len(search(taught(), takes, preselect=[QUERY])) == 3
-    template = taught().subclasses[0].template
+    nowhere = from_features([dict.fromkeys(FULL_BODY.ids, True)], [])
+    assert len(search(trained(queries=[nowhere]), takes, preselect=QUERY)) == 3
+    assert len(search(trained(), takes, preselect=[QUERY])) == 3
+    template = trained().prototypes[0].template
     assert len(search(template, takes, preselect=QUERY, threshold=0.06)) == 3
-    growing = Growing(hits=0, by_surprise=False)
-    example = search(sequence(STEP), takes, preselect=QUERY, threshold=0.06, growing=growing)
+    expansion = QueryExpansion(hits=0, by_self_information=False)
+    example = search(sequence(STEP), takes, preselect=QUERY, threshold=0.06, expansion=expansion)
     assert len(example) == 3
 
 
 def test_keyframes_of_other_features_are_refused(takes):
-    query = from_relations([{"F1": True}], [], vocabulary=FULL_BODY_2006)
+    query = from_features([{"F1": True}], [], vocabulary=FULL_BODY_2006)
     with pytest.raises(InvalidInput, match="both must be of one set"):
-        search(taught(), takes, preselect=query)
+        search(trained(), takes, preselect=query)
     with pytest.raises(InvalidInput, match="both must be of one set"):
-        Subclass("step", taught().subclasses[0].template, (query,))
+        Prototype("step", trained().prototypes[0].template, (query,))
 
 
 # -- keyframes alone ----------------------------------------------------------------------
@@ -229,27 +231,27 @@ def test_keyframes_of_other_features_are_refused(takes):
 @given(cases())
 def test_the_best_hit_of_every_end_is_found(case):
     full = full_mask(1, len(case.query.feature_ids))[0]
-    documents = concatenate(case.words, case.masks, full=full)
+    documents = concatenate(case.packed, case.masks, full=full)
     fitted = fit_hits(case.query, documents)
     columns = np.diff(columns_of_query(case.query))
     expected = {}
-    for begin, words, known in zip(documents.starts, case.words, case.masks, strict=True):
-        for hit in single_hits(case.query, words, known, limit=100_000):
+    for begin, packed, known in zip(documents.starts, case.packed, case.masks, strict=True):
+        for hit in single_hits(case.query, packed, known, limit=100_000):
             gaps = np.diff(hit)
-            misfit = sum(
+            gap_cost = sum(
                 0 if max(g, c) <= 1 and min(g, c) == max(g, c) else 1 - min(g, c) / max(g, c, 1)
                 for g, c in zip(gaps, columns, strict=True)
                 if max(g, c) > 1
             ) / max(len(gaps), 1)
             end = int(hit[-1] + begin)
-            expected[end] = min(expected.get(end, 9), misfit)
+            expected[end] = min(expected.get(end, 9), gap_cost)
     assert sorted(expected) == fitted.frames[:, -1].tolist()
     bounded = all(gap.most is not None for gap in case.query.gaps)
-    for end, misfit in zip(fitted.frames[:, -1].tolist(), fitted.misfits, strict=True):
+    for end, gap_cost in zip(fitted.frames[:, -1].tolist(), fitted.gap_costs, strict=True):
         if bounded:
-            assert misfit == pytest.approx(expected[end])
+            assert gap_cost == pytest.approx(expected[end])
         else:
-            assert misfit >= expected[end] - 1e-9
+            assert gap_cost >= expected[end] - 1e-9
 
 
 def test_keyframes_are_sought_alone():
@@ -353,8 +355,8 @@ def test_derived_keyframes_are_shown_by_what_they_are_derived_from(gestures):
         assert len(query) <= 2
         assert all(int(n) <= 4 for n in np.bitwise_count(query.fixed).sum(axis=1))
         assert all(b - a >= 6 for a, b in itertools.pairwise(query.positions))
-        words = sequence(sought)
-        hits = single_hits(query, words.words, words.known)
+        packed = sequence(sought)
+        hits = single_hits(query, packed.packed, packed.known)
         assert list(query.positions) in hits.tolist()
     # None uses what another has used.
     fixed = [np.bitwise_or.reduce(query.fixed, axis=0) for query in queries]
@@ -364,14 +366,14 @@ def test_derived_keyframes_are_shown_by_what_they_are_derived_from(gestures):
 
 
 def test_a_fast_search_finds_the_gesture(gestures):
-    settings = {"threshold": 0.03, "growing": Growing(hits=0)}
+    settings = {"threshold": 0.03, "expansion": QueryExpansion(hits=0)}
     fast = search(sequence(gesture(3)), gestures, preselect=True, **settings)
     slow = search(sequence(gesture(3)), gestures, **settings)
     assert set(hits_of(fast)) <= set(hits_of(slow))
     assert hits_of(fast)[0] == hits_of(slow)[0]
     assert fast[0].recording == "take 3"
     assert fast.queries
-    assert 0 < fast.share_matched < 0.6
+    assert 0 < fast.fraction_matched < 0.6
 
 
 def test_nothing_rare_gives_no_keyframes():
@@ -379,12 +381,12 @@ def test_nothing_rare_gives_no_keyframes():
     collection = Collection((sequence(rows, source="still"),))
     assert derive_queries(template_of(rows[:20]), collection, Deriving()) == ()
     result = search(sequence(rows[:20]), collection, preselect=True)
-    assert result.share_matched == 1
+    assert result.fraction_matched == 1
 
 
 def template_of(rows):
     library = learn({"it": [sequence(rows)]})
-    return library["it"].subclasses[0].template
+    return library["it"].prototypes[0].template
 
 
 # -- labels -------------------------------------------------------------------------------
@@ -397,7 +399,7 @@ def labels_of(track):
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_labels_without_keyframes_are_what_they_were(takes, number):
     document = takes.sequences[number]
-    plain, with_queries = ClassLibrary((taught(),)), ClassLibrary((taught(queries=[QUERY]),))
+    plain, with_queries = ClassLibrary((trained(),)), ClassLibrary((trained(queries=[QUERY]),))
     assert annotate(document, plain, preselect=True) == annotate(document, plain)
     expected = annotate(document, plain)
     got = annotate(document, with_queries, preselect=False)
@@ -407,7 +409,7 @@ def test_labels_without_keyframes_are_what_they_were(takes, number):
 
 def test_labels_lie_around_keyframes(takes):
     document = takes.sequences[1]
-    library = ClassLibrary((taught(queries=[QUERY]),))
+    library = ClassLibrary((trained(queries=[QUERY]),))
     every, some = annotate(document, library, preselect=False), annotate(document, library)
     assert len(every) == len(some) + 1
     assert set(labels_of(some)) < set(labels_of(every))
@@ -418,8 +420,8 @@ def test_labels_lie_around_keyframes(takes):
 
 def test_the_distance_is_infinite_outside_of_the_windows(takes):
     document = takes.sequences[1]
-    found = class_distance(document, taught(queries=[QUERY], threshold=1.0))
-    ranges = select_in_words([QUERY], LENGTH, document.words, document.known)
+    found = class_distance(document, trained(queries=[QUERY], threshold=1.0))
+    ranges = select_in_sequence([QUERY], LENGTH, document.packed, document.known)
     inside = np.zeros(len(document), dtype=bool)
     for start, stop in ranges.of(0):
         inside[start:stop] = True
@@ -431,24 +433,24 @@ def test_the_distance_is_infinite_outside_of_the_windows(takes):
 
 def test_every_window_is_matched_as_if_it_were_alone(takes):
     document = takes.sequences[0]
-    motion_class = taught(queries=[QUERY], threshold=1.0)
+    motion_class = trained(queries=[QUERY], threshold=1.0)
     found = class_distance(document, motion_class)
-    for start, stop in select_in_words([QUERY], LENGTH, document.words).of(0):
+    for start, stop in select_in_sequence([QUERY], LENGTH, document.packed).of(0):
         part = document.part(start, stop)
         alone = class_distance(part, motion_class, preselect=False)
         assert np.array_equal(found.modified[start:stop], alone.modified)
 
 
 def test_without_labels_the_nearest_is_told_with_keyframes_or_without(takes):
-    nowhere = from_relations([dict.fromkeys(FULL_BODY.ids, True)], [])
-    library = ClassLibrary((taught(queries=[nowhere]),))
+    nowhere = from_features([dict.fromkeys(FULL_BODY.ids, True)], [])
+    library = ClassLibrary((trained(queries=[nowhere]),))
     track = annotate(takes.sequences[0], library)
     assert len(track) == 0
     assert track.nearest.startswith(
         "no class shows the keyframes that it needs; nearest without them: step 0.000 at "
     )
     far = annotate(takes.sequences[2], library)
-    assert far.nearest == annotate(takes.sequences[2], ClassLibrary((taught(),))).nearest
+    assert far.nearest == annotate(takes.sequences[2], ClassLibrary((trained(),))).nearest
 
 
 def test_chosen_keyframes_of_a_class_label_it(gestures):
@@ -458,9 +460,9 @@ def test_chosen_keyframes_of_a_class_label_it(gestures):
     query = from_template(
         template, [c.position for c in chosen], stiffness=0.5, groups=[c.group for c in chosen]
     )
-    (subclass,) = library["gesture"].subclasses
-    subclass = Subclass("gesture", subclass.template, (query,))
-    some = ClassLibrary((MotionClass("gesture", (subclass,), 0.06),))
+    (prototype,) = library["gesture"].prototypes
+    prototype = Prototype("gesture", prototype.template, (query,))
+    some = ClassLibrary((MotionClass("gesture", (prototype,), 0.06),))
     (label,), (expected,) = (annotate(gestures.sequences[3], x) for x in (some, library))
     assert (label.end_s, label.cost) == (expected.end_s, expected.cost)
     # Where a window begins, more ends are local minima.
@@ -468,7 +470,7 @@ def test_chosen_keyframes_of_a_class_label_it(gestures):
 
 
 def test_a_gap_of_nothing_fits_itself():
-    query = from_relations([{"F1": True}, {"F3": True}], [Gap(0, 0)])
+    query = from_features([{"F1": True}, {"F3": True}], [Gap(0, 0)])
     rows = np.zeros((5, N), dtype=bool)
     rows[2, [0, 2]] = True
     (hit,) = search(query, Collection((sequence(rows, source="take"),)))

@@ -23,7 +23,7 @@ from motionary.matching import Pattern, concatenate, corpus_distance
 from motionary.models.templates import learn_template, quantise
 from motionary.packing import full_mask, pack
 from motionary.retrieval.index import Collection
-from motionary.retrieval.search import Growing, search
+from motionary.retrieval.search import QueryExpansion, search
 
 WITHIN = 0.01
 N = len(FULL_BODY_2006)
@@ -46,9 +46,9 @@ def actor_of(name):
     return name.split("_")[1]
 
 
-def corpus_of(words, *, n_features):
-    known = [full_mask(len(w), n_features) for w in words]
-    return concatenate(words, known, full=full_mask(1, n_features)[0])
+def corpus_of(packed, *, n_features):
+    known = [full_mask(len(w), n_features) for w in packed]
+    return concatenate(packed, known, full=full_mask(1, n_features)[0])
 
 
 # -- templates of the authors' halves --------------------------------------------------
@@ -71,7 +71,7 @@ def patterns(clips, halves):
         )
         quantised = quantise(template, tolerance=0.1)
         weights = np.ones(quantised.n_columns)
-        patterns[name] = Pattern(quantised.value_words, quantised.fixed_words, weights)
+        patterns[name] = Pattern(quantised.packed_values, quantised.packed_fixed, weights)
     return patterns
 
 
@@ -125,18 +125,18 @@ def example_queries(golden, clips):
     others = {}
     for actor in {actor_of(name) for name in names}:
         sequences = [s for name, s in clips.items() if actor_of(name) != actor]
-        corpus = corpus_of([s.words for s in sequences], n_features=len(FULL_BODY))
+        corpus = corpus_of([s.packed for s in sequences], n_features=len(FULL_BODY))
         others[actor] = Collection(tuple(sequences)), corpus
     return [(clips[name], *others[actor_of(name)]) for name in names]
 
 
-def smallest_costs(example, collection, corpus, growing):
+def smallest_costs(example, collection, corpus, expansion):
     """Cost of the best hit of each clip.
 
     The best hit tells what the search looked for; ranking every clip's further hits too
     takes minutes and changes no clip's first one (the next test).
     """
-    pattern = search(example, collection, limit=1, growing=growing)[0].evidence.pattern
+    pattern = search(example, collection, limit=1, expansion=expansion)[0].evidence.pattern
     return np.array([d.min() for d in corpus.split(corpus_distance(pattern, corpus))])
 
 
@@ -156,19 +156,24 @@ def test_without_limit_every_clip_is_ranked_by_its_smallest_cost(example_queries
 
 
 @pytest.mark.parametrize(
-    ("growing", "average_precision", "r_precision"),
+    ("expansion", "average_precision", "r_precision"),
     [
-        pytest.param(Growing(hits=0, by_surprise=False), 0.887, 0.835, id="as it is"),
         pytest.param(
-            Growing(hits=3, reach=np.inf, by_surprise=False), 0.951, 0.908, id="grown by 3"
+            QueryExpansion(hits=0, by_self_information=False), 0.887, 0.835, id="as it is"
         ),
-        pytest.param(Growing(hits=0), 0.898, 0.852, id="by surprise"),
+        pytest.param(
+            QueryExpansion(hits=3, reach=np.inf, by_self_information=False),
+            0.951,
+            0.908,
+            id="grown by 3",
+        ),
+        pytest.param(QueryExpansion(hits=0), 0.898, 0.852, id="by surprise"),
         pytest.param(None, 0.97, 0.935, id="default"),
     ],
 )
-def test_one_example_as_query(example_queries, growing, average_precision, r_precision):
+def test_one_example_as_query(example_queries, expansion, average_precision, r_precision):
     found = summarize_rankings(
-        (smallest_costs(example, clips, corpus, growing), relevance(example, clips))
+        (smallest_costs(example, clips, corpus, expansion), relevance(example, clips))
         for example, clips, corpus in example_queries
     )
     assert found.queries == 33

@@ -3,11 +3,11 @@
 import pytest
 
 import motionary as mo
-from motionary.models.library import Teaching
+from motionary.models.library import TrainingOptions
 
 HOP = "hopBothLegs1hops"
 #: As published: all relations weigh alike, and one threshold for all.
-AS_PUBLISHED = Teaching(by_surprise=False)
+AS_PUBLISHED = TrainingOptions(by_self_information=False)
 THRESHOLD = 0.06
 
 
@@ -15,7 +15,7 @@ THRESHOLD = 0.06
 def hops(data):
     """A class of hops from all clips of HDM05, AMC."""
     clips = [mo.read(path) for path in sorted((data / "hdm05" / HOP).glob("*.amc"))]
-    return mo.learn({HOP: clips}, teaching=AS_PUBLISHED)
+    return mo.learn({HOP: clips}, training=AS_PUBLISHED)
 
 
 def labels(path, hops, skip=0):

@@ -7,30 +7,30 @@ from cli_cases import write_bvh
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features
 from motionary.io import read
-from motionary.models.library import MotionClass, Subclass, Teaching, learn, learn_classes
+from motionary.models.library import MotionClass, Prototype, TrainingOptions, learn, learn_classes
 from motionary.models.templates import MotionTemplate
 from motionary.retrieval.explanation import explain
 from motionary.retrieval.index import Collection, collect
-from motionary.retrieval.search import Growing, Judged, search
+from motionary.retrieval.search import QueryExpansion, RelevanceFeedback, search
 from motionary.samples import synthetic_motion, synthetic_stream
 from packing_cases import N, random_rows, seconds, sequence, stream
 
 LENGTH = 30
 STEP, TURN = random_rows(1, LENGTH), random_rows(2, LENGTH)
-AS_IT_IS = Growing(hits=0, by_surprise=False)
+AS_IT_IS = QueryExpansion(hits=0, by_self_information=False)
 
 
-def flip(rows, n_relations, *, seed=0):
+def flip(rows, n_features, *, seed=0):
     """Rows in which some relations are the opposite: each costs 1 in N."""
     changed = rows.copy()
-    chosen = np.random.default_rng(seed).permutation(rows.shape[1])[:n_relations]
+    chosen = np.random.default_rng(seed).permutation(rows.shape[1])[:n_features]
     changed[:, chosen] ^= True
     return changed
 
 
-def teach(teaching=None, **classes):
+def teach(training=None, **classes):
     examples = {name: [sequence(rows)] for name, rows in classes.items()}
-    return learn(examples, teaching=teaching or Teaching(by_surprise=False))
+    return learn(examples, training=training or TrainingOptions(by_self_information=False))
 
 
 def spans(result):
@@ -60,10 +60,10 @@ def test_hits_are_ranked_by_cost_over_all_recordings(takes, kind):
     motion_class = teach(step=STEP)["step"]
     query = {
         "example": sequence(STEP),
-        "template": motion_class.subclasses[0].template,
+        "template": motion_class.prototypes[0].template,
         "class": motion_class,
     }[kind]
-    result = search(query, collection, limit=3, threshold=0.2, growing=AS_IT_IS)
+    result = search(query, collection, limit=3, threshold=0.2, expansion=AS_IT_IS)
     assert spans(result) == [span(where[key]) for key in ("best", "good", "worst")]
     assert [hit.cost for hit in result] == pytest.approx([0, 2 / N, 4 / N])
     assert all(hit.known == 1 for hit in result)
@@ -74,7 +74,9 @@ def test_hits_are_ranked_by_cost_over_all_recordings(takes, kind):
 
 def test_the_classes_own_threshold_counts_unless_one_is_given(takes):
     collection, where = takes
-    motion_class = teach(Teaching(by_surprise=False, threshold=0.06), step=STEP)["step"]
+    motion_class = teach(TrainingOptions(by_self_information=False, threshold=0.06), step=STEP)[
+        "step"
+    ]
     assert spans(search(motion_class, collection)) == [span(where["best"]), span(where["good"])]
     assert spans(search(motion_class, collection, threshold=0.0)) == [span(where["best"])]
     assert len(search(motion_class, collection, threshold=0.12)) == 3
@@ -88,20 +90,20 @@ def test_hits_name_the_files_own_frames():
     assert (hit.start_frame, hit.end_frame) == (4 * a + 1, 4 * (a + LENGTH))
 
 
-@pytest.mark.parametrize("growing", [AS_IT_IS, None], ids=["as it is", "grown"])
+@pytest.mark.parametrize("expansion", [AS_IT_IS, None], ids=["as it is", "grown"])
 @pytest.mark.parametrize("seed", range(2))
-def test_a_limit_keeps_the_first_hits(growing, seed):
+def test_a_limit_keeps_the_first_hits(expansion, seed):
     takes = []
     for i in range(3):
         rng = np.random.default_rng([seed, i])
         parts = [flip(STEP, int(n), seed=i) for n in rng.integers(0, 12, 3)]
         takes.append(sequence(stream(*parts, seed=i)[0], source=f"take {i}"))
-    every = search(sequence(STEP), Collection(tuple(takes)), limit=None, growing=growing)
+    every = search(sequence(STEP), Collection(tuple(takes)), limit=None, expansion=expansion)
     assert len(every) > 8
     costs = [hit.cost for hit in every]
     assert costs == sorted(costs)
     for limit in (1, 2, 5, len(every) + 1):
-        some = search(sequence(STEP), Collection(tuple(takes)), limit=limit, growing=growing)
+        some = search(sequence(STEP), Collection(tuple(takes)), limit=limit, expansion=expansion)
         assert list(some) == list(every)[:limit]
 
 
@@ -118,14 +120,16 @@ def test_a_threshold_that_is_no_number_is_refused(takes):
 
 def test_hits_of_one_recording_do_not_repeat_each_other():
     rows, (a, b) = stream(STEP, STEP)
-    hits = search(sequence(STEP), [sequence(rows)], threshold=0.3, growing=AS_IT_IS)
+    hits = search(sequence(STEP), [sequence(rows)], threshold=0.3, expansion=AS_IT_IS)
     assert spans(hits) == [("", a, a + LENGTH), ("", b, b + LENGTH)]
 
 
 def test_several_templates_of_a_class_do_not_double_hits():
     rows, (a, b) = stream(STEP, flip(STEP, 3), seed=5)
     examples = {"step": {"short": [sequence(STEP[4:])], "long": [sequence(STEP)]}}
-    motion_class = learn_classes(examples, teaching=Teaching(by_surprise=False))["step"]
+    motion_class = learn_classes(examples, training=TrainingOptions(by_self_information=False))[
+        "step"
+    ]
     hits = search(motion_class, [sequence(rows)], threshold=0.2)
     # Both fit the first to the end; of two that cost the same the one that starts first stays.
     assert spans(hits)[0] == ("", a, a + LENGTH)
@@ -137,7 +141,9 @@ def test_matches_of_one_class_that_share_less_than_half_both_stay(second_from, s
     rows, (a,) = stream(STEP, seed=6)
     # Of the second way 8 of 18 frames lie in the first, or 12 of 22.
     examples = {"step": {"begin": [sequence(STEP[:20])], "end": [sequence(STEP[second_from:])]}}
-    motion_class = learn_classes(examples, teaching=Teaching(by_surprise=False))["step"]
+    motion_class = learn_classes(examples, training=TrainingOptions(by_self_information=False))[
+        "step"
+    ]
     expected = [("", a, a + 20), ("", a + second_from, a + LENGTH)]
     assert spans(search(motion_class, [sequence(rows)])) == expected[: 1 + stays]
 
@@ -171,10 +177,15 @@ def test_growing_frees_what_differs_between_the_example_and_its_hits():
     examples = varied(6)
     takes = [sequence(stream(e, seed=i)[0], source=f"take {i}") for i, e in enumerate(examples[1:])]
     example = sequence(examples[0], source="mine")
-    plain = search(example, takes, growing=AS_IT_IS, limit=5)
-    grown = search(example, takes, growing=Growing(hits=3, reach=1.0, by_surprise=False), limit=5)
-    assert max(hit.cost for hit in grown) < min(hit.cost for hit in plain)
-    (template,) = grown.templates
+    plain = search(example, takes, expansion=AS_IT_IS, limit=5)
+    expanded = search(
+        example,
+        takes,
+        expansion=QueryExpansion(hits=3, reach=1.0, by_self_information=False),
+        limit=5,
+    )
+    assert max(hit.cost for hit in expanded) < min(hit.cost for hit in plain)
+    (template,) = expanded.templates
     assert template.n_examples == 4
     assert template.provenance == "grown from mine and 3 hits"
     fixed = (template.values <= 0.1) | (template.values >= 0.9)
@@ -183,8 +194,8 @@ def test_growing_frees_what_differs_between_the_example_and_its_hits():
 
 
 @pytest.mark.parametrize("still", [0, 6])
-@pytest.mark.parametrize("by_surprise", [False, True])
-def test_an_example_teaches_itself_nothing(still, by_surprise):
+@pytest.mark.parametrize("by_self_information", [False, True])
+def test_an_example_teaches_itself_nothing(still, by_self_information):
     """Found in the collection, even where standing still makes its ends unsure."""
     examples = varied(4)
     pose = examples[0][:1]
@@ -197,21 +208,27 @@ def test_an_example_teaches_itself_nothing(still, by_surprise):
     takes = [sequence(rows, source="own take")]
     takes += [sequence(stream(e, seed=i)[0]) for i, e in enumerate(examples[1:], start=1)]
     example = takes[0].part(start, start + len(own))
-    settings = Growing(hits=3, reach=1.0, by_surprise=by_surprise)
-    result = search(example, takes, growing=settings, limit=4)
-    alone = search(example, takes[1:], growing=settings, limit=3)
+    settings = QueryExpansion(hits=3, reach=1.0, by_self_information=by_self_information)
+    result = search(example, takes, expansion=settings, limit=4)
+    alone = search(example, takes[1:], expansion=settings, limit=3)
     assert result.templates[0].n_examples == alone.templates[0].n_examples == 4
-    if not by_surprise:
+    if not by_self_information:
         # What is rare depends on all recordings, the own take among them.
         assert np.array_equal(result.templates[0].values, alone.templates[0].values)
 
 
 def test_a_hit_that_is_too_far_teaches_nothing(takes):
     collection, _ = takes
-    result = search(sequence(STEP), collection, growing=Growing(most_cost=0.07, by_surprise=False))
+    result = search(
+        sequence(STEP),
+        collection,
+        expansion=QueryExpansion(most_cost=0.07, by_self_information=False),
+    )
     # The example itself and one take with two relations in 40 that differ.
     assert result.templates[0].n_examples == 2
-    far = search(sequence(random_rows(9, LENGTH)), collection, growing=Growing(most_cost=0.07))
+    far = search(
+        sequence(random_rows(9, LENGTH)), collection, expansion=QueryExpansion(most_cost=0.07)
+    )
     assert far.templates[0].n_examples == 1
 
 
@@ -229,8 +246,8 @@ def test_what_is_rare_tells_more():
         sequence(np.concatenate([calm[:50], rows, calm[50:]]), source=name)
         for name, rows in (("no rare", without_rare), ("no common", without_common))
     ]
-    plain = search(sequence(wanted), takes, limit=2, growing=AS_IT_IS)
-    weighed = search(sequence(wanted), takes, limit=2, growing=Growing(hits=0))
+    plain = search(sequence(wanted), takes, limit=2, expansion=AS_IT_IS)
+    weighed = search(sequence(wanted), takes, limit=2, expansion=QueryExpansion(hits=0))
     assert [hit.cost for hit in plain] == pytest.approx([0.25 / 30] * 2, rel=0.01)
     assert [hit.recording for hit in weighed] == ["no common", "no rare"]
     assert weighed[1].cost > 2 * weighed[0].cost
@@ -240,15 +257,15 @@ def test_what_the_first_hits_free_brings_the_next_ones_nearer():
     """Each example differs from the one before in six relations more."""
     rows = [STEP.copy() for _ in range(5)]
     for i in range(5):
-        for relation in range(6 * i):
-            rows[i][:, relation] ^= True
+        for feature in range(6 * i):
+            rows[i][:, feature] ^= True
     takes = [sequence(stream(r, seed=i)[0], source=f"take {i}") for i, r in enumerate(rows[1:], 1)]
-    settings = Growing(hits=4, reach=2.0, by_surprise=False)
-    result = search(sequence(rows[0]), takes, growing=settings, limit=4)
+    settings = QueryExpansion(hits=4, reach=2.0, by_self_information=False)
+    result = search(sequence(rows[0]), takes, expansion=settings, limit=4)
     assert [hit.recording for hit in result] == ["take 1", "take 2", "take 3", "take 4"]
     # Differs in 6, 12, 18, 24 of 40 relations from the example, in 6 from the one before.
-    plain = search(sequence(rows[0]), takes, growing=AS_IT_IS, limit=4)
-    assert plain[2].cost > Growing().most_cost
+    plain = search(sequence(rows[0]), takes, expansion=AS_IT_IS, limit=4)
+    assert plain[2].cost > QueryExpansion().most_cost
     # One differs from the example in 18 relations.
     assert result.templates[0].n_examples == 4
 
@@ -256,7 +273,7 @@ def test_what_the_first_hits_free_brings_the_next_ones_nearer():
 def test_hits_that_cost_more_than_the_nearest_did_teach_nothing():
     near, far = flip(STEP, 2), flip(STEP, 8, seed=1)
     takes = [sequence(stream(rows, seed=i)[0]) for i, rows in enumerate((near, far, far))]
-    result = search(sequence(STEP), takes, growing=Growing(by_surprise=False))
+    result = search(sequence(STEP), takes, expansion=QueryExpansion(by_self_information=False))
     assert result.templates[0].n_examples == 2
     assert result.templates[0].provenance == "grown from an example and 1 hit"
 
@@ -268,16 +285,21 @@ def test_a_template_is_learned_from_the_hits_said_to_be_good():
     examples = varied(6)
     takes = [sequence(stream(e, seed=i)[0], source=f"take {i}") for i, e in enumerate(examples[1:])]
     example = sequence(examples[0], source="mine")
-    first = search(example, takes, growing=AS_IT_IS, limit=5)
-    good = Judged(example, good=(first[3], first[1]))
-    result = search(good, takes, growing=Growing(by_surprise=False), limit=5)
+    first = search(example, takes, expansion=AS_IT_IS, limit=5)
+    good = RelevanceFeedback(example, good=(first[3], first[1]))
+    result = search(good, takes, expansion=QueryExpansion(by_self_information=False), limit=5)
     assert result.templates[0].provenance == "grown from mine and 2 hits"
     for hit in (first[3], first[1]):
         (again,) = [h for h in result if h.recording == hit.recording]
         # One of three may not differ.
         assert again.cost < 0.01
-    words = tuple(hit.evidence.sequence.part(*frames(hit)) for hit in (first[3], first[1]))
-    same = search(Judged(example, good=words), takes, growing=Growing(by_surprise=False), limit=5)
+    packed = tuple(hit.evidence.sequence.part(*frames(hit)) for hit in (first[3], first[1]))
+    same = search(
+        RelevanceFeedback(example, good=packed),
+        takes,
+        expansion=QueryExpansion(by_self_information=False),
+        limit=5,
+    )
     assert [hit.cost for hit in same] == [hit.cost for hit in result]
 
 
@@ -285,8 +307,8 @@ def frames(hit):
     return hit.evidence.alignment.start, hit.evidence.alignment.end + 1
 
 
-@pytest.mark.parametrize("by_surprise", [False, True])
-def test_what_a_bad_hit_shows_tells_less(by_surprise):
+@pytest.mark.parametrize("by_self_information", [False, True])
+def test_what_a_bad_hit_shows_tells_less(by_self_information):
     wrong, right = STEP.copy(), STEP.copy()
     # As near as each other: which relation matters, only a person knows.
     wrong[:, 3] ^= True
@@ -296,10 +318,12 @@ def test_what_a_bad_hit_shows_tells_less(by_surprise):
         sequence(take.features, source=name)
         for take, name in zip(takes, ("wrong", "right"), strict=True)
     ]
-    settings = Growing(hits=0, by_surprise=by_surprise, prior=1.0)
-    first = search(sequence(STEP), takes, growing=settings, limit=2)
+    settings = QueryExpansion(hits=0, by_self_information=by_self_information, prior=1.0)
+    first = search(sequence(STEP), takes, expansion=settings, limit=2)
     (bad,) = [hit for hit in first if hit.recording == "wrong"]
-    result = search(Judged(sequence(STEP), bad=(bad,)), takes, growing=settings, limit=2)
+    result = search(
+        RelevanceFeedback(sequence(STEP), bad=(bad,)), takes, expansion=settings, limit=2
+    )
     assert [hit.recording for hit in result] == ["right", "wrong"]
     assert result[1].cost > 1.5 * result[0].cost
     # It shows all that is sought but for one relation: so that one tells most.
@@ -310,28 +334,28 @@ def test_what_a_bad_hit_shows_tells_less(by_surprise):
 def test_judgements_over_other_features():
     other = sequence(STEP[:, :39], feature_set=FULL_BODY_2006)
     with pytest.raises(InvalidInput, match="full-body-39"):
-        search(Judged(sequence(STEP), good=(other,)), [sequence(TURN)])
+        search(RelevanceFeedback(sequence(STEP), good=(other,)), [sequence(TURN)])
 
 
 # -- what was not seen -------------------------------------------------------------------
 
 
-def blind(rows, *stretches, relations=slice(None), **about):
+def blind(rows, *segments, features=slice(None), **about):
     known = np.ones_like(rows)
-    for start, stop in stretches:
-        known[start:stop, relations] = False
+    for start, stop in segments:
+        known[start:stop, features] = False
     return sequence(rows, known, **about)
 
 
-@pytest.mark.parametrize("growing", [AS_IT_IS, None], ids=["as it is", "default"])
-def test_a_drop_out_is_never_a_hit(growing):
+@pytest.mark.parametrize("expansion", [AS_IT_IS, None], ids=["as it is", "default"])
+def test_a_drop_out_is_never_a_hit(expansion):
     rows = np.zeros((200, N), dtype=np.bool_)
-    result = search(sequence(STEP), [blind(rows, (0, 200))], limit=None, growing=growing)
+    result = search(sequence(STEP), [blind(rows, (0, 200))], limit=None, expansion=expansion)
     assert len(result) == 0
     assert "seen" in result.nearest
     rows, (a, b) = stream(STEP, STEP)
     takes = [blind(rows, (a - 10, a + LENGTH + 10))]
-    result = search(sequence(STEP), takes, limit=None, growing=growing)
+    result = search(sequence(STEP), takes, limit=None, expansion=expansion)
     assert spans(result)[0] == ("", b, b + LENGTH)
     assert all(0.5 <= hit.known <= 1 for hit in result)
     unseen = range(a - 10, a + LENGTH + 10)
@@ -341,7 +365,7 @@ def test_a_drop_out_is_never_a_hit(growing):
 
 def test_a_partly_seen_hit_says_how_much_was_seen():
     rows, (a,) = stream(STEP)
-    take = blind(rows, (0, len(rows)), relations=slice(0, 10), source="take")
+    take = blind(rows, (0, len(rows)), features=slice(0, 10), source="take")
     (hit,) = search(sequence(STEP), [take], limit=1)
     assert spans([hit]) == [("take", a, a + LENGTH)]
     assert hit.cost == 0
@@ -350,8 +374,8 @@ def test_a_partly_seen_hit_says_how_much_was_seen():
 
 def test_what_an_example_does_not_show_is_not_asked_for():
     rows, (a,) = stream(STEP)
-    example = blind(STEP, (0, LENGTH), relations=slice(0, 15))
-    (hit,) = search(example, [sequence(rows, source="take")], limit=1, growing=AS_IT_IS)
+    example = blind(STEP, (0, LENGTH), features=slice(0, 15))
+    (hit,) = search(example, [sequence(rows, source="take")], limit=1, expansion=AS_IT_IS)
     assert spans([hit]) == [("take", a, a + LENGTH)]
     assert (hit.cost, hit.known) == (0, 1)
     assert not hit.evidence.template.fixed[:, :15].any()
@@ -368,7 +392,7 @@ def test_an_example_of_which_nothing_is_known_is_refused(takes):
 
 def test_without_a_hit_the_nearest_says_why(takes):
     collection, where = takes
-    result = search(sequence(flip(TURN, 6)), collection, threshold=0.1, growing=AS_IT_IS)
+    result = search(sequence(flip(TURN, 6)), collection, threshold=0.1, expansion=AS_IT_IS)
     assert len(result) == 0
     start = where["turn"][1] / 30
     assert result.nearest.startswith(
@@ -376,11 +400,11 @@ def test_without_a_hit_the_nearest_says_why(takes):
     )
 
 
-@pytest.mark.parametrize("growing", [AS_IT_IS, None], ids=["as it is", "default"])
-def test_an_example_longer_than_twice_every_recording(growing):
+@pytest.mark.parametrize("expansion", [AS_IT_IS, None], ids=["as it is", "default"])
+def test_an_example_longer_than_twice_every_recording(expansion):
     takes = [sequence(random_rows(i, 20)) for i in range(3)]
     example = sequence(random_rows(9, 60))
-    result = search(example, takes, growing=growing)
+    result = search(example, takes, expansion=expansion)
     assert len(result) == 0
     assert "long enough" in result.nearest
     assert "1.0 s" in result.nearest
@@ -410,7 +434,7 @@ def test_words_of_another_set_are_refused(takes):
     old = Collection((of_2006(stream(STEP)[0]),), FULL_BODY_2006)
     with pytest.raises(InvalidInput, match=r"full-body-39.*full-body-40"):
         search(of_2006(STEP), collection)
-    for query in (teach(step=STEP)["step"], teach(step=STEP)["step"].subclasses[0].template):
+    for query in (teach(step=STEP)["step"], teach(step=STEP)["step"].prototypes[0].template):
         with pytest.raises(InvalidInput, match=r"full-body-40.*full-body-39"):
             search(query, old)
     with pytest.raises(InvalidInput, match=r"old take.*full-body-39.*full-body-40"):
@@ -425,7 +449,7 @@ def test_a_template_that_is_free_everywhere_is_refused(takes):
     )
     with pytest.raises(InvalidInput, match=r"a blur.*everything"):
         search(free, takes[0])
-    motion_class = MotionClass("blur", (Subclass("blur", free),))
+    motion_class = MotionClass("blur", (Prototype("blur", free),))
     with pytest.raises(InvalidInput, match=r"'blur'.*everything"):
         search(motion_class, takes[0])
 
@@ -464,8 +488,8 @@ def test_a_motion_finds_motions_of_its_kind_and_the_sentence_says_why(folder):
     result = search(query, folder, limit=2)
     for hit in result:
         seed = int(hit.recording.split()[-1][0])
-        _, stretches = synthetic_stream(("squat", "kick_left"), seed=seed, rate_hz=30)
-        _, start_s, end_s = stretches[1]
+        _, segments = synthetic_stream(("squat", "kick_left"), seed=seed, rate_hz=30)
+        _, start_s, end_s = segments[1]
         assert start_s - 0.5 <= hit.start_s < hit.end_s <= end_s + 0.5
         assert "left" in str(explain(hit))
 

@@ -50,14 +50,14 @@ def performances():
 def patterns(performances):
     """A quantised template of each class from its first six performances."""
     result = {}
-    for name, words in performances.items():
+    for name, packed in performances.items():
         template = learn_template(
-            [w.features for w in words[:6]],
+            [w.features for w in packed[:6]],
             feature_names=FULL_BODY.ids,
             feature_set=FULL_BODY.name,
         )
         fixed = quantise(template, tolerance=0.1)
-        result[name] = Pattern(fixed.value_words, fixed.fixed_words, fixed.weights)
+        result[name] = Pattern(fixed.packed_values, fixed.packed_fixed, fixed.weights)
     return result
 
 
@@ -170,17 +170,17 @@ def test_classes_are_a_few_lines_each():
 
 @pytest.mark.parametrize("name", SYNTHETIC_CLASSES)
 def test_a_class_shows_what_it_is(performances, name):
-    for words in performances[name]:
-        held = {FULL_BODY.ids[i] for i in np.flatnonzero(words.features.any(axis=0))}
+    for packed in performances[name]:
+        held = {FULL_BODY.ids[i] for i in np.flatnonzero(packed.features.any(axis=0))}
         assert set(SHOWN[name].split()) <= held
-        assert words.known_features.all()
+        assert packed.known_features.all()
 
 
 @pytest.mark.parametrize("name", SYNTHETIC_CLASSES)
 def test_a_template_costs_its_own_clips_less_than_others(performances, patterns, name):
     costs = {
-        other: [float(distance_function(patterns[name], w.words).min()) for w in words[6:]]
-        for other, words in performances.items()
+        other: [float(distance_function(patterns[name], w.packed).min()) for w in packed[6:]]
+        for other, packed in performances.items()
     }
     own = max(costs.pop(name))
     assert own < 0.02
@@ -194,8 +194,8 @@ def test_a_template_costs_its_own_clips_less_than_others(performances, patterns,
 def test_a_template_finds_its_motions_in_a_stream(patterns, seed):
     order = np.random.default_rng(seed).permutation(len(SYNTHETIC_CLASSES))
     motion, labels = synthetic_stream([SYNTHETIC_CLASSES[i] for i in order], seed=seed)
-    words = compute_features(motion)
-    costs = {name: distance_function(p, words.words) for name, p in patterns.items()}
+    packed = compute_features(motion)
+    costs = {name: distance_function(p, packed.packed) for name, p in patterns.items()}
     for name, start_s, end_s in labels:
         around = slice(int(30 * (start_s + end_s) / 2), int(30 * (end_s + 0.5)))
         assert min(costs, key=lambda n: costs[n][around].min()) == name

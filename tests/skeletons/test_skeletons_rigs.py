@@ -13,7 +13,7 @@ from motionary.io.skeleton_files import save_skeleton
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton
 from motionary.samples import synthetic_motion
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
-from rig_cases import RIGS, STRANGERS, rest_places, rig_motion, standing
+from rig_cases import RIGS, STRANGERS, dog, rest_places, rig_motion, standing
 
 ENDS = {"headtop", "ltoes", "rtoes", "lfingers", "rfingers"}
 HANDS = {"lfingers", "rfingers"}
@@ -72,10 +72,10 @@ def test_a_file_of_each_rig_has_its_relations(name, tmp_path):
         for i in np.flatnonzero(~compute_features(motion).known_features.any(axis=0))
     }
     lacking = {
-        relation.id
-        for relation in FULL_BODY.relations
+        feature.id
+        for feature in FULL_BODY.features
         if missing
-        & set(relation.joints[:1] if "lowest" in str(relation.quantity) else relation.joints)
+        & set(feature.joints[:1] if "lowest" in str(feature.quantity) else feature.joints)
     }
     lengths = {"F37"} if "headtop" in missing else set()
     assert unknown == lacking | lengths
@@ -274,25 +274,6 @@ def test_two_people_in_a_file_are_told_and_not_measured(kind, tmp_path):
     assert motion.mapping is None
     with pytest.raises(InvalidInput, match="2 people in one file"):
         compute_features(motion)
-
-
-def dog():
-    """A body on four legs under the names of a person, as motion capture of dogs has them."""
-    made = rig_motion("optitrack", n_frames=40)
-    places = made.positions.copy()
-    index = {name.rpartition(":")[2]: i for i, name in enumerate(made.names)}
-    rest = {
-        "Hip": (0, 0.6, 0), "Ab": (0, 0.6, 0.2), "Chest": (0, 0.6, 0.5), "Neck": (0, 0.65, 0.6),
-        "Head": (0, 0.8, 0.75),
-        "Shoulder": (0.08, 0.6, 0.5), "UArm": (0.1, 0.5, 0.5), "FArm": (0.1, 0.3, 0.47),
-        "Hand": (0.1, 0.05, 0.5), "Thigh": (0.1, 0.55, 0), "Shin": (0.1, 0.35, 0.05),
-        "Foot": (0.1, 0.1, -0.05), "Toe": (0.1, 0.0, 0.03),
-    }  # fmt: skip
-    for name, joint in index.items():
-        side = -1 if name.startswith("R") else 1
-        place = rest.get(name) or rest[name[1:]]
-        places[:, joint] = np.array(place) * (side, 1, 1)
-    return replace(made, positions=places, mapping=None)
 
 
 @pytest.mark.parametrize("named", [True, False])

@@ -9,7 +9,7 @@ from motionary.cli import _demo_steps as steps
 from motionary.features import FeatureSequence, compute_features
 from motionary.io import match_recording, read, read_labels
 from motionary.labels import Label
-from motionary.models.library import ClassLibrary, Teaching, learn_classes
+from motionary.models.library import ClassLibrary, TrainingOptions, learn_classes
 from motionary.retrieval.index import Collection, collect
 from motionary.retrieval.search import search
 
@@ -50,14 +50,14 @@ def run(data: Path, output: Path, jobs: int) -> Iterator[str]:
     yield ""
     yield from _search(data, clips, output)
     yield ""
-    library = _teach(clips)
+    library = _train(clips)
     library.save(output / "library")
     yield (
         f"2. Teach: {len(library)} classes and their mirror images from four of the five "
         f"actors, into {output / 'library'}"
     )
     for c in library:
-        template = c.subclasses[0].template
+        template = c.prototypes[0].template
         yield f"  {c.name:30} {template.n_examples:2} examples, {template.n_columns:3} columns"
     yield ""
     yield from _label(data, library, output)
@@ -75,17 +75,17 @@ def _search(data: Path, clips: Collection, output: Path) -> Iterator[str]:
     yield from steps.show_hits((f"example: {EXAMPLE}", example), result, motions, output)
 
 
-def _teach(clips: Collection) -> ClassLibrary:
+def _train(clips: Collection) -> ClassLibrary:
     examples: dict[str, dict[str, list[FeatureSequence]]] = {}
     for sequence in clips.sequences:
         folder, file = sequence.source.split("/")
         if file.split("_")[1] != UNSEEN_ACTOR:
             examples.setdefault(folder, {}).setdefault(folder, []).append(sequence)
-    teaching = Teaching(
+    training = TrainingOptions(
         mirror=True, provenance=f"HDM05, actors other than {UNSEEN_ACTOR}. {CITATION}",
         licence=LICENCE,
     )  # fmt: skip
-    return learn_classes(examples, teaching=teaching)
+    return learn_classes(examples, training=training)
 
 
 def _label(data: Path, library: ClassLibrary, output: Path) -> Iterator[str]:

@@ -16,7 +16,7 @@ from motionary.motion import Motion
 from motionary.plots import plot_annotation, plot_sheet, plot_template, save
 from motionary.retrieval.annotation import annotate
 from motionary.retrieval.explanation import explain
-from motionary.retrieval.search import Growing, Hit, SearchResult
+from motionary.retrieval.search import Hit, QueryExpansion, SearchResult
 
 
 def show_hits(
@@ -33,7 +33,7 @@ def show_hits(
     strips = [(hit_title(hit), cut(motions[hit.recording], hit)) for hit in others[:5]]
     save(plot_sheet((title, motion.generic_positions()), strips), folder / "hits.png")
     template = result.templates[0]
-    save(plot_template(template, tolerance=Growing().tolerance), folder / "template.png")
+    save(plot_template(template, tolerance=QueryExpansion().tolerance), folder / "template.png")
     yield f"  pictures: {folder / 'hits.png'}, {folder / 'template.png'}"
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from motionary.cli import _demo_steps as steps
 from motionary.features import compute_features
 from motionary.labels import Label
-from motionary.models.library import Teaching, learn
+from motionary.models.library import TrainingOptions, learn
 from motionary.retrieval.index import Collection
 from motionary.retrieval.search import search
 from motionary.samples import SYNTHETIC_CLASSES, synthetic_motion, synthetic_stream
@@ -44,15 +44,15 @@ def _run(output: Path) -> Iterator[str]:
             name: [motions[f"{name}-{seed}"] for seed in range(EXAMPLES)]
             for name in SYNTHETIC_CLASSES
         },
-        teaching=Teaching(provenance="synthetic motions of motionary", licence="Apache-2.0"),
+        training=TrainingOptions(provenance="synthetic motions of motionary", licence="Apache-2.0"),
     )
     library.save(output / "library")
     yield f"2. Taught {len(library)} classes of synthetic motions, into {output / 'library'}"
     yield ""
-    stream, stretches = synthetic_stream(list(SYNTHETIC_CLASSES), seed=7)
+    stream, segments = synthetic_stream(list(SYNTHETIC_CLASSES), seed=7)
     sequence = replace(compute_features(stream), source="synthetic-stream")
     tracks = steps.label([sequence], library)
-    truth = {sequence.source: [Label(*stretch) for stretch in stretches]}
+    truth = {sequence.source: [Label(*segment) for segment in segments]}
     yield f"3. Label a synthetic stream of {sequence.duration_s:.0f} s"
     yield from steps.write_results(tracks, truth, output)
     yield ""

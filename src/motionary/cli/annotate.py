@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_excel, check_target, complain_of_all, find_files
+from motionary.cli.inputs import check_excel, check_target, find_files, warn_of_all
 from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
 from motionary.cli.pictures import draw_annotation
 
@@ -87,12 +87,12 @@ def annotate(
                 continue
             tracks.append(_label(words, library, options))
             if as_json:
-                screen.say_json(_to_json(tracks[-1], explained=options.explain))
+                screen.print_json(_to_json(tracks[-1], explained=options.explain))
     if options.output:
         write_labels(tracks, options.output, excel=options.excel)
     if not as_json:
         _say(tracks, explained=options.explain)
-    failed = complain_of_all(found.missing.values(), failures, given=files)
+    failed = warn_of_all(found.missing.values(), failures, given=files)
     return 1 if failed else 0
 
 
@@ -167,7 +167,7 @@ def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
             below[len(rows)] = track.nearest
             rows.append((track.recording, "(none)", "", "", "", ""))
     if rows:
-        screen.say_table(_COLUMNS, rows, below=below)
+        screen.print_table(_COLUMNS, rows, below=below)
 
 
 def _cells(label: "Label") -> tuple[str, ...]:

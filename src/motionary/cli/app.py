@@ -17,7 +17,7 @@ from typer.core import TyperGroup
 from motionary import __version__
 from motionary.cli import STOPPED_BY_KEYBOARD
 from motionary.cli.options import expand_groups
-from motionary.cli.screen import complain, prepare_streams
+from motionary.cli.screen import prepare_streams, warn
 from motionary.errors import MotionaryError
 
 #: Modules of this package, each with a function of its name, in the sequence of the help.
@@ -123,10 +123,10 @@ def _attempt(command: Callable[..., int | None], values: dict[str, Any]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except MotionaryError as error:
-        complain(str(error))
+        warn(str(error))
         return 1
     except OSError as error:
-        complain(error.strerror or str(error))
+        warn(error.strerror or str(error))
         return 1
     except KeyboardInterrupt:
         return STOPPED_BY_KEYBOARD

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_target, complain_of_all, find_files, read_as_told
+from motionary.cli.inputs import check_target, find_files, read_as_told, warn_of_all
 from motionary.cli.options import AsJson, Jobs, ReadingOptions
 
 if TYPE_CHECKING:
@@ -61,10 +61,10 @@ def convert(
                 row = {"recording": name, "error": screen.name_error(name, path, row.error)}
             rows.append(row)
             if as_json:
-                screen.say_json(row)
+                screen.print_json(row)
     if not as_json and len(rows) > len(failures):
-        screen.say_table(_COLUMNS, [_cells(row) for row in rows if "error" not in row])
-    failed = complain_of_all(found.missing.values(), failures, given=files)
+        screen.print_table(_COLUMNS, [_cells(row) for row in rows if "error" not in row])
+    failed = warn_of_all(found.missing.values(), failures, given=files)
     return 1 if failed else 0
 
 

@@ -8,7 +8,7 @@ import typer
 from motionary.cli.cutting import cut_labels
 from motionary.cli.inputs import check_target, find_files
 from motionary.cli.options import Jobs, ReadingOptions
-from motionary.cli.screen import complain
+from motionary.cli.screen import warn
 
 
 def cut(
@@ -54,6 +54,6 @@ def cut(
         }
     found = find_files(recordings)
     for error in found.missing.values():
-        complain(str(error))
+        warn(str(error))
     done = cut_labels(tracks.values(), found.files, output, reading=reading.reading(), jobs=jobs)
     return 0 if done and not found.missing else 1

@@ -31,6 +31,6 @@ def cut_labels(
         )
         failures = [clip for clip in written if isinstance(clip, Failure)]
     for failure in failures:
-        screen.complain(f"{failure.item.target.name}: {failure.error}")
-    screen.complain(f"{len(clips) - len(failures)} of {len(clips)} clips written to {folder}")
+        screen.warn(f"{failure.item.target.name}: {failure.error}")
+    screen.warn(f"{len(clips) - len(failures)} of {len(clips)} clips written to {folder}")
     return not failures

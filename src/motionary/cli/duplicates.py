@@ -75,7 +75,7 @@ def duplicates(
     else:
         _say(result)
     for failure in result.failures:
-        screen.complain(f"{failure.item}: {failure.error}")
+        screen.warn(f"{failure.item}: {failure.error}")
     if any(side.is_stopped for side in sides):
         return STOPPED_BY_KEYBOARD
     complete = all(side.is_complete for side in sides) and not result.failures
@@ -88,7 +88,7 @@ def _reader(opened: Opened, reading: "Reading") -> "Callable[[str], Motion]":
 
 def _say_json(result: "DuplicateResult") -> None:
     for found in result.duplicates:
-        screen.say_json(
+        screen.print_json(
             {
                 **_to_json(found.left, ""),
                 **_to_json(found.right, "other_"),
@@ -99,11 +99,11 @@ def _say_json(result: "DuplicateResult") -> None:
         )
 
 
-def _to_json(stretch: "Stretch", prefix: str) -> dict[str, object]:
+def _to_json(segment: "Stretch", prefix: str) -> dict[str, object]:
     return {
-        f"{prefix}recording": stretch.recording,
-        f"{prefix}start_s": stretch.start_s,
-        f"{prefix}end_s": stretch.end_s,
+        f"{prefix}recording": segment.recording,
+        f"{prefix}start_s": segment.start_s,
+        f"{prefix}end_s": segment.end_s,
     }
 
 
@@ -112,13 +112,13 @@ def _say(result: "DuplicateResult") -> None:
     for found in result.duplicates:
         places = [
             text
-            for stretch in (found.left, found.right)
-            for text in (stretch.recording, f"{stretch.start_s:.2f}", f"{stretch.end_s:.2f}")
+            for segment in (found.left, found.right)
+            for text in (segment.recording, f"{segment.start_s:.2f}", f"{segment.end_s:.2f}")
         ]
         side = "mirrored" if found.is_mirrored else ""
         rows.append((f"{found.bits:.0f}", f"{found.agreement:.2f}", *places, side))
     if rows:
-        screen.say_table(_COLUMNS, rows)
+        screen.print_table(_COLUMNS, rows)
     else:
         screen.say("no motion is in two of these recordings")
     if result.n_alike:

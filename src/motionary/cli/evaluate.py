@@ -70,7 +70,7 @@ def evaluate(
         _check_only(only, predicted, true)
     scores = score(predicted, true, classes=only or None)
     if as_json:
-        screen.say_json(scores.as_dict())
+        screen.print_json(scores.as_dict())
     else:
         _say(scores)
     return 0
@@ -119,9 +119,9 @@ def _match(predicted: Tracks, truth: Tracks, *, count_missing: bool) -> tuple[Tr
         )
     strangers = sorted(set(predicted) - set(kept))
     if strangers:
-        screen.complain(f"not in the truth, left out: {_enumerate(strangers)}")
+        screen.warn(f"not in the truth, left out: {_enumerate(strangers)}")
     if unlabelled and not count_missing:
-        screen.complain(
+        screen.warn(
             f"without a row in the labels, left out: {_enumerate(unlabelled)}; if nothing was "
             "found in them, --count-missing counts what was missed"
         )
@@ -152,7 +152,7 @@ def _say(scores: "Scores") -> None:
     for title, parts in (("recording", scores.recordings), ("class", scores.classes)):
         rows.append([""] * len(_COLUMNS))
         rows += [[f"{title} {name}", *_cells(one)] for name, one in parts.items()]
-    screen.say_table(_COLUMNS, rows)
+    screen.print_table(_COLUMNS, rows)
     ious = scores.concatenated.mean_average_precision
     shown = ", ".join(f"{iou:g}: {_number(value)}" for iou, value in ious.items())
     screen.say("", f"mAP by least overlap, all as one: {shown}")

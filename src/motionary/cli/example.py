@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence, Reading
     from motionary.motion import Motion
 
-#: Nine words: below, hardly a relation changes, and everything is like everything.
+#: Nine packed: below, hardly a relation changes, and everything is like everything.
 SHORTEST_S = 0.3
 
 # A duration is read off a table or a player, rounded.
@@ -22,29 +22,29 @@ _ROUNDING_S = 0.05
 class Example(NamedTuple):
     """An example: its words, measured within the whole recording, and its frames."""
 
-    words: "FeatureSequence"
+    packed: "FeatureSequence"
     motion: "Motion"
 
     @property
     def title(self) -> str:
         """Recording and seconds."""
-        words = self.words
-        start_s = (words.first_frame - self.motion.first_frame) / words.file_rate_hz
-        return f"{words.source} {start_s:.2f}–{start_s + words.duration_s:.2f} s"
+        packed = self.packed
+        start_s = (packed.first_frame - self.motion.first_frame) / packed.file_rate_hz
+        return f"{packed.source} {start_s:.2f}–{start_s + packed.duration_s:.2f} s"
 
 
 def read_example(
     path: Path, *, from_s: float | None, to_s: float | None, reading: "Reading"
 ) -> Example:
     """The stretch of a recording from one second to another; to its ends where left out."""
-    from motionary.features import WORD_HZ, compute_features
+    from motionary.features import SEQUENCE_HZ, compute_features
 
     motion = replace(read_as_told(path, reading), source=path.name)
     start_s, stop_s = _check(motion, from_s, to_s)
-    words = compute_features(motion)
-    stop = min(round(stop_s * WORD_HZ), len(words))
-    start = min(round(start_s * WORD_HZ), stop - 1)
-    return Example(words.part(start, stop), motion)
+    packed = compute_features(motion)
+    stop = min(round(stop_s * SEQUENCE_HZ), len(packed))
+    start = min(round(start_s * SEQUENCE_HZ), stop - 1)
+    return Example(packed.part(start, stop), motion)
 
 
 def _check(motion: "Motion", from_s: float | None, to_s: float | None) -> tuple[float, float]:

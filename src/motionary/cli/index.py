@@ -6,7 +6,7 @@ import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.indexed import list_missing, update_index
-from motionary.cli.inputs import complain_of_all
+from motionary.cli.inputs import warn_of_all
 from motionary.cli.options import AsJson, Jobs, ReadingOptions
 
 
@@ -35,17 +35,17 @@ def index(
     motionary index recordings/ --jobs 4
     motionary index //server/recordings --index recordings-index
     """
-    from motionary.features import WORD_HZ
+    from motionary.features import SEQUENCE_HZ
     from motionary.retrieval.index import Index
 
     opened = Index.open(folder, at=place, reading=reading.reading())
     changes = opened.changes()
     stopped = update_index(opened, changes, jobs=jobs)
     missing = list_missing(opened)
-    failed = complain_of_all(missing, opened.failures)
-    hours = opened.n_frames / WORD_HZ / 3600
+    failed = warn_of_all(missing, opened.failures)
+    hours = opened.n_frames / SEQUENCE_HZ / 3600
     if as_json:
-        screen.say_json(
+        screen.print_json(
             {
                 "recordings": len(opened),
                 "words": opened.n_frames,

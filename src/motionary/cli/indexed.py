@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import complain_of_all, find_files
+from motionary.cli.inputs import find_files, warn_of_all
 from motionary.errors import UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def open_recordings(
         return _read(paths, reading=reading, feature_set=feature_set, jobs=jobs)
     collection = index.collection()
     missing = list_missing(index)
-    failed = complain_of_all(missing, collection.failures)
+    failed = warn_of_all(missing, collection.failures)
     files = _FilesOf(index.folder, collection)
     return Opened(collection, files, not (failed or stopped), stopped)
 
@@ -91,7 +91,7 @@ def update_index(index: "Index", changes: "Changes", *, jobs: int) -> bool:
         if not len(index):
             raise
         n_there = len(changes.states)
-        screen.complain(
+        screen.warn(
             f"stopped: {len(index)} of {n_there} recordings are ready; the same command reads "
             "the others"
         )
@@ -128,7 +128,7 @@ def _update(
     except UnwritableFile as error:
         if at is not None:
             raise
-        screen.complain(f"nothing is kept for the next time: {error}")
+        screen.warn(f"nothing is kept for the next time: {error}")
         return None, False
 
 
@@ -142,7 +142,7 @@ def _read(
         collection = read_collection(
             found.files.items(), reading=reading, feature_set=feature_set, jobs=jobs, on_done=done
         )
-    failed = complain_of_all(found.missing.values(), collection.failures, given=paths)
+    failed = warn_of_all(found.missing.values(), collection.failures, given=paths)
     return Opened(collection, found.files, not failed)
 
 
@@ -179,7 +179,7 @@ def _open_several(
     if not collections:
         return _read(paths, reading=reading, feature_set=feature_set, jobs=jobs)
     collection = join_collections(collections, renamed)
-    failed = complain_of_all(found.missing.values(), collection.failures, given=paths)
+    failed = warn_of_all(found.missing.values(), collection.failures, given=paths)
     return Opened(collection, found.files, not (failed or stopped), stopped)
 
 

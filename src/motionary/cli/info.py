@@ -104,9 +104,9 @@ def info(
         _write(rows, options.output, excel=options.excel)
     if as_json:
         for row in rows:
-            screen.say_json(row)
+            screen.print_json(row)
     elif rows:
-        screen.say_table(_COLUMNS, [_cells(row) for row in rows])
+        screen.print_table(_COLUMNS, [_cells(row) for row in rows])
         screen.say(*_notes(rows))
     return 1 if failed else 0
 
@@ -121,21 +121,21 @@ def describe_file(file: "NamedFile", *, reading: "Reading") -> dict[str, Any]:
     """
     import numpy as np
 
-    from motionary.features import FULL_BODY, say_yardsticks
+    from motionary.features import FULL_BODY, describe_reference_lengths
     from motionary.motion import GENERIC_JOINTS
-    from motionary.plots import say_facing
+    from motionary.plots import describe_facing
 
     name, path = file
     motion = read_as_told(path, reading)
     mapping = motion.mapping
-    relations, known, problem = _relations(motion)
+    features, known, problem = _features(motion)
     missing: list[str] = []
     notes = [*motion.notes, *([problem] if problem and problem not in motion.notes else [])]
     if mapping is not None:
         unseen = np.isnan(motion.generic_positions()).any(axis=2).all(axis=0)
         missing = [GENERIC_JOINTS[i] for i in np.flatnonzero(unseen)]
         notes += [mapping.note] if mapping.note else []
-        notes += say_yardsticks(motion)
+        notes += describe_reference_lengths(motion)
     return {
         "recording": name,
         "format": _format(path.name),
@@ -144,16 +144,16 @@ def describe_file(file: "NamedFile", *, reading: "Reading") -> dict[str, Any]:
         "rate_hz": motion.rate_hz,
         "duration_s": motion.duration_s,
         "skeleton": mapping.name if mapping else None,
-        "facing": say_facing(motion).removeprefix("faces ") or None,
+        "facing": describe_facing(motion).removeprefix("faces ") or None,
         "missing": missing,
-        "relations_known": relations,
+        "relations_known": features,
         "relations": len(FULL_BODY),
         "known": known,
         "notes": notes,
     }
 
 
-def _relations(motion: "Motion") -> tuple[int, float, str]:
+def _features(motion: "Motion") -> tuple[int, float, str]:
     """How many relations are ever known, the share of all that is known, and what hinders."""
     from motionary.features import compute_features
 
@@ -188,7 +188,7 @@ def _draw(files: dict[str, Path], path: str, reading: "Reading") -> None:
     motions: list[Motion] = []
     for name, file in files.items():
         if len(motions) == MOST_RECORDINGS:
-            screen.complain(f"{path}: shows the first {len(motions)} of {len(files)} recordings")
+            screen.warn(f"{path}: shows the first {len(motions)} of {len(files)} recordings")
             break
         try:
             motion = read_as_told(file, reading)

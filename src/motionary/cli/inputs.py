@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
-from motionary.cli.screen import complain, name_error, progress
+from motionary.cli.screen import name_error, progress, warn
 from motionary.errors import NO_MOTION, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def read_as_told(path: Path, reading: "Reading") -> "Motion":
     return read(path, **reading.of(path))
 
 
-def complain_of_all(
+def warn_of_all(
     missing: Iterable[UnreadableFile],
     failures: "Iterable[Failure[NamedFile]]",
     *,
@@ -90,13 +90,13 @@ def complain_of_all(
     failed = False
     named = set(given)
     for error in missing:
-        complain(str(error))
+        warn(str(error))
         failed = True
     for failure in failures:
         name, path = failure.item
         told = name_error(name, path, failure.error)
         passed = is_passed_over(failure, named)
-        complain(f"{told}; passed over" if passed else told)
+        warn(f"{told}; passed over" if passed else told)
         failed = failed or not passed
     return failed
 

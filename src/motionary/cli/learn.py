@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_target, complain_of_all, find_files, read_words
-from motionary.cli.learn_options import Queries, TeachingOptions, ThresholdOptions
+from motionary.cli.inputs import check_target, find_files, read_words, warn_of_all
+from motionary.cli.learn_options import Queries, ThresholdOptions, TrainingFlags
 from motionary.cli.options import (
     AsJson,
     Jobs,
@@ -20,11 +20,11 @@ from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence, Reading
-    from motionary.models.library import ClassLibrary, Examples, Teaching
+    from motionary.models.library import ClassLibrary, Examples, TrainingOptions
     from motionary.models.library.examples import ReadExamples
 
 _COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold")
-_PROMISES = {"promised_precision": ">right", "promised_recall": ">found"}
+_ESTIMATES = {"promised_precision": ">right", "promised_recall": ">found"}
 
 
 def learn(
@@ -35,7 +35,7 @@ def learn(
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="LIB", help="Folder to write the library to.")
     ],
-    options: TeachingOptions,
+    options: TrainingFlags,
     thresholds: ThresholdOptions,
     plot: Annotated[str | None, typer.Option(metavar="FOLDER", help="Draw the templates.")] = None,
     as_json: AsJson = False,
@@ -60,13 +60,13 @@ def learn(
         check_target(path, is_folder=True)
     folder, told = Path(examples), reading.reading()
     read, lost = _read_examples(folder, options.features, told, jobs=jobs)
-    complain_of_all((), read.failures)
+    warn_of_all((), read.failures)
     others, problems = _read_others(thresholds, options.features, told, jobs=jobs)
     _advise(read.classes, tolerance=options.tolerance)
     library, refused = _learn(read.classes, others, options, thresholds, jobs=jobs)
     problems += [*refused, *lost, *_outside_of_classes(folder)]
     for problem in problems:
-        screen.complain(problem)
+        screen.warn(problem)
     if not library:
         raise InvalidInput(f"{examples}: no class could be learned; nothing was written")
     library.save(output)
@@ -116,7 +116,7 @@ def _read_others(
 def _learn(
     examples: "Examples",
     others: "Sequence[FeatureSequence]",
-    options: TeachingOptions,
+    options: TrainingFlags,
     thresholds: ThresholdOptions,
     *,
     jobs: int,
@@ -125,17 +125,17 @@ def _learn(
     from motionary.models.library import learn_classes
 
     refused: list[str] = []
-    teaching = options.teaching(thresholds.threshold)
+    training = options.training(thresholds.threshold)
     with screen.progress("learning", len(examples)) as done:
         library = learn_classes(
             examples,
-            teaching=teaching,
+            training=training,
             on_done=done,
             on_refused=lambda name, why: refused.append(f"class {name!r} is left out: {why}"),
         )
-    if thresholds.suggest and library:
+    if thresholds.calibrate and library:
         library = _with_thresholds(
-            library, examples, others, groups=thresholds.groups, teaching=teaching, jobs=jobs
+            library, examples, others, groups=thresholds.groups, training=training, jobs=jobs
         )
     if options.queries is not Queries.NONE:
         library = _with_queries(library, examples, options, jobs=jobs)
@@ -147,7 +147,7 @@ def _advise(examples: "Examples", *, tolerance: float) -> None:
     from motionary.models.library import advise
 
     for advice in advise(examples, tolerance=tolerance):
-        screen.complain(str(advice))
+        screen.warn(str(advice))
 
 
 def _with_thresholds(
@@ -156,28 +156,28 @@ def _with_thresholds(
     others: "Sequence[FeatureSequence]",
     *,
     groups: str | None,
-    teaching: "Teaching",
+    training: "TrainingOptions",
     jobs: int,
 ) -> "ClassLibrary":
     """The library with thresholds that were chosen on examples held out."""
-    from motionary.models.library import N_FOLDS, apply_suggestions, suggest_thresholds
+    from motionary.models.library import N_FOLDS, apply_calibrations, calibrate_thresholds
 
     learned = {name: examples[name] for name in library.names}
     with screen.progress("choosing thresholds", N_FOLDS) as done:
-        suggestions = suggest_thresholds(
-            learned, groups=groups, negatives=others, teaching=teaching, jobs=jobs, on_done=done
+        calibrations = calibrate_thresholds(
+            learned, groups=groups, negatives=others, training=training, jobs=jobs, on_done=done
         )
     for name in library.names:
-        if name not in suggestions:
-            screen.complain(
+        if name not in calibrations:
+            screen.warn(
                 f"class {name!r}: too little to choose its threshold by; it stays "
                 f"{library[name].threshold:g}"
             )
-    return apply_suggestions(library, suggestions)
+    return apply_calibrations(library, calibrations)
 
 
 def _with_queries(
-    library: "ClassLibrary", examples: "Examples", options: TeachingOptions, *, jobs: int
+    library: "ClassLibrary", examples: "Examples", options: TrainingFlags, *, jobs: int
 ) -> "ClassLibrary":
     """The library with queries, and on the screen which classes have none."""
     from motionary.models.library import choose_queries, learn_queries
@@ -190,7 +190,7 @@ def _with_queries(
                 library, examples, runs=options.query_runs, jobs=jobs, on_done=done
             )
     for name, reason in queried.without.items():
-        screen.complain(f"class {name!r} has no queries: {reason}")
+        screen.warn(f"class {name!r} has no queries: {reason}")
     return queried.library
 
 
@@ -209,30 +209,30 @@ def _say(library: "ClassLibrary", *, as_json: bool) -> None:
 
     rows = []
     for motion_class in library:
-        for subclass in motion_class.subclasses:
-            template = subclass.template
+        for prototype in motion_class.prototypes:
+            template = prototype.template
             quantised = quantise(template, tolerance=motion_class.tolerance)
             row = {
                 "class": motion_class.name,
-                "template": subclass.name,
+                "template": prototype.name,
                 "examples": template.n_examples,
                 "columns": template.n_columns,
                 "seconds": template.duration_s,
                 "fixed": quantised.n_fixed / quantised.fixed.size,
                 "threshold": motion_class.threshold,
-                "promised_precision": motion_class.promised_precision,
-                "promised_recall": motion_class.promised_recall,
+                "promised_precision": motion_class.estimated_precision,
+                "promised_recall": motion_class.estimated_recall,
             }
             rows.append(row)
     if as_json:
         for row in rows:
-            screen.say_json(row)
+            screen.print_json(row)
     else:
         promises = (
-            _PROMISES if any(row[key] is not None for row in rows for key in _PROMISES) else {}
+            _ESTIMATES if any(row[key] is not None for row in rows for key in _ESTIMATES) else {}
         )
         columns = (*_COLUMNS, *promises.values())
-        screen.say_table(columns, [_cells(row)[: len(columns)] for row in rows])
+        screen.print_table(columns, [_cells(row)[: len(columns)] for row in rows])
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
@@ -241,6 +241,6 @@ def _cells(row: dict[str, Any]) -> list[str]:
         "fixed": f"{100 * row['fixed']:.0f} %",
         "threshold": f"{row['threshold']:.3g}",
     }
-    for key in _PROMISES:
+    for key in _ESTIMATES:
         shown[key] = "" if row[key] is None else f"{100 * row[key]:.0f} %"
     return [str(value) for value in shown.values()]

@@ -9,9 +9,9 @@ import typer
 from motionary.cli.options import FeatureSetName, LibraryDefault
 
 if TYPE_CHECKING:
-    from motionary.models.library import Teaching
+    from motionary.models.library import TrainingOptions
 
-_TEACHING = "motionary.models.library:Teaching"
+_TRAINING = "motionary.models.library:TrainingOptions"
 
 
 class Queries(StrEnum):
@@ -23,7 +23,7 @@ class Queries(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TeachingOptions:
+class TrainingFlags:
     """How classes are learned."""
 
     mirror: Annotated[
@@ -45,7 +45,7 @@ class TeachingOptions:
             min=0.0,
             max=0.5,
             metavar="SHARE",
-            default_factory=LibraryDefault(_TEACHING, "tolerance"),
+            default_factory=LibraryDefault(_TRAINING, "tolerance"),
             help="A relation may differ in this share of the examples and still be asked for.",
         ),
     ]
@@ -67,14 +67,14 @@ class TeachingOptions:
         ),
     ]
 
-    def teaching(self, threshold: float | None) -> "Teaching":
+    def training(self, threshold: float | None) -> "TrainingOptions":
         """The same for the library."""
-        from motionary.models.library import Teaching
+        from motionary.models.library import TrainingOptions
 
-        taught = Teaching(
+        trained = TrainingOptions(
             tolerance=self.tolerance, mirror=self.mirror, keep_examples=self.keep_examples
         )
-        return taught if threshold is None else replace(taught, threshold=threshold)
+        return trained if threshold is None else replace(trained, threshold=threshold)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ class ThresholdOptions:
             help="Largest cost of a match of these classes.",
         ),
     ] = None
-    suggest: Annotated[
+    calibrate: Annotated[
         bool,
         typer.Option(
             "--suggest",
@@ -122,11 +122,11 @@ class ThresholdOptions:
         ------
         BadParameter
         """
-        if self.suggest and self.threshold is not None:
+        if self.calibrate and self.threshold is not None:
             raise typer.BadParameter(
                 "thresholds are given or chosen, not both", param_hint="--threshold, --suggest"
             )
         told = {"--groups": self.groups, "--negatives": self.negatives}
         for option, value in told.items():
-            if value and not self.suggest:
+            if value and not self.calibrate:
                 raise typer.BadParameter("goes with --suggest", param_hint=option)

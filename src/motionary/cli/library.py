@@ -14,7 +14,7 @@ from motionary.cli.pictures import draw_library, draw_template
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.models.library import ClassLibrary, MotionClass, Subclass
+    from motionary.models.library import ClassLibrary, MotionClass, Prototype
 
 _COLUMNS = (
     "class", "template", ">examples", ">columns", ">fixed", ">threshold", ">right", ">found",
@@ -62,13 +62,13 @@ def list_classes(
 
     check_picture("--plot", plot)
     loaded = load_library(folder)
-    rows = [_row(loaded, one, sub) for one in loaded for sub in one.subclasses]
+    rows = [_row(loaded, one, sub) for one in loaded for sub in one.prototypes]
     if as_json:
         for row in rows:
-            screen.say_json(row)
+            screen.print_json(row)
     else:
         screen.say(_describe(loaded, folder))
-        screen.say_table(_COLUMNS, [_cells(row) for row in rows])
+        screen.print_table(_COLUMNS, [_cells(row) for row in rows])
     if plot and rows:
         draw_library(plot, loaded, title=Path(folder).name)
 
@@ -90,13 +90,13 @@ def show(
 
     motionary library show my-classes squat > squat.txt
     """
-    from motionary.models.library import find_subclass, load_library
+    from motionary.models.library import find_prototype, load_library
     from motionary.models.templates import template_to_text
 
     check_picture("--plot", plot)
     loaded = load_library(folder)
     motion_class = loaded[name]
-    found = find_subclass(motion_class, template).template
+    found = find_prototype(motion_class, template).template
     text = template_to_text(found, tolerance=motion_class.tolerance, feature_set=loaded.feature_set)
     screen.say(*text.splitlines())
     if plot:
@@ -142,7 +142,7 @@ def merge(
         kept = (
             "the first is kept" if on_clash is Clashing.FIRST else "the templates of all are kept"
         )
-        screen.complain(f"class {clash!r} is in several libraries: {kept}")
+        screen.warn(f"class {clash!r} is in several libraries: {kept}")
     screen.say(_describe(merged, output))
     if plot and len(merged):
         draw_library(plot, merged, title=Path(output).name)
@@ -161,24 +161,24 @@ def _describe(library: "ClassLibrary", folder: str) -> str:
 
 
 def _row(
-    library: "ClassLibrary", motion_class: "MotionClass", subclass: "Subclass"
+    library: "ClassLibrary", motion_class: "MotionClass", prototype: "Prototype"
 ) -> dict[str, Any]:
     from motionary.models.templates import quantise
 
-    template = subclass.template
+    template = prototype.template
     quantised = quantise(template, tolerance=motion_class.tolerance)
     return {
         "class": motion_class.name,
-        "template": subclass.name,
+        "template": prototype.name,
         "examples": template.n_examples,
         "columns": template.n_columns,
         "seconds": template.duration_s,
         "fixed": quantised.n_fixed / quantised.fixed.size,
         "threshold": motion_class.threshold,
-        "promised_precision": motion_class.promised_precision,
-        "promised_recall": motion_class.promised_recall,
-        "queries": len(subclass.queries),
-        "kept_examples": len(subclass.examples),
+        "promised_precision": motion_class.estimated_precision,
+        "promised_recall": motion_class.estimated_recall,
+        "queries": len(prototype.queries),
+        "kept_examples": len(prototype.examples),
         "made": template.provenance,
         "feature_set": library.feature_set.name,
         "provenance": library.provenance,
@@ -187,9 +187,9 @@ def _row(
 
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
-    shares = [
-        "" if share is None else f"{100 * share:.0f} %"
-        for share in (row["promised_precision"], row["promised_recall"])
+    fractions = [
+        "" if fraction is None else f"{100 * fraction:.0f} %"
+        for fraction in (row["promised_precision"], row["promised_recall"])
     ]
     counts = (str(row["examples"]), str(row["columns"]), f"{100 * row['fixed']:.0f} %")
-    return (row["class"], row["template"], *counts, f"{row['threshold']:.3g}", *shares)
+    return (row["class"], row["template"], *counts, f"{row['threshold']:.3g}", *fractions)

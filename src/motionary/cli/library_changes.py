@@ -11,9 +11,9 @@ from motionary.cli import screen
 from motionary.cli.inputs import (
     check_picture,
     check_target,
-    complain_of_all,
     find_files,
     read_words,
+    warn_of_all,
 )
 from motionary.cli.options import FeatureSetName, Jobs, ReadingOptions, find_feature_set
 from motionary.cli.pictures import draw_template
@@ -90,7 +90,7 @@ def edit(
     library = _load(folder, features, new=changes.new)
     changed, called = _change(library, name, changes)
     if changes.join is not None and changes.threshold is None:
-        changed = _suggest(changed, {called} if _is_suggested(library, name) else set())
+        changed = _calibrate(changed, {called} if _is_calibrated(library, name) else set())
     changed.save(folder)
     if called not in changed.names:
         screen.say(f"{name}: removed")
@@ -137,17 +137,17 @@ def add(
         found.files, "reading", reading=reading.reading(), feature_set=library.feature_set,
         jobs=jobs,
     )  # fmt: skip
-    complain_of_all(found.missing.values(), failures)
-    grown = add_examples(library, name, words, subclass=template)
-    if grown is library:
-        screen.complain("no example is new; nothing was changed")
+    warn_of_all(found.missing.values(), failures)
+    expanded = add_examples(library, name, words, prototype=template)
+    if expanded is library:
+        screen.warn("no example is new; nothing was changed")
     else:
-        grown = _with_thresholds_anew(grown, library, jobs=jobs)
-    grown.save(folder)
-    _complain_of_lost(library, name, grown[name])
-    screen.say(_tell(grown[name]))
+        expanded = _with_thresholds_anew(expanded, library, jobs=jobs)
+    expanded.save(folder)
+    _complain_of_lost(library, name, expanded[name])
+    screen.say(_tell(expanded[name]))
     if plot:
-        _draw(plot, grown, name, template)
+        _draw(plot, expanded, name, template)
     return 1 if found.missing or failures else 0
 
 
@@ -157,19 +157,19 @@ def _draw(plot: str, library: "ClassLibrary", name: str, template: str | None) -
 
 
 def _with_thresholds_anew(
-    grown: "ClassLibrary", before: "ClassLibrary", *, jobs: int
+    expanded: "ClassLibrary", before: "ClassLibrary", *, jobs: int
 ) -> "ClassLibrary":
     """Thresholds that were suggested are suggested anew, where there are examples to do so."""
     from motionary.models.library import kept_examples
 
-    if kept_examples(grown) is not None:
-        suggested = {name for name in before.names if _is_suggested(before, name)}
-        return _suggest(grown, suggested, jobs=jobs)
-    screen.complain(
+    if kept_examples(expanded) is not None:
+        calibrated = {name for name in before.names if _is_calibrated(before, name)}
+        return _calibrate(expanded, calibrated, jobs=jobs)
+    screen.warn(
         "the examples that the class was learned from were not kept (learn --keep-examples): "
         "its template stands for them, and its threshold stays"
     )
-    return grown
+    return expanded
 
 
 def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
@@ -200,14 +200,14 @@ def _change(library: "ClassLibrary", name: str, changes: Changes) -> "tuple[Clas
     if changes.restrict:
         old = _find(library[name], changes.template)
         restricted = restrict(old, changes.restrict, feature_set=library.feature_set)
-        library = replace_template(library, name, restricted, subclass=changes.template)
+        library = replace_template(library, name, restricted, prototype=changes.template)
     if changes.threshold is not None:
         # What was promised was promised of another threshold.
         changed = replace(
             library[name],
             threshold=changes.threshold,
-            promised_precision=None,
-            promised_recall=None,
+            estimated_precision=None,
+            estimated_recall=None,
         )
         library = replace_class(library, name, changed)
     if changes.rename is not None:
@@ -216,7 +216,7 @@ def _change(library: "ClassLibrary", name: str, changes: Changes) -> "tuple[Clas
 
 
 def _take_text(library: "ClassLibrary", name: str, changes: Changes) -> "ClassLibrary":
-    from motionary.models.library import MotionClass, Subclass, replace_template
+    from motionary.models.library import MotionClass, Prototype, replace_template
     from motionary.models.templates import revise_template, template_from_text
 
     text = _read_text(str(changes.text))
@@ -226,7 +226,7 @@ def _take_text(library: "ClassLibrary", name: str, changes: Changes) -> "ClassLi
             if name in library.names:
                 raise InvalidInput(f"the library has a class {name!r} already; leave out --new")
             template = template_from_text(text, feature_set=feature_set, name=name)
-            added = MotionClass(name, (Subclass(name, template),))
+            added = MotionClass(name, (Prototype(name, template),))
             added.quantised()
             return replace(library, classes=(*library.classes, added))
         if name not in library.names:
@@ -239,7 +239,7 @@ def _take_text(library: "ClassLibrary", name: str, changes: Changes) -> "ClassLi
             tolerance=motion_class.tolerance,
             feature_set=feature_set,
         )
-        return replace_template(library, name, revised, subclass=changes.template)
+        return replace_template(library, name, revised, prototype=changes.template)
     except InvalidInput as error:
         where = "stdin" if changes.text == "-" else changes.text
         raise InvalidInput(f"{where}: {error}") from error
@@ -253,44 +253,46 @@ def _read_text(path: str) -> str:
     return read_text(Path(path))
 
 
-def _is_suggested(library: "ClassLibrary", name: str) -> bool:
-    return library[name].promised_recall is not None
+def _is_calibrated(library: "ClassLibrary", name: str) -> bool:
+    return library[name].estimated_recall is not None
 
 
-def _suggest(library: "ClassLibrary", names: set[str], *, jobs: int = 1) -> "ClassLibrary":
+def _calibrate(library: "ClassLibrary", names: set[str], *, jobs: int = 1) -> "ClassLibrary":
     """The library with thresholds of some classes chosen anew, if all examples are kept."""
     from motionary.models.library import (
         N_FOLDS,
-        Teaching,
-        apply_suggestions,
+        TrainingOptions,
+        apply_calibrations,
+        calibrate_thresholds,
         kept_examples,
-        suggest_thresholds,
     )
 
     examples = kept_examples(library)
     if examples is None or not names:
         return library
     one = library.classes[0]
-    mirrored = any(s.name.endswith("Mirrored") for c in library for s in c.subclasses)
-    teaching = Teaching(tolerance=one.tolerance, mirror=mirrored, by_surprise=bool(one.background))
+    mirrored = any(s.name.endswith("Mirrored") for c in library for s in c.prototypes)
+    training = TrainingOptions(
+        tolerance=one.tolerance, mirror=mirrored, by_self_information=bool(one.background)
+    )
     with screen.progress("choosing thresholds", N_FOLDS) as done:
-        suggestions = suggest_thresholds(examples, teaching=teaching, jobs=jobs, on_done=done)
-    return apply_suggestions(library, {n: s for n, s in suggestions.items() if n in names})
+        calibrations = calibrate_thresholds(examples, training=training, jobs=jobs, on_done=done)
+    return apply_calibrations(library, {n: s for n, s in calibrations.items() if n in names})
 
 
 def _complain_of_lost(before: "ClassLibrary", name: str, after: "MotionClass") -> None:
     """Say that the queries of a template that changed are gone."""
-    had = name in before.names and any(s.queries for s in before[name].subclasses)
-    if had and not any(s.queries for s in after.subclasses):
-        screen.complain(
+    had = name in before.names and any(s.queries for s in before[name].prototypes)
+    if had and not any(s.queries for s in after.prototypes):
+        screen.warn(
             f"class {after.name!r}: its keyframe queries were of the template before, and are gone"
         )
 
 
 def _find(motion_class: "MotionClass", name: str | None) -> "MotionTemplate":
-    from motionary.models.library import find_subclass
+    from motionary.models.library import find_prototype
 
-    return find_subclass(motion_class, name).template
+    return find_prototype(motion_class, name).template
 
 
 def _tell(motion_class: "MotionClass") -> str:
@@ -298,12 +300,12 @@ def _tell(motion_class: "MotionClass") -> str:
     from motionary.models.templates import quantise
 
     parts = []
-    for subclass in motion_class.subclasses:
-        quantised = quantise(subclass.template, tolerance=motion_class.tolerance)
-        share = 100 * quantised.n_fixed / quantised.fixed.size
+    for prototype in motion_class.prototypes:
+        quantised = quantise(prototype.template, tolerance=motion_class.tolerance)
+        fraction = 100 * quantised.n_fixed / quantised.fixed.size
         parts.append(
-            f"{subclass.name} {subclass.template.duration_s:.2f} s, {share:.0f} % fixed, "
-            f"{subclass.template.provenance}"
+            f"{prototype.name} {prototype.template.duration_s:.2f} s, {fraction:.0f} % fixed, "
+            f"{prototype.template.provenance}"
         )
     threshold = f"threshold {motion_class.threshold:.3g}"
     return f"{motion_class.name}: {threshold}; {'; '.join(parts)}"

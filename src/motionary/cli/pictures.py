@@ -31,7 +31,7 @@ def draw_sheet(
     motions: dict[str, Motion] = {}
     rows = []
     if example is not None:
-        words = example.words
+        words = example.packed
         stop = words.first_frame + words.file_frames - 1
         rows.append((f"example: {example.title}", _cut(example.motion, words.first_frame, stop)))
     for rank, hit in enumerate(hits, start=1):
@@ -88,13 +88,13 @@ def draw_class(folder: str, motion_class: "MotionClass", *, library: "ClassLibra
     """Templates of a class and their fixed cells, a picture a template, into a folder."""
     from motionary.plots import plot_template, save
 
-    for subclass in motion_class.subclasses:
+    for prototype in motion_class.prototypes:
         figure = plot_template(
-            subclass.template, tolerance=motion_class.tolerance, feature_set=library.feature_set
+            prototype.template, tolerance=motion_class.tolerance, feature_set=library.feature_set
         )
         name = motion_class.name
-        if subclass.name != name:
-            name = f"{name}-{subclass.name.removeprefix(name)}"
+        if prototype.name != name:
+            name = f"{name}-{prototype.name.removeprefix(name)}"
         save(figure, Path(folder, f"{_file_name(name)}.png"))
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from motionary.models.keyframes import KeyframeQuery
     from motionary.models.templates import MotionTemplate
     from motionary.retrieval.index import Collection
-    from motionary.retrieval.search import Growing, SearchResult
+    from motionary.retrieval.search import QueryExpansion, SearchResult
 
 
 #: Shares of the frames that keyframes may leave: in a small collection of a few classes,
@@ -32,8 +32,8 @@ def derive(
     """
     from motionary.retrieval.search import Deriving, derive_queries
 
-    for share in _MAY_BE_LEFT:
-        deriving = Deriving(frames_left=share)
+    for fraction in _MAY_BE_LEFT:
+        deriving = Deriving(frames_left=fraction)
         derived = [derive_queries(template, collection, deriving) for template in templates]
         if any(derived):
             return tuple(query for queries in derived for query in queries)
@@ -51,23 +51,28 @@ def save_queries(
 
 
 def save_class(
-    result: "SearchResult", folder: str, collection: "Collection", *, name: str, growing: "Growing"
+    result: "SearchResult",
+    folder: str,
+    collection: "Collection",
+    *,
+    name: str,
+    expansion: "QueryExpansion",
 ) -> None:
     """Add what an example has grown to a library, in place of a class of that name.
 
     It is found at the same costs as here, and around the same keyframes if there were any.
     """
-    from motionary.models.library import ClassLibrary, MotionClass, Subclass, load_library
+    from motionary.models.library import ClassLibrary, MotionClass, Prototype, load_library
 
     library = ClassLibrary((), collection.feature_set)
     if (Path(folder) / "library.toml").exists():
         library = load_library(folder)
-    shares = collection.share_of_ones if growing.by_surprise else ()
-    grown = MotionClass(
+    fractions = collection.feature_prior if expansion.by_self_information else ()
+    expanded = MotionClass(
         name,
-        (Subclass(name, result.templates[0], result.queries),),
-        tolerance=growing.tolerance,
-        background=tuple(float(share) for share in shares),
+        (Prototype(name, result.templates[0], result.queries),),
+        tolerance=expansion.tolerance,
+        background=tuple(float(fraction) for fraction in fractions),
     )
     others = tuple(one for one in library if one.name != name)
-    replace(library, classes=(*others, grown)).save(folder)
+    replace(library, classes=(*others, expanded)).save(folder)

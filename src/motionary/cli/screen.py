@@ -23,7 +23,7 @@ def prepare_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def complain(text: str) -> None:
+def warn(text: str) -> None:
     """A message, one line on stderr."""
     line = " ".join(printable(line) for line in text.splitlines())
     sys.stderr.write(f"motionary: {line}\n")
@@ -43,12 +43,12 @@ def say(*lines: str) -> None:
     sys.stdout.write("".join(f"{printable(line)}\n" for line in lines))
 
 
-def say_json(content: Mapping[str, Any]) -> None:
+def print_json(content: Mapping[str, Any]) -> None:
     """One object, one line, on stdout; ASCII, whatever the encoding of the pipe."""
     sys.stdout.write(json.dumps(content, allow_nan=False) + "\n")
 
 
-def say_table(
+def print_table(
     columns: Sequence[str], rows: Sequence[Sequence[str]], *, below: Mapping[int, str] | None = None
 ) -> None:
     """A table on stdout.

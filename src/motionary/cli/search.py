@@ -25,7 +25,7 @@ from motionary.cli.sought import (
 if TYPE_CHECKING:
     from motionary.labels import LabelTrack
     from motionary.retrieval.index import Collection
-    from motionary.retrieval.search import Growing, SearchResult
+    from motionary.retrieval.search import QueryExpansion, SearchResult
 
 _KEYS = ("recording", "start_s", "end_s", "start_frame", "end_frame", "cost", "known")
 _COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">known")
@@ -114,7 +114,7 @@ def search(
     motionary search recordings/ --class squat --library my-classes
     motionary search recordings/ --query "right hand fast, then within 0.5 s right hand low"
     """
-    from motionary.retrieval.search import Growing
+    from motionary.retrieval.search import QueryExpansion
     from motionary.retrieval.search import search as search_for
 
     _check_use(query, results)
@@ -122,29 +122,29 @@ def search(
     told = reading.reading()
     wanted = read_wanted(query, told)
     opened = open_recordings(folder, index, reading=told, feature_set=wanted.feature_set, jobs=jobs)
-    growing = Growing(hits=query.grow)
+    expansion = QueryExpansion(hits=query.grow)
     find = partial(
         search_for,
         recordings=opened.collection,
         threshold=which.threshold,
-        growing=growing,
+        expansion=expansion,
         preselect=wanted.queries or which.fast,
     )
     what = wanted.what
     if wanted.example and any(ranks):
         hits = find(what, limit=max(*ranks[0], *ranks[1], 1))
-        what = judge(wanted.example.words, hits, ranks)
+        what = judge(wanted.example.packed, hits, ranks)
     result = find(what, limit=which.limit or None)
     if results.sheet:
         draw_sheet(results.sheet, result, example=wanted.example, files=opened.files, reading=told)
     if results.template:
-        draw_template(results.template, result.templates[0], growing.tolerance)
-    _save(result, results, wanted, opened.collection, growing)
+        draw_template(results.template, result.templates[0], expansion.tolerance)
+    _save(result, results, wanted, opened.collection, expansion)
     if as_json:
         _say_json(result)
     else:
-        grown = growing if wanted.example else None
-        _say(result, opened.collection, grown, is_judged=any(ranks))
+        expanded = expansion if wanted.example else None
+        _say(result, opened.collection, expanded, has_feedback=any(ranks))
     is_cut = not results.cut or cut_labels(
         _to_tracks(result, wanted.name), opened.files, results.cut, reading=told, jobs=jobs
     )
@@ -193,7 +193,7 @@ def _save(
     results: ResultOptions,
     wanted: Wanted,
     collection: "Collection",
-    growing: "Growing",
+    expansion: "QueryExpansion",
 ) -> None:
     """Write the hits and what they were found with."""
     if results.output:
@@ -208,30 +208,30 @@ def _save(
     if results.save_class:
         from motionary.cli.saving import save_class
 
-        save_class(result, results.save_class, collection, name=wanted.name, growing=growing)
+        save_class(result, results.save_class, collection, name=wanted.name, expansion=expansion)
 
 
 def _say_json(result: "SearchResult") -> None:
     for hit in result:
-        screen.say_json({key: getattr(hit, key) for key in _KEYS})
+        screen.print_json({key: getattr(hit, key) for key in _KEYS})
     if not result:
-        screen.complain(result.nearest)
+        screen.warn(result.nearest)
 
 
 def _say(
     result: "SearchResult",
     collection: "Collection",
-    growing: "Growing | None",
+    expansion: "QueryExpansion | None",
     *,
-    is_judged: bool,
+    has_feedback: bool,
 ) -> None:
-    if growing:
+    if expansion:
         from motionary.cli.wording import describe_template
 
         lines = describe_template(
-            result.templates[0], tolerance=growing.tolerance, feature_set=collection.feature_set
+            result.templates[0], tolerance=expansion.tolerance, feature_set=collection.feature_set
         )
-        if growing.hits and result.templates[0].n_examples == 1 and not is_judged:
+        if expansion.hits and result.templates[0].n_examples == 1 and not has_feedback:
             lines.append("  nothing was near enough to learn from what may vary")
         screen.say(*lines, *_keyframe_lines(result, collection), "")
     rows = [
@@ -247,7 +247,7 @@ def _say(
         for rank, hit in enumerate(result, start=1)
     ]
     if rows:
-        screen.say_table(_COLUMNS, rows)
+        screen.print_table(_COLUMNS, rows)
     else:
         screen.say(result.nearest)
 
@@ -260,8 +260,8 @@ def _keyframe_lines(result: "SearchResult", collection: "Collection") -> list[st
 
     text = format_queries(result.queries, vocabulary=collection.feature_set)
     told = [line for line in text.splitlines() if not line.startswith("features: ")]
-    share = 100 * result.share_matched
+    fraction = 100 * result.fraction_matched
     return [
-        f"  matched in {share:.0f} % of the frames, around keyframes:",
+        f"  matched in {fraction:.0f} % of the frames, around keyframes:",
         *(f"    {x}" for x in told),
     ]

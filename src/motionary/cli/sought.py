@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence, FeatureSet, Reading
     from motionary.models.keyframes import KeyframeQuery
     from motionary.models.library import MotionClass
-    from motionary.retrieval.search import Hit, Judged
+    from motionary.retrieval.search import Hit, RelevanceFeedback
 
 #: So many names are told of a collection.
 _MOST_NAMES = 5
@@ -42,7 +42,7 @@ class QueryOptions:
         typer.Option(
             min=0,
             metavar="N",
-            default_factory=LibraryDefault("motionary.retrieval.search:Growing", "hits"),
+            default_factory=LibraryDefault("motionary.retrieval.search:QueryExpansion", "hits"),
             help="Learn from the example and its N nearest hits what may vary; 0: nothing may.",
         ),
     ]
@@ -93,7 +93,7 @@ class Wanted:
     queries : keyframes around which to match, if they are told
     """
 
-    what: "FeatureSequence | Judged | MotionClass | tuple[KeyframeQuery, ...]"
+    what: "FeatureSequence | RelevanceFeedback | MotionClass | tuple[KeyframeQuery, ...]"
     feature_set: "FeatureSet"
     name: str
     example: Example | None = None
@@ -148,7 +148,7 @@ def read_wanted(options: QueryOptions, reading: "Reading") -> Wanted:
         return Wanted(queries, FULL_BODY, options.query_name or name)
     path = Path(options.like)
     example = read_example(path, from_s=options.from_s, to_s=options.to_s, reading=reading)
-    return Wanted(example.words, FULL_BODY, f"like {path.stem}", example, queries)
+    return Wanted(example.packed, FULL_BODY, f"like {path.stem}", example, queries)
 
 
 def read_ranks(options: QueryOptions) -> tuple[list[int], list[int]]:
@@ -167,7 +167,7 @@ def read_ranks(options: QueryOptions) -> tuple[list[int], list[int]]:
 
 def judge(
     words: "FeatureSequence", hits: "Sequence[Hit]", ranks: tuple[list[int], list[int]]
-) -> "Judged":
+) -> "RelevanceFeedback":
     """An example with what is said of its hits.
 
     Raises
@@ -175,13 +175,13 @@ def judge(
     BadParameter
         If there are not so many hits.
     """
-    from motionary.retrieval.search import Judged
+    from motionary.retrieval.search import RelevanceFeedback
 
     most = max([*ranks[0], *ranks[1]])
     if most > len(hits):
         raise wrong("--good, --bad", f"there is no hit {most}: the search has {len(hits)}")
     good, bad = (tuple(hits[rank - 1] for rank in some) for some in ranks)
-    return Judged(words, good, bad)
+    return RelevanceFeedback(words, good, bad)
 
 
 def _ranks(option: str, told: str | None) -> list[int]:

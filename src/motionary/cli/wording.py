@@ -47,11 +47,11 @@ def describe_template(
     from motionary.models.templates import quantise
 
     quantised = quantise(template, tolerance=tolerance)
-    share = 100 * quantised.n_fixed / quantised.fixed.size
+    fraction = 100 * quantised.n_fixed / quantised.fixed.size
     edges = np.concatenate([[0.0], np.cumsum(template.weights)]) / template.rate_hz
     lines = [
         f"template: {template.provenance}; {template.duration_s:.1f} s, "
-        f"{share:.0f} % of its cells are fixed"
+        f"{fraction:.0f} % of its cells are fixed"
     ]
     lines += _asked(quantised, edges, feature_set)
     lines += _names("never", _never(quantised, feature_set))

@@ -5,14 +5,14 @@ from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006
 from motionary.features.computing import (
     MEASURE_HZ,
     compute_features,
-    relation_matrix,
-    say_yardsticks,
+    describe_reference_lengths,
+    feature_matrix,
 )
 from motionary.features.definitions import describe_set, set_from_rows
+from motionary.features.feature_set import Feature, FeatureSet
 from motionary.features.files import NamedFile, Reading, read_features
-from motionary.features.naming import find_relation
-from motionary.features.relations import FeatureSet, Relation
-from motionary.features.sequence import WORD_HZ, FeatureSequence
+from motionary.features.naming import find_feature
+from motionary.features.sequence import SEQUENCE_HZ, FeatureSequence
 from motionary.features.sets import LEGS, THREE_LEVELS, known_sets
 
 __all__ = [
@@ -20,20 +20,20 @@ __all__ = [
     "FULL_BODY_2006",
     "LEGS",
     "MEASURE_HZ",
+    "SEQUENCE_HZ",
     "THREE_LEVELS",
-    "WORD_HZ",
     "Body",
+    "Feature",
     "FeatureSequence",
     "FeatureSet",
     "NamedFile",
     "Reading",
-    "Relation",
     "compute_features",
+    "describe_reference_lengths",
     "describe_set",
-    "find_relation",
+    "feature_matrix",
+    "find_feature",
     "known_sets",
     "read_features",
-    "relation_matrix",
-    "say_yardsticks",
     "set_from_rows",
 ]

@@ -32,7 +32,7 @@ LENGTHS: dict[str, tuple[tuple[str, str], ...]] = {
 
 #: What is measured instead where a length is never seen, best first: chain and factor.
 #: Upper arm by thigh is .71 (.64 to .79) in twelve people of HDM05 and CMU.
-STAND_INS: dict[str, tuple[tuple[str, tuple[str, str], float], ...]] = {
+SUBSTITUTES: dict[str, tuple[tuple[str, tuple[str, str], float], ...]] = {
     "humerus": (
         ("the left upper arm", ("lshoulder", "lelbow"), 1.0),
         (".71 of the thigh", ("rhip", "rknee"), 0.71),
@@ -128,18 +128,18 @@ class Body:
         total = sum(self._segment(a, b) for a, b in LENGTHS[name])
         if total > 0:
             return total
-        return self._stand_in(name)[1]
+        return self._substitute(name)[1]
 
-    def yardstick(self, name: str) -> str:
+    def reference_length(self, name: str) -> str:
         """What stands in for a length that is never seen; empty if it is seen, or nothing is."""
         seen = sum(self._segment(a, b) for a, b in LENGTHS[name]) > 0
-        return "" if seen else self._stand_in(name)[0]
+        return "" if seen else self._substitute(name)[0]
 
-    def _stand_in(self, name: str) -> tuple[str, float]:
-        for words, (a, b), factor in STAND_INS.get(name, ()):
+    def _substitute(self, name: str) -> tuple[str, float]:
+        for packed, (a, b), factor in SUBSTITUTES.get(name, ()):
             length = self._segment(a, b)
             if length > 0:
-                return words, factor * length
+                return packed, factor * length
         return "", float("nan")
 
     def _segment(self, a: str, b: str) -> float:

@@ -14,13 +14,13 @@ sentence.
 from dataclasses import replace
 
 from motionary.features import quantities as q
-from motionary.features.relations import FeatureSet, Relation
+from motionary.features.feature_set import Feature, FeatureSet
 
 
-def _both(pattern: Relation) -> list[Relation]:
+def _both(pattern: Feature) -> list[Feature]:
     """The relation of the right and of the left side: {side} and {s} are filled in."""
 
-    def fill(id: str, mirror: str, side: str) -> Relation:
+    def fill(id: str, mirror: str, side: str) -> Feature:
         return replace(
             pattern,
             id=id,
@@ -35,45 +35,45 @@ def _both(pattern: Relation) -> list[Relation]:
 
 
 _UPPER = [
-    *_both(Relation(
+    *_both(Feature(
         "F1", "{side} hand moves forward", "upper",
         q.move_plane, ("neck", "rhip", "lhip", "{s}wrist"), ">", 1.3, 1.8, "left humerus",
         "The {side} wrist moves forward, away from the plane of neck and hips.",
         window_s=0.25, mirror="F2",
     )),
-    *_both(Relation(
+    *_both(Feature(
         "F3", "{side} hand above neck", "upper",
         q.along, ("chest", "neck", "neck", "{s}wrist"), ">=", 0.0, 0.2, "chest to neck",
         "The {side} wrist lies beyond the neck, seen along the spine.", mirror="F4",
     )),
-    *_both(Relation(
+    *_both(Feature(
         "F5", "{side} hand moves up", "upper",
         q.move_along, ("chest", "neck", "neck", "{s}wrist"), ">", 1.3, 1.8, "left humerus",
         "The {side} wrist moves up along the spine, relative to the neck.",
         window_s=0.25, mirror="F6",
     )),
-    *_both(Relation(
+    *_both(Feature(
         "F7", "{side} elbow bent", "upper",
         q.angle, ("{s}elbow", "{s}shoulder", "{s}elbow", "{s}wrist"),
         "<=", 120.0, 110.0, "degree",
         "The angle at the {side} elbow is small.", mirror="F8",
     )),
-    Relation(
+    Feature(
         "F9", "hands far apart", "upper",
         q.reach, ("lshoulder", "rshoulder", "lwrist", "rwrist"), ">=", 2.0, 2.5,
         "shoulder width", "The wrists are far apart, seen along the line of the shoulders.",
     ),
-    Relation(
+    Feature(
         "F10", "hands approach each other", "upper",
         q.move_along, ("lwrist", "rwrist", "rwrist", "lwrist"), ">=", 1.2, 1.4, "humerus",
         "The left wrist moves towards the right one.", window_s=0.1,
     ),
-    *_both(Relation(
+    *_both(Feature(
         "F11", "{side} hand moves away from the body", "upper",
         q.move_along, ("root", "{s}wrist", "root", "{s}wrist"), ">=", 1.2, 1.4, "humerus",
         "The {side} wrist moves away from the root.", mirror="F12",
     )),
-    *_both(Relation(
+    *_both(Feature(
         "F13", "{side} hand fast", "upper",
         q.speed, ("{s}fingers",), ">=", 2.0, 2.5, "humerus",
         "The fingers of the {side} hand move fast.", window_s=0.1, mirror="F14",
@@ -81,49 +81,49 @@ _UPPER = [
 ]  # fmt: skip
 
 _LOWER = [
-    Relation(
+    Feature(
         "F15", "right foot behind left leg", "lower",
         q.plane, ("root", "lhip", "lankle", "rankle"), ">=", 0.0, 0.375, "humerus",
         "The right ankle is behind the plane of the left leg.", mirror="F16",
     ),
-    Relation(
+    Feature(
         "F16", "left foot behind right leg", "lower",
         q.plane, ("root", "rankle", "rhip", "lankle"), ">=", 0.0, 0.375, "humerus",
         "The left ankle is behind the plane of the right leg.", mirror="F15",
     ),
-    *_both(Relation(
+    *_both(Feature(
         "F17", "{side} foot raised", "lower",
         q.above_lowest, ("{s}toes",), ">=", 1.0, 1.2, "humerus",
         "The toes of the {side} foot are far above the lowest joint.", mirror="F18",
     )),
-    Relation(
+    Feature(
         "F19", "feet far apart sideways", "lower",
         q.reach, ("lhip", "rhip", "lankle", "rankle"), ">=", 1.8, 2.1, "humerus",
         "The ankles are far apart, seen along the line of the hips.",
     ),
-    *_both(Relation(
+    *_both(Feature(
         "F20", "{side} knee bent", "lower",
         q.angle, ("{s}knee", "{s}hip", "{s}knee", "{s}ankle"), "<=", 120.0, 110.0, "degree",
         "The angle at the {side} knee is small.", mirror="F21",
     )),
-    Relation(
+    Feature(
         "F22", "feet crossed", "lower",
         q.along, ("lhip", "rhip", "lankle", "rankle"), "<=", 0.0, -0.125, "hip width",
         "The right ankle lies on the left of the left one, seen along the line of the hips.",
     ),
-    Relation(
+    Feature(
         "F23", "feet move towards each other sideways", "lower",
         q.move_along, ("lhip", "rhip", "rankle", "lankle"), ">=", 1.3, 1.5, "humerus",
         "The left ankle moves towards the right one along the line of the hips.",
         window_s=0.1,
     ),
-    Relation(
+    Feature(
         "F24", "feet move apart sideways", "lower",
         q.move_against, ("lhip", "rhip", "rankle", "lankle"), ">=", 1.3, 1.5, "humerus",
         "The left ankle moves away from the right one along the line of the hips.",
         window_s=0.1,
     ),
-    *_both(Relation(
+    *_both(Feature(
         "F25", "{side} foot fast", "lower",
         q.speed, ("{s}toes", "{s}ankle"), ">=", 2.0, 2.5, "humerus",
         "Toes and ankle of the {side} foot both move fast.", window_s=0.1, mirror="F26",
@@ -131,62 +131,62 @@ _LOWER = [
 ]  # fmt: skip
 
 _MIX = [
-    *_both(Relation(
+    *_both(Feature(
         "F27", "{side} upper arm away from the body", "mix",
         q.angle, ("root", "neck", "{s}shoulder", "{s}elbow"), "<", 155.0, 150.0, "degree",
         "The {side} upper arm does not hang along the spine.", mirror="F28",
     )),
-    *_both(Relation(
+    *_both(Feature(
         "F29", "{side} hip bent", "mix",
         q.angle, ("root", "neck", "{s}knee", "{s}hip"), ">", 45.0, 50.0, "degree",
         "The {side} thigh is turned out of line with the spine.", mirror="F30",
     )),
-    Relation(
+    Feature(
         "F31", "hips behind the feet", "mix",
         q.plane, ("lankle", "neck", "rankle", "root"), "<", -0.35, -0.5, "humerus",
         "The root lies behind the plane of the ankles and the neck.",
     ),
-    Relation(
+    Feature(
         "F32", "spine horizontal", "mix",
         q.tilt, ("root", "neck"), "within", (60.0, 120.0), (70.0, 110.0), "degree",
         "The line from the root to the neck is nearly horizontal.",
     ),
-    *_both(Relation(
+    *_both(Feature(
         "F33", "{side} hand low", "mix",
         q.above_lowest, ("{s}fingers", "{s}fingers", "{s}wrist"), "<", 1.4, 1.2, "humerus",
         "The fingers of the {side} hand are near the height of the lowest other joint.",
         mirror="F34",
     )),
-    Relation(
+    Feature(
         "F35", "left shoulder turned forward", "mix",
         q.plane_difference, ("rhip", "lhip", "neck", "lshoulder", "rshoulder"),
         ">", 0.35, 0.40, "left humerus",
         "The left shoulder lies further ahead of the plane of hips and neck than the right.",
         mirror="F36",
     ),
-    Relation(
+    Feature(
         "F36", "right shoulder turned forward", "mix",
         q.plane_difference, ("rhip", "lhip", "neck", "lshoulder", "rshoulder"),
         "<", -0.35, -0.40, "left humerus",
         "The right shoulder lies further ahead of the plane of hips and neck than the left.",
         mirror="F35",
     ),
-    Relation(
+    Feature(
         "F37", "body low", "mix",
         q.extent_up, ("headtop",), "<=", 0.9, 0.8, "body height",
         "The highest joint is less far above the lowest than in an upright pose.",
     ),
-    Relation(
+    Feature(
         "F38", "body spread out on the floor", "mix",
         q.extent_aside, q.EXTREMITIES, ">=", 3.0, 3.25, "humerus",
         "Feet, hands, head and root reach far apart horizontally.",
     ),
-    Relation(
+    Feature(
         "F39", "body moves fast", "mix",
         q.speed, ("root",), ">=", 2.0, 2.3, "humerus",
         "The root moves fast.",
     ),
-    Relation(
+    Feature(
         "F40", "body turns", "mix",
         q.turning, ("rhip", "lhip"), ">=", 50.0, 100.0, "degree",
         "The line of the hips turns about the vertical.",

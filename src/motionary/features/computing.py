@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from motionary.errors import InvalidInput
 from motionary.features.body import Body
 from motionary.features.catalogue import FULL_BODY
+from motionary.features.feature_set import FeatureSet, holds
 from motionary.features.hysteresis import hysteresis
-from motionary.features.relations import FeatureSet, holds
 from motionary.features.sequence import FeatureSequence
 from motionary.features.travel import needs_travel
 from motionary.features.vectors import Floats
@@ -71,12 +71,12 @@ def compute_features(
             f"second, got {motion.rate_hz:g}; check the rate of the recording"
         )
     positions = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=MEASURE_HZ)
-    features, known = relation_matrix(positions, feature_set)
+    features, known = feature_matrix(positions, feature_set)
     if motion.in_place:
-        lost = [needs_travel(relation) for relation in feature_set.relations]
+        lost = [needs_travel(feature) for feature in feature_set.features]
         features[:, lost] = known[:, lost] = False
     return FeatureSequence(
-        words=pack(features[::_STEP]),
+        packed=pack(features[::_STEP]),
         known=pack(known[::_STEP]),
         feature_set=feature_set,
         source=motion.source,
@@ -86,7 +86,7 @@ def compute_features(
     )
 
 
-def say_yardsticks(motion: Motion) -> tuple[str, ...]:
+def describe_reference_lengths(motion: Motion) -> tuple[str, ...]:
     """Which lengths of a partial body are measured by others, a sentence each.
 
     Parameters
@@ -94,18 +94,21 @@ def say_yardsticks(motion: Motion) -> tuple[str, ...]:
     motion : whose joints are mapped
     """
     body = Body.from_positions(motion.generic_positions(), rate_hz=motion.rate_hz)
-    sides = {"right": body.yardstick("humerus"), "left": body.yardstick("left humerus")}
+    sides = {
+        "right": body.reference_length("humerus"),
+        "left": body.reference_length("left humerus"),
+    }
     if sides["right"] and sides["right"] == sides["left"]:
         sides = {"": sides["right"]}
     return tuple(
-        f"no {f'{side} ' if side else ''}upper arm: {stand_in} stands in for it as the measure of "
-        "distances and speeds"
-        for side, stand_in in sides.items()
-        if stand_in
+        f"no {f'{side} ' if side else ''}upper arm: {substitute} stands in for it as the measure "
+        "of distances and speeds"
+        for side, substitute in sides.items()
+        if substitute
     )
 
 
-def relation_matrix(
+def feature_matrix(
     positions: Floats, feature_set: FeatureSet, *, before: Bools | None = None
 ) -> tuple[Bools, Bools]:
     """Relations at 120 Hz and which of them are known.
@@ -134,11 +137,11 @@ def relation_matrix(
     body = Body.from_positions(positions, rate_hz=MEASURE_HZ)
     features = np.empty((n_features, n_frames), dtype=np.bool_)
     known = np.empty_like(features)
-    for i, relation in enumerate(feature_set.relations):
-        value = relation.measure(body)
+    for i, feature in enumerate(feature_set.features):
+        value = feature.measure(body)
         known[i] = ~np.isnan(value)
-        strong = holds(value, relation.test, relation.strong)
-        weak = holds(value, relation.test, relation.weak)
+        strong = holds(value, feature.test, feature.strong)
+        weak = holds(value, feature.test, feature.weak)
         features[i] = hysteresis(strong, weak, known[i], before=bool(before[i]))
     return features.T, known.T
 

@@ -12,9 +12,9 @@ from typing import Any
 
 from motionary.errors import InvalidInput
 from motionary.features import quantities
-from motionary.features.relations import FeatureSet, Relation
+from motionary.features.feature_set import Feature, FeatureSet
 
-_FIELDS = tuple(field.name for field in fields(Relation))
+_FIELDS = tuple(field.name for field in fields(Feature))
 _KINDS: dict[str, tuple[type, ...]] = {
     "joints": (list,),
     "weak": (int, float, list),
@@ -27,13 +27,13 @@ _TESTS = (">", ">=", "<", "<=", "within")
 def describe_set(feature_set: FeatureSet) -> list[dict[str, Any]] | None:
     """Rows that `set_from_rows` reads; None if a quantity is not of this package."""
     named = {function: name for name, function in _quantities().items()}
-    if any(relation.quantity not in named for relation in feature_set.relations):
+    if any(feature.quantity not in named for feature in feature_set.features):
         return None
     rows = []
-    for relation in feature_set.relations:
-        row = {name: getattr(relation, name) for name in _FIELDS}
+    for feature in feature_set.features:
+        row = {name: getattr(feature, name) for name in _FIELDS}
         row |= {key: list(v) for key, v in row.items() if isinstance(v, tuple)}
-        rows.append(row | {"quantity": named[relation.quantity]})
+        rows.append(row | {"quantity": named[feature.quantity]})
     return rows
 
 
@@ -45,10 +45,10 @@ def set_from_rows(name: str, rows: Sequence[Mapping[str, Any]]) -> FeatureSet:
     InvalidInput
         If a row lacks something or says something impossible; names relation and field.
     """
-    return FeatureSet(name, tuple(_relation(i, row) for i, row in enumerate(rows)))
+    return FeatureSet(name, tuple(_feature(i, row) for i, row in enumerate(rows)))
 
 
-def _relation(number: int, row: Mapping[str, Any]) -> Relation:
+def _feature(number: int, row: Mapping[str, Any]) -> Feature:
     where = f"relation {row.get('id', number + 1)!r}"
     missing = [name for name in _FIELDS if name not in row]
     if missing:
@@ -69,7 +69,7 @@ def _relation(number: int, row: Mapping[str, Any]) -> Relation:
     for name in ("weak", "strong"):
         values[name] = _threshold(where, name, values[name])
     _check_joints(where, values["quantity"], values["joints"])
-    return Relation(**values)
+    return Feature(**values)
 
 
 def _threshold(where: str, name: str, value: Any) -> float | tuple[float, float]:

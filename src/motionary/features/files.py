@@ -13,7 +13,7 @@ from typing import Any
 from motionary.batch import Failure, map_ordered
 from motionary.features.catalogue import FULL_BODY
 from motionary.features.computing import compute_features
-from motionary.features.relations import FeatureSet
+from motionary.features.feature_set import FeatureSet
 from motionary.features.sequence import FeatureSequence
 from motionary.io import options_of, read
 

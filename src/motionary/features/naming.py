@@ -6,12 +6,12 @@ People write phrases ("right hand fast") or ids ("F13"), in any case and spacing
 import difflib
 
 from motionary.errors import InvalidInput
-from motionary.features.relations import FeatureSet
+from motionary.features.feature_set import FeatureSet
 
 _MOST_HINTS = 3
 
 
-def find_relation(name: str, feature_set: FeatureSet) -> int:
+def find_feature(name: str, feature_set: FeatureSet) -> int:
     """Number of a relation by its id or its phrase.
 
     Raises
@@ -35,8 +35,8 @@ def _hint(wanted: str, feature_set: FeatureSet) -> str:
     names = {_even(name): name for name in feature_set.names}
     near = difflib.get_close_matches(wanted, names, n=_MOST_HINTS, cutoff=0.6)
     if not near:
-        words = set(wanted.split())
-        shared = {name: len(words & set(name.split())) for name in names}
+        packed = set(wanted.split())
+        shared = {name: len(packed & set(name.split())) for name in names}
         near = [name for name in sorted(names, key=lambda n: -shared[n]) if shared[name]]
     if near:
         return "did you mean " + " or ".join(repr(names[n]) for n in near[:_MOST_HINTS]) + "?"

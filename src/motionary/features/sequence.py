@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features.relations import FeatureSet
-from motionary.packing import Words, count_words, unpack
+from motionary.features.feature_set import FeatureSet
+from motionary.packing import PackedFeatures, count_integers, unpack
 
-WORD_HZ = 30.0
+SEQUENCE_HZ = 30.0
 
 # A time that was computed from a frame number must find that frame again.
 _SLACK = 1e-6
@@ -34,33 +34,33 @@ class FeatureSequence:
         file; without `file_frames` the file is as long as the words
     """
 
-    words: Words
-    known: Words
+    packed: PackedFeatures
+    known: PackedFeatures
     feature_set: FeatureSet
     source: str = ""
-    file_rate_hz: float = WORD_HZ
+    file_rate_hz: float = SEQUENCE_HZ
     file_frames: int = 0
     first_frame: int = 0
 
     def __post_init__(self) -> None:
-        n_words = count_words(len(self.feature_set))
-        shape = self.words.shape
-        if len(shape) != 2 or shape[1] != n_words or self.known.shape != shape:
+        n_integers = count_integers(len(self.feature_set))
+        shape = self.packed.shape
+        if len(shape) != 2 or shape[1] != n_integers or self.known.shape != shape:
             raise InvalidInput(
                 f"feature set {self.feature_set.name!r} needs words and known of shape "
-                f"(frames, {n_words}), got {shape} and {self.known.shape}"
+                f"(frames, {n_integers}), got {shape} and {self.known.shape}"
             )
         if not self.file_frames:
-            frames = round(len(self) / WORD_HZ * self.file_rate_hz)
+            frames = round(len(self) / SEQUENCE_HZ * self.file_rate_hz)
             object.__setattr__(self, "file_frames", frames)
 
     def __len__(self) -> int:
-        return int(self.words.shape[0])
+        return int(self.packed.shape[0])
 
     @property
     def rate_hz(self) -> float:
         """Words per second."""
-        return WORD_HZ
+        return SEQUENCE_HZ
 
     @property
     def duration_s(self) -> float:
@@ -70,7 +70,7 @@ class FeatureSequence:
     @property
     def features(self) -> NDArray[np.uint8]:
         """Relations, shape (frames, features), 0/1; unknown ones are 0."""
-        return unpack(self.words, len(self.feature_set)).view(np.uint8)
+        return unpack(self.packed, len(self.feature_set)).view(np.uint8)
 
     @property
     def known_features(self) -> NDArray[np.uint8]:
@@ -79,7 +79,7 @@ class FeatureSequence:
 
     def seconds(self, frame: int) -> float:
         """Time at which a word begins; of the end, the recording's length at most."""
-        return min(frame / WORD_HZ, self.duration_s)
+        return min(frame / SEQUENCE_HZ, self.duration_s)
 
     def file_frame(self, time_s: float) -> int:
         """The file's number of the frame shown at a time, within the recording."""
@@ -98,10 +98,10 @@ class FeatureSequence:
                 f"{self.source}: a part needs 0 <= start < stop <= {len(self)} words, "
                 f"got {start} to {stop}"
             )
-        first = round(start / WORD_HZ * self.file_rate_hz)
-        last = min(round(stop / WORD_HZ * self.file_rate_hz), self.file_frames)
+        first = round(start / SEQUENCE_HZ * self.file_rate_hz)
+        last = min(round(stop / SEQUENCE_HZ * self.file_rate_hz), self.file_frames)
         return FeatureSequence(
-            words=self.words[start:stop],
+            packed=self.packed[start:stop],
             known=self.known[start:stop],
             feature_set=self.feature_set,
             source=self.source,

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from motionary.features import quantities as q
 from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006
-from motionary.features.relations import DEGREE, Comparison, FeatureSet, Relation, Threshold
+from motionary.features.feature_set import DEGREE, Comparison, Feature, FeatureSet, Threshold
 
 #: Suffix of the id and of the name, and how many steps the thresholds are harder.
 _LEVELS = (("-", " (slightly)", -1), ("", "", 0), ("+", " (very)", 1))
@@ -27,71 +27,71 @@ def known_sets() -> Mapping[str, FeatureSet]:
     return MappingProxyType({one.name: one for one in sets})
 
 
-def _one_threshold_each(relation: Relation) -> list[Relation]:
+def _one_threshold_each(feature: Feature) -> list[Feature]:
     """Relations of one quantity and one threshold that together are the given one."""
-    if relation.quantity is q.speed and len(relation.joints) == 2:
-        side = relation.name.partition(" ")[0]
+    if feature.quantity is q.speed and len(feature.joints) == 2:
+        side = feature.name.partition(" ")[0]
         return [
             replace(
-                relation,
-                id=f"{relation.id}{joint[1]}",
-                mirror=f"{relation.mirror}{joint[1]}",
+                feature,
+                id=f"{feature.id}{joint[1]}",
+                mirror=f"{feature.mirror}{joint[1]}",
                 name=f"{side} {joint[1:]} fast",
                 joints=(joint,),
                 sentence=f"The {side} {joint[1:]} moves fast.",
             )
-            for joint in relation.joints
+            for joint in feature.joints
         ]
-    if isinstance(relation.weak, tuple) and isinstance(relation.strong, tuple):
+    if isinstance(feature.weak, tuple) and isinstance(feature.strong, tuple):
         ends: tuple[tuple[Comparison, str, str], ...] = (
             (">=", "spine far from upright", "The spine is turned far from upright."),
             ("<=", "neck above the root", "The neck is not far below the root."),
         )
         return [
             replace(
-                relation, id=f"{relation.id}{'ab'[i]}", mirror=f"{relation.id}{'ab'[i]}",
+                feature, id=f"{feature.id}{'ab'[i]}", mirror=f"{feature.id}{'ab'[i]}",
                 name=name, sentence=sentence, test=test,
-                weak=relation.weak[i], strong=relation.strong[i],
+                weak=feature.weak[i], strong=feature.strong[i],
             )
             for i, (test, name, sentence) in enumerate(ends)
         ]  # fmt: skip
-    return [relation]
+    return [feature]
 
 
-def _at_levels(relation: Relation) -> list[Relation]:
+def _at_levels(feature: Feature) -> list[Feature]:
     return [
         replace(
-            relation,
-            id=relation.id + sign,
-            mirror=relation.mirror + sign,
-            name=relation.name + words,
-            weak=_moved(relation.weak, relation, steps),
-            strong=_moved(relation.strong, relation, steps),
+            feature,
+            id=feature.id + sign,
+            mirror=feature.mirror + sign,
+            name=feature.name + packed,
+            weak=_moved(feature.weak, feature, steps),
+            strong=_moved(feature.strong, feature, steps),
         )
-        for sign, words, steps in _LEVELS
+        for sign, packed, steps in _LEVELS
     ]
 
 
-def _moved(threshold: Threshold, relation: Relation, steps: int) -> Threshold:
+def _moved(threshold: Threshold, feature: Feature, steps: int) -> Threshold:
     """A threshold that is harder to pass by so many steps, or easier."""
     if isinstance(threshold, tuple):
         return threshold
-    if relation.quantity in _VELOCITIES:
+    if feature.quantity in _VELOCITIES:
         return round(threshold * (1 + _VELOCITY_STEP * steps), 6)
-    harder = 1 if relation.test in (">", ">=") else -1
-    return round(threshold + harder * steps * _STEPS.get(relation.unit, _LENGTH_STEP), 6)
+    harder = 1 if feature.test in (">", ">=") else -1
+    return round(threshold + harder * steps * _STEPS.get(feature.unit, _LENGTH_STEP), 6)
 
 
 LEGS = FULL_BODY.select(
-    [r.id for r in FULL_BODY.relations if r.group == "lower" or r.id in ("F39", "F40")],
+    [r.id for r in FULL_BODY.features if r.group == "lower" or r.id in ("F39", "F40")],
     name="legs-14",
 )
 THREE_LEVELS = FeatureSet(
     "three-levels-129",
     tuple(
         level
-        for relation in FULL_BODY.relations
-        for single in _one_threshold_each(relation)
+        for feature in FULL_BODY.features
+        for single in _one_threshold_each(feature)
         for level in _at_levels(single)
     ),
 )

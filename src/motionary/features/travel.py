@@ -1,13 +1,13 @@
 """Which relations are lost where a body is kept in place?"""
 
 from motionary.features import quantities
-from motionary.features.relations import Relation
+from motionary.features.feature_set import Feature
 
 
-def needs_travel(relation: Relation) -> bool:
+def needs_travel(feature: Feature) -> bool:
     """Whether a relation asks how fast a joint moves through the room.
 
     Of the 40 these are F25, F26 and F39, and F13 and F14: a hand that is fast because its body
     walks is slow on the spot.
     """
-    return relation.quantity is quantities.speed
+    return feature.quantity is quantities.speed

@@ -55,16 +55,16 @@ def motion_features(
     if mode == "published":
         return published_features(_smpl_positions(motion, skeleton))
     if isinstance(motion, Motion):
-        return _shares(compute_features(motion))
-    return _shares(compute_features(motion, rate_hz=rate_hz, skeleton=skeleton))
+        return _fractions(compute_features(motion))
+    return _fractions(compute_features(motion, rate_hz=rate_hz, skeleton=skeleton))
 
 
-def _shares(words: FeatureSequence) -> Floats:
-    known = words.known_features.sum(axis=0, dtype=np.float64)
-    held = (words.features & words.known_features).sum(axis=0, dtype=np.float64)
-    shares = np.full(len(known), np.nan)
-    np.divide(held, known, out=shares, where=known > 0)
-    return shares
+def _fractions(packed: FeatureSequence) -> Floats:
+    known = packed.known_features.sum(axis=0, dtype=np.float64)
+    held = (packed.features & packed.known_features).sum(axis=0, dtype=np.float64)
+    fractions = np.full(len(known), np.nan)
+    np.divide(held, known, out=fractions, where=known > 0)
+    return fractions
 
 
 def _smpl_positions(motion: Motion | ArrayLike, skeleton: str | Sequence[str]) -> ArrayLike:

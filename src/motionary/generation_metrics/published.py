@@ -99,7 +99,7 @@ def published_features(positions: ArrayLike) -> Floats:
             "published features need every joint in every frame, got positions that are not "
             "seen (NaN); mode='corrected' takes them"
         )
-    return np.array([held.mean() for held in _relations(_Body(array))])
+    return np.array([held.mean() for held in _features(_Body(array))])
 
 
 class _Body:
@@ -154,12 +154,12 @@ def _length(a: str, b: str) -> float:
     return float(np.linalg.norm(np.subtract(_REST[a], _REST[b])))
 
 
-def _both(relation: Callable[[str, str], Bools]) -> list[Bools]:
+def _both(feature: Callable[[str, str], Bools]) -> list[Bools]:
     """A relation of the right side, called with ("r", "l"), and of the left."""
-    return [relation("r", "l"), relation("l", "r")]
+    return [feature("r", "l"), feature("l", "r")]
 
 
-def _relations(body: _Body) -> list[Bools]:
+def _features(body: _Body) -> list[Bools]:
     return [*_of_hands(body), *_of_feet(body), *_of_the_whole(body)]
 
 

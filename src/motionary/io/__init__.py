@@ -1,6 +1,5 @@
 """Readers and writers, one module per file format."""
 
-from motionary.io.companions import Companions, has_companion
 from motionary.io.finding import (
     FileState,
     find_recordings,
@@ -11,17 +10,18 @@ from motionary.io.finding import (
 )
 from motionary.io.labels.table import read_labels, write_labels
 from motionary.io.reading import MOTION_SUFFIXES, options_of, read
+from motionary.io.sidecars import Sidecars, has_sidecar
 from motionary.io.suffixes import format_suffix, stem_of
 from motionary.io.writing import WRITTEN_SUFFIXES, what_is_lost, write
 
 __all__ = [
     "MOTION_SUFFIXES",
     "WRITTEN_SUFFIXES",
-    "Companions",
     "FileState",
+    "Sidecars",
     "find_recordings",
     "format_suffix",
-    "has_companion",
+    "has_sidecar",
     "match_recording",
     "name_recordings",
     "options_of",

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.normalise.gaps import check_filling, fill_gaps
-from motionary.io.normalise.quality import notice
-from motionary.io.normalise.sides import check_sides, settle_sides
+from motionary.io.normalise.quality import check_quality
+from motionary.io.normalise.sides import check_sides, normalise_sides
 from motionary.io.skeleton_files import find_skeleton
 from motionary.io.suffixes import format_suffix
-from motionary.motion import NO_RELATIONS, Motion
-from motionary.skeletons import SkeletonTable, known_mappings, say_why_unknown
+from motionary.motion import NO_FEATURES, Motion
+from motionary.skeletons import SkeletonTable, explain_unmapped, known_mappings
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,10 +209,10 @@ def read(  # noqa: PLR0913 - each thing that files do not say has a name of its 
         if option not in known.takes and getattr(told, option) is not None:
             raise InvalidInput(f"{path.name}: this format {reason}")
     motion = known.read(path, told)
-    motion = settle_sides(_map_joints(motion, table), sides)
+    motion = normalise_sides(_map_joints(motion, table), sides)
     if fill_gaps_s is not None:
         motion = fill_gaps(motion, longest_s=fill_gaps_s, fill_by=fill_by)
-    return notice(motion)
+    return check_quality(motion)
 
 
 def _map_joints(motion: Motion, table: SkeletonTable | None) -> Motion:
@@ -231,8 +231,8 @@ def _map_joints(motion: Motion, table: SkeletonTable | None) -> Motion:
             motion = replace(motion, notes=(*motion.notes, *_misnamed(table, motion.names)))
     if motion.mapping is not None:
         return motion
-    why = say_why_unknown(motion.names, motion.skeleton, motion.positions)
-    return replace(motion, notes=(*motion.notes, f"{NO_RELATIONS}{why}"))
+    why = explain_unmapped(motion.names, motion.skeleton, motion.positions)
+    return replace(motion, notes=(*motion.notes, f"{NO_FEATURES}{why}"))
 
 
 def _misnamed(table: SkeletonTable, names: tuple[str, ...]) -> list[str]:

@@ -11,7 +11,7 @@ from motionary.matching.distance import (
 )
 from motionary.matching.hits import Hit, find_hits, local_minima
 from motionary.matching.pattern import Pattern, cell_costs
-from motionary.matching.rarity import share_of_counts, share_of_ones, surprise
+from motionary.matching.self_information import feature_prior, prior_of_counts, self_information
 
 __all__ = [
     "PADDING",
@@ -28,11 +28,11 @@ __all__ = [
     "concatenate",
     "corpus_distance",
     "distance_function",
+    "feature_prior",
     "find_hits",
     "find_runs",
     "local_minima",
     "modify",
-    "share_of_counts",
-    "share_of_ones",
-    "surprise",
+    "prior_of_counts",
+    "self_information",
 ]

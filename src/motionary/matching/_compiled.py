@@ -16,9 +16,9 @@ _TILE = 1024
 
 
 @numba.njit(cache=True, nogil=True)
-def march_words(
+def march_packed(
     columns: Columns,
-    words: Integers,
+    packed: Integers,
     known: Integers | None,
     blocked: NDArray[np.intp],
     again: np.float32,
@@ -28,8 +28,8 @@ def march_words(
     """Accumulated costs of the last column, written to `out`; see `_numpy.march`."""
     rows = np.empty((4, _TILE + 2), dtype=np.float32)
     first = 0
-    for start in range(0, len(words), _TILE):
-        stop = min(start + _TILE, len(words))
+    for start in range(0, len(packed), _TILE):
+        stop = min(start + _TILE, len(packed))
         n = stop - start
         last = first
         while last < len(blocked) and blocked[last] < stop:
@@ -37,9 +37,9 @@ def march_words(
         cost = rows[3, :n]
         for k in range(len(last_two)):
             if known is None:
-                _known_costs(columns, k, words[start:stop], cost)
+                _known_costs(columns, k, packed[start:stop], cost)
             else:
-                _masked_costs(columns, k, words[start:stop], known[start:stop], cost)
+                _masked_costs(columns, k, packed[start:stop], known[start:stop], cost)
             row = rows[k % 3, : n + 2]
             row[:2] = last_two[k]
             _accumulate(k, cost, rows[(k + 2) % 3], rows[(k + 1) % 3], again, row)
@@ -66,20 +66,22 @@ def _accumulate(
 
 
 @numba.njit(cache=True, nogil=True)
-def _known_costs(columns: Columns, k: int, words: Integers, cost: Single) -> None:
+def _known_costs(columns: Columns, k: int, packed: Integers, cost: Single) -> None:
     value, fixed, scale = columns.values[k], columns.fixed[k], columns.all_known[k]
-    for i in range(len(words)):
-        cost[i] = np.float32(_count((words[i] ^ value) & fixed)) * scale
+    for i in range(len(packed)):
+        cost[i] = np.float32(_count((packed[i] ^ value) & fixed)) * scale
 
 
 @numba.njit(cache=True, nogil=True)
-def _masked_costs(columns: Columns, k: int, words: Integers, known: Integers, cost: Single) -> None:
+def _masked_costs(
+    columns: Columns, k: int, packed: Integers, known: Integers, cost: Single
+) -> None:
     value, fixed, unit = columns.values[k], columns.fixed[k], columns.unit[k]
     half, full = columns.half[k], columns.full[k]
-    for i in range(len(words)):
+    for i in range(len(packed)):
         seen = known[i] & fixed
         n_seen = _count(seen)
-        wrong = np.float32(_count((words[i] ^ value) & seen))
+        wrong = np.float32(_count((packed[i] ^ value) & seen))
         cost[i] = full if n_seen < half else wrong * unit[n_seen]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching.pattern import Floats, Pattern, byte_tables
-from motionary.packing import Words, count, unpack
+from motionary.packing import PackedFeatures, count, unpack
 
 Single = NDArray[np.float32]
 
@@ -65,20 +65,20 @@ class RowCosts(Protocol):
         """Write the costs of one column at these frames to `out`."""
 
 
-def row_costs(pattern: Pattern, words: Words, known: Words | None) -> RowCosts:
+def row_costs(pattern: Pattern, packed: PackedFeatures, known: PackedFeatures | None) -> RowCosts:
     """The way to compute costs that fits the pattern and the document."""
-    if pattern.entry_weights is not None or words.shape[1] > 1:
-        return _WeighedCosts(pattern, words, known)
+    if pattern.entry_weights is not None or packed.shape[1] > 1:
+        return _WeighedCosts(pattern, packed, known)
     if known is None:
-        return _KnownCosts(prepare(pattern), words[:, 0])
-    return _MaskedCosts(prepare(pattern), words[:, 0], known[:, 0])
+        return _KnownCosts(prepare(pattern), packed[:, 0])
+    return _MaskedCosts(prepare(pattern), packed[:, 0], known[:, 0])
 
 
 class _KnownCosts:
     """One integer a frame, everything known: a popcount a cell."""
 
-    def __init__(self, columns: Columns, words: NDArray[np.uint64]) -> None:
-        self._columns, self._words = columns, words
+    def __init__(self, columns: Columns, packed: NDArray[np.uint64]) -> None:
+        self._columns, self._words = columns, packed
 
     def enter(self, start: int, stop: int) -> None:
         self._tile = self._words[start:stop]
@@ -96,9 +96,9 @@ class _MaskedCosts:
     """One integer a frame, some relations unknown."""
 
     def __init__(
-        self, columns: Columns, words: NDArray[np.uint64], known: NDArray[np.uint64]
+        self, columns: Columns, packed: NDArray[np.uint64], known: NDArray[np.uint64]
     ) -> None:
-        self._columns, self._words, self._known = columns, words, known
+        self._columns, self._words, self._known = columns, packed, known
 
     def enter(self, start: int, stop: int) -> None:
         self._tile, self._mask = self._words[start:stop], self._known[start:stop]
@@ -120,15 +120,17 @@ class _WeighedCosts:
     Once for each kind of frame in a tile.
     """
 
-    def __init__(self, pattern: Pattern, words: Words, known: Words | None) -> None:
-        n_relations = 64 * words.shape[1]
-        fixed = unpack(pattern.fixed, n_relations)
-        value = unpack(pattern.values, n_relations)
+    def __init__(
+        self, pattern: Pattern, packed: PackedFeatures, known: PackedFeatures | None
+    ) -> None:
+        n_features = 64 * packed.shape[1]
+        fixed = unpack(pattern.fixed, n_features)
+        value = unpack(pattern.values, n_features)
         weight = fixed.astype(np.float64)
         if pattern.entry_weights is not None:
             weight[:, : pattern.entry_weights.shape[1]] *= pattern.entry_weights
-        self._pattern, self._words = pattern, words
-        self._known = ~np.zeros((1, words.shape[1]), np.uint64) if known is None else known
+        self._pattern, self._words = pattern, packed
+        self._known = ~np.zeros((1, packed.shape[1]), np.uint64) if known is None else known
         self._used = np.flatnonzero(fixed.any(axis=0).reshape(-1, 8).any(axis=1))
         # Wrong is a 1 that is not there, or one that should not be.
         self._if_known = self._tables(weight * value)
@@ -139,41 +141,43 @@ class _WeighedCosts:
         seen = self._known if len(self._known) == 1 else self._known[start:stop]
         # Often one mask holds for all: what a skeleton lacks, it lacks in every frame.
         seen = seen[:1] if (seen == seen[0]).all() else seen
-        words = self._words[start:stop] & seen
-        first, self._same = distinct_frames(words, seen)
+        packed = self._words[start:stop] & seen
+        first, self._same = distinct_frames(packed, seen)
         self._seen = seen if len(seen) == 1 else seen[first]
         self._seen_bytes = self._bytes(self._seen)
-        self._set_bytes = self._bytes(words[first])
+        self._set_bytes = self._bytes(packed[first])
 
     def write(self, column: int, out: Single) -> None:
-        share = _sum(self._if_set[column], self._set_bytes)
-        share += _sum(self._if_known[column], self._seen_bytes)
+        fraction = _sum(self._if_set[column], self._set_bytes)
+        fraction += _sum(self._if_known[column], self._seen_bytes)
         weight = _sum(self._weights[column], self._seen_bytes)
-        share /= np.where(weight > 0, weight, 1.0)
+        fraction /= np.where(weight > 0, weight, 1.0)
         unseen = 2 * count(self._seen & self._pattern.fixed[column]) < self._pattern.n_fixed[column]
-        costs = np.where(unseen, 1.0, share) * self._pattern.column_weights[column]
+        costs = np.where(unseen, 1.0, fraction) * self._pattern.column_weights[column]
         costs.astype(np.float32).take(self._same, out=out, mode="clip")
 
     def _tables(self, weights: Floats) -> Floats:
         """Weight of each value of each used byte, shape (K, bytes, 256)."""
-        relations = (8 * self._used[:, np.newaxis] + np.arange(8)).reshape(-1)
-        return byte_tables(weights[:, relations])
+        features = (8 * self._used[:, np.newaxis] + np.arange(8)).reshape(-1)
+        return byte_tables(weights[:, features])
 
-    def _bytes(self, words: Words) -> NDArray[np.intp]:
+    def _bytes(self, packed: PackedFeatures) -> NDArray[np.intp]:
         """Used bytes, shape (bytes, frames)."""
-        as_bytes = np.ascontiguousarray(words, dtype="<u8").view(np.uint8)
+        as_bytes = np.ascontiguousarray(packed, dtype="<u8").view(np.uint8)
         return as_bytes.T[self._used].astype(np.intp)
 
 
-def distinct_frames(words: Words, known: Words) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def distinct_frames(
+    packed: PackedFeatures, known: PackedFeatures
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """First frame of each kind, and the kind of every frame: motion often stays the same.
 
     Parameters
     ----------
     words, known : arrays, shape (frames, n_words); one row of known holds for all frames
     """
-    kind, n_kinds = np.zeros(len(words), dtype=np.int64), 1
-    for column in (*words.T, *(known.T if len(known) > 1 else ())):
+    kind, n_kinds = np.zeros(len(packed), dtype=np.int64), 1
+    for column in (*packed.T, *(known.T if len(known) > 1 else ())):
         values, inverse = np.unique(column, return_inverse=True)
         if n_kinds * len(values) > _MOST_KINDS:
             those, kind = np.unique(kind, return_inverse=True)

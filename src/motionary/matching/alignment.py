@@ -22,7 +22,7 @@ from motionary.matching.pattern import (
     check_document,
     check_skip_weight,
 )
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 _STEPS = ((1, 1), (1, 2), (2, 1))
 #: Costs are sums of fractions; equal ones may differ in the last bits.
@@ -53,8 +53,8 @@ class Alignment(NamedTuple):
 
 def align(
     pattern: Pattern,
-    words: Words,
-    known: Words | None,
+    packed: PackedFeatures,
+    known: PackedFeatures | None,
     ends: ArrayLike,
     *,
     skip_weight: float = SKIP_WEIGHT,
@@ -78,28 +78,28 @@ def align(
     InvalidInput
         If pattern and document do not fit, or no path ends at one of the frames.
     """
-    check_document(pattern, words, known)
+    check_document(pattern, packed, known)
     check_skip_weight(skip_weight)
     if known is not None and pattern.fully_seen(known):
         known = None
     frames = np.asarray(ends, dtype=np.intp)
-    if len(frames) and not 0 <= frames.min() <= frames.max() < len(words):
+    if len(frames) and not 0 <= frames.min() <= frames.max() < len(packed):
         raise InvalidInput(
-            f"ends must be frames of the document (0 to {len(words) - 1}), got "
+            f"ends must be frames of the document (0 to {len(packed) - 1}), got "
             f"{frames.min()} to {frames.max()}"
         )
     begin = np.broadcast_to(np.maximum(np.asarray(since, dtype=np.intp), 0), frames.shape)
     result: list[Alignment] = []
     for first in range(0, len(frames), _BATCH):
         batch = slice(first, first + _BATCH)
-        result += _align_batch(pattern, words, known, frames[batch], begin[batch], skip_weight)
+        result += _align_batch(pattern, packed, known, frames[batch], begin[batch], skip_weight)
     return result
 
 
 def _align_batch(
     pattern: Pattern,
-    words: Words,
-    known: Words | None,
+    packed: PackedFeatures,
+    known: PackedFeatures | None,
     ends: NDArray[np.intp],
     begin: NDArray[np.intp],
     skip_weight: float,
@@ -108,11 +108,11 @@ def _align_batch(
     at = ends[:, np.newaxis] + np.arange(1 - width, 1)
     outside = at < begin[:, np.newaxis]
     used, inverse = np.unique(np.maximum(at, 0), return_inverse=True)
-    mask = np.full_like(words[:1], ~np.uint64(0)) if known is None else known[used]
-    first, same = distinct_frames(words[used], mask)
+    mask = np.full_like(packed[:1], ~np.uint64(0)) if known is None else known[used]
+    first, same = distinct_frames(packed[used], mask)
     mask = mask if known is None else mask[first]
     frames = same[inverse.reshape(at.shape)]
-    total, steps = _accumulate(pattern, words[used[first]], mask, frames, outside, skip_weight)
+    total, steps = _accumulate(pattern, packed[used[first]], mask, frames, outside, skip_weight)
     if not np.isfinite(total).all():
         bad = int(ends[~np.isfinite(total)][0])
         raise InvalidInput(f"no path of {len(pattern)} columns ends at frame {bad}")
@@ -124,8 +124,8 @@ def _align_batch(
 
 def _accumulate(
     pattern: Pattern,
-    words: Words,
-    known: Words,
+    packed: PackedFeatures,
+    known: PackedFeatures,
     frames: NDArray[np.intp],
     outside: NDArray[np.bool_],
     skip_weight: float,
@@ -143,7 +143,7 @@ def _accumulate(
     for k in range(len(pattern)):
         left = len(pattern) - 1 - k
         here = slice(width - 1 - 2 * left, width - (left + 1) // 2)
-        cost = cell_costs(pattern, k, words, known, tables=tables)[frames[:, here]]
+        cost = cell_costs(pattern, k, packed, known, tables=tables)[frames[:, here]]
         row, before, skipped = (padded[(k - back) % 3] for back in range(3))
         if k > 0:
             one = before[:, here.start + 1 : here.stop + 1]

@@ -22,7 +22,7 @@ from motionary.errors import InvalidInput
 from motionary.matching._numpy import march, prepare, row_costs
 from motionary.matching.corpus import Corpus
 from motionary.matching.pattern import Pattern, check_document, check_skip_weight
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 Engine = Literal["auto", "numpy", "compiled"]
 Single = NDArray[np.float32]
@@ -52,8 +52,8 @@ class MatchState:
 
 def distance_function(
     pattern: Pattern,
-    words: Words,
-    known: Words | None = None,
+    packed: PackedFeatures,
+    known: PackedFeatures | None = None,
     *,
     skip_weight: float = SKIP_WEIGHT,
     state: MatchState | None = None,
@@ -80,7 +80,7 @@ def distance_function(
     InvalidInput
         If pattern, document and state do not fit, or the compiled twin is not installed.
     """
-    check_document(pattern, words, known)
+    check_document(pattern, packed, known)
     blocked = np.empty(0, dtype=np.intp)
     state = state or MatchState.fresh(pattern)
     if state.last_two.shape != (len(pattern), 2):
@@ -88,7 +88,7 @@ def distance_function(
             f"a pattern of {len(pattern)} columns needs its own state, got one for "
             f"{len(state.last_two)}; see MatchState.fresh"
         )
-    return _distance(pattern, words, known, blocked, skip_weight, state, engine)
+    return _distance(pattern, packed, known, blocked, skip_weight, state, engine)
 
 
 def corpus_distance(
@@ -99,16 +99,16 @@ def corpus_distance(
     engine: Engine = "auto",
 ) -> Single:
     """Distance function of all documents of a corpus, shape (padded frames,); padding inf."""
-    words, known = corpus.words, corpus.known
-    check_document(pattern, words, known)
+    packed, known = corpus.packed, corpus.known
+    check_document(pattern, packed, known)
     state = MatchState.fresh(pattern)
-    return _distance(pattern, words, known, corpus.blocked, skip_weight, state, engine)
+    return _distance(pattern, packed, known, corpus.blocked, skip_weight, state, engine)
 
 
 def _distance(
     pattern: Pattern,
-    words: Words,
-    known: Words | None,
+    packed: PackedFeatures,
+    known: PackedFeatures | None,
     blocked: NDArray[np.intp],
     skip_weight: float,
     state: MatchState,
@@ -118,13 +118,13 @@ def _distance(
     again = np.float32(skip_weight - 1)
     if known is not None and pattern.fully_seen(known):
         known = None
-    result = np.empty(len(words), dtype=np.float32)
-    kernel = _compiled_kernel(engine, len(pattern) * len(words))
-    if kernel is None or pattern.entry_weights is not None or words.shape[1] > 1:
-        march(row_costs(pattern, words, known), blocked, again, state.last_two, result)
+    result = np.empty(len(packed), dtype=np.float32)
+    kernel = _compiled_kernel(engine, len(pattern) * len(packed))
+    if kernel is None or pattern.entry_weights is not None or packed.shape[1] > 1:
+        march(row_costs(pattern, packed, known), blocked, again, state.last_two, result)
     else:
         # Kernels are compiled per kind of array: one kind keeps users from waiting again.
-        word = np.require(words[:, 0], requirements=["C", "W"])
+        word = np.require(packed[:, 0], requirements=["C", "W"])
         mask = None if known is None else np.require(known[:, 0], requirements=["C", "W"])
         kernel(prepare(pattern), word, mask, blocked, again, state.last_two, result)
     result /= np.float32(len(pattern))
@@ -136,12 +136,12 @@ def _compiled_kernel(engine: Engine, n_cells: int) -> Kernel | None:
     if engine == "numpy" or (engine == "auto" and not pays):
         return None
     try:
-        from motionary.matching._compiled import march_words
+        from motionary.matching._compiled import march_packed
     except ImportError:
         if engine == "compiled":
             raise InvalidInput(
                 "the compiled engine needs numba; pip install 'motionary[fast]'"
             ) from None
         return None
-    kernel: Kernel = march_words
+    kernel: Kernel = march_packed
     return kernel

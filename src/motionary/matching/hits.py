@@ -16,7 +16,7 @@ from motionary.errors import InvalidInput
 from motionary.matching.alignment import align
 from motionary.matching.distance import SKIP_WEIGHT
 from motionary.matching.pattern import Pattern
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 Single = NDArray[np.float32]
 
@@ -62,8 +62,8 @@ def local_minima(distance: Single, *, threshold: float) -> NDArray[np.intp]:
 def find_hits(
     distance: Single,
     pattern: Pattern,
-    words: Words,
-    known: Words | None = None,
+    packed: PackedFeatures,
+    known: PackedFeatures | None = None,
     *,
     threshold: float,
     limit: int | None = None,
@@ -91,9 +91,9 @@ def find_hits(
     _check_threshold(threshold)
     if limit is not None and limit < 0:
         raise InvalidInput(f"limit must be at least 0, got {limit}")
-    if len(distance) != len(words):
+    if len(distance) != len(packed):
         raise InvalidInput(
-            f"the distance function has {len(distance)} frames, the document {len(words)}"
+            f"the distance function has {len(distance)} frames, the document {len(packed)}"
         )
     order = np.argsort(distance, kind="stable")
     order = order[(distance[order] <= threshold) & np.isfinite(distance[order])]
@@ -102,7 +102,7 @@ def find_hits(
     while len(order) and (limit is None or len(taken) < limit):
         order = order[~excluded[order]]
         batch, order = order[:_BATCH], order[_BATCH:]
-        for found in align(pattern, words, known, batch, skip_weight=skip_weight):
+        for found in align(pattern, packed, known, batch, skip_weight=skip_weight):
             if excluded[found.end] or any(_same(found.start, hit) for hit in taken):
                 continue
             hit = Hit(found.start, found.end + 1, float(distance[found.end]))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.packing import Words, count, count_words, pack
+from motionary.packing import PackedFeatures, count, count_integers, pack
 
 Floats = NDArray[np.float64]
 
@@ -33,8 +33,8 @@ class Pattern:
     n_fixed : array, shape (K,), the number of fixed entries
     """
 
-    values: Words
-    fixed: Words
+    values: PackedFeatures
+    fixed: PackedFeatures
     weights: Floats
     entry_weights: Floats | None = None
     n_fixed: NDArray[np.int64] = field(init=False)
@@ -59,13 +59,18 @@ class Pattern:
         """Factor of each column's cells, shape (K,)."""
         return (self.weights + 1.0) / 2.0
 
-    def fully_seen(self, known: Words) -> bool:
+    def fully_seen(self, known: PackedFeatures) -> bool:
         """Whether every relation that a column fixes is known in all frames."""
         return not (~known & np.bitwise_or.reduce(self.fixed, axis=0)).any()
 
 
 def cell_costs(
-    pattern: Pattern, column: int, words: Words, known: Words, *, tables: Floats | None = None
+    pattern: Pattern,
+    column: int,
+    packed: PackedFeatures,
+    known: PackedFeatures,
+    *,
+    tables: Floats | None = None,
 ) -> Floats:
     """Costs of one column against frames of any leading shape.
 
@@ -80,17 +85,17 @@ def cell_costs(
     than half of the fixed entries are known costs its whole weight.
     """
     seen = known & pattern.fixed[column]
-    wrong = (words ^ pattern.values[column]) & seen
+    wrong = (packed ^ pattern.values[column]) & seen
     n_seen = count(seen)
     if pattern.entry_weights is None:
-        share = count(wrong) / np.maximum(n_seen, 1)
+        fraction = count(wrong) / np.maximum(n_seen, 1)
     else:
         own = slice(column, column + 1)
         table = (byte_tables(pattern.entry_weights[own]) if tables is None else tables[own])[0]
         seen_weight = _weigh(seen, table)
-        share = _weigh(wrong, table) / np.where(seen_weight > 0, seen_weight, 1.0)
+        fraction = _weigh(wrong, table) / np.where(seen_weight > 0, seen_weight, 1.0)
     unseen = 2 * n_seen < pattern.n_fixed[column]
-    costs: Floats = np.where(unseen, 1.0, share) * pattern.column_weights[column]
+    costs: Floats = np.where(unseen, 1.0, fraction) * pattern.column_weights[column]
     return costs
 
 
@@ -112,15 +117,15 @@ def byte_tables(weights: Floats) -> Floats:
     return tables
 
 
-def check_document(pattern: Pattern, words: Words, known: Words | None) -> None:
+def check_document(pattern: Pattern, packed: PackedFeatures, known: PackedFeatures | None) -> None:
     """Raise InvalidInput unless words and mask have the pattern's form."""
-    if words.ndim != 2 or words.shape[1] != pattern.values.shape[1]:
+    if packed.ndim != 2 or packed.shape[1] != pattern.values.shape[1]:
         raise InvalidInput(
             f"the pattern has {pattern.values.shape[1]} integers a frame, the document has "
-            f"shape {words.shape}; both must come from one feature set"
+            f"shape {packed.shape}; both must come from one feature set"
         )
-    if known is not None and known.shape != words.shape:
-        raise InvalidInput(f"known needs the shape of words {words.shape}, got {known.shape}")
+    if known is not None and known.shape != packed.shape:
+        raise InvalidInput(f"known needs the shape of words {packed.shape}, got {known.shape}")
 
 
 def check_skip_weight(skip_weight: float) -> None:
@@ -129,7 +134,7 @@ def check_skip_weight(skip_weight: float) -> None:
         raise InvalidInput(f"skip_weight must be finite and at least 0, got {skip_weight}")
 
 
-def _check_fixed(values: Words, fixed: Words) -> Words:
+def _check_fixed(values: PackedFeatures, fixed: PackedFeatures) -> PackedFeatures:
     if values.ndim != 2 or values.shape != fixed.shape:
         raise InvalidInput(
             "a pattern needs values and fixed of one shape (columns, words), got "
@@ -155,10 +160,10 @@ def _check_weights(weights: Floats, *, n_columns: int) -> Floats:
     return weights
 
 
-def _check_entries(entries: Floats, fixed: Words) -> Floats:
+def _check_entries(entries: Floats, fixed: PackedFeatures) -> Floats:
     entries = np.asarray(entries, dtype=np.float64)
     form = (len(fixed), fixed.shape[1])
-    if entries.ndim != 2 or (len(entries), count_words(entries.shape[1])) != form:
+    if entries.ndim != 2 or (len(entries), count_integers(entries.shape[1])) != form:
         raise InvalidInput(
             f"entry weights need shape (columns, relations) for {form[0]} columns of {form[1]} "
             f"integers, got {entries.shape}"
@@ -168,10 +173,10 @@ def _check_entries(entries: Floats, fixed: Words) -> Floats:
     return entries
 
 
-def _weigh(words: Words, tables: Floats) -> Floats:
+def _weigh(packed: PackedFeatures, tables: Floats) -> Floats:
     """Sum of the weights of what is set, in the order of bytes whatever stands beside."""
-    as_bytes = np.ascontiguousarray(words, dtype="<u8").view(np.uint8)
-    total = np.zeros(words.shape[:-1])
+    as_bytes = np.ascontiguousarray(packed, dtype="<u8").view(np.uint8)
+    total = np.zeros(packed.shape[:-1])
     for i, table in enumerate(tables):
         total += table.take(as_bytes[..., i])
     return total

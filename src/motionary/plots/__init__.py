@@ -9,7 +9,7 @@ from motionary.plots.distance import plot_distance
 from motionary.plots.features import plot_features
 from motionary.plots.figures import BONES, plot_pose
 from motionary.plots.library import plot_library
-from motionary.plots.recordings import MOST_RECORDINGS, plot_recordings, say_facing
+from motionary.plots.recordings import MOST_RECORDINGS, describe_facing, plot_recordings
 from motionary.plots.saving import save
 from motionary.plots.sheet import plot_sheet
 from motionary.plots.template import plot_template
@@ -17,6 +17,7 @@ from motionary.plots.template import plot_template
 __all__ = [
     "BONES",
     "MOST_RECORDINGS",
+    "describe_facing",
     "plot_annotation",
     "plot_distance",
     "plot_features",
@@ -26,5 +27,4 @@ __all__ = [
     "plot_sheet",
     "plot_template",
     "save",
-    "say_facing",
 ]

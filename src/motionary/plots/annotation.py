@@ -23,7 +23,7 @@ from motionary.plots.page import (
     swatch,
     unknown_swatch,
 )
-from motionary.plots.stretches import draw_blocks, hatch
+from motionary.plots.segments import draw_blocks, hatch
 from motionary.plots.style import (
     BLACK,
     FAINT,
@@ -89,9 +89,11 @@ def plot_annotation(
     figure, (axes,) = new_page(layout, title=track.recording)
     handles = _draw_labels(axes[-1], names, track, truth, stop_s)
     if shown:
-        dearest = _draw_distances(axes[0], shown, curves)
+        highest_cost = _draw_distances(axes[0], shown, curves)
         add_ramp(
-            figure, _colours(np.linspace(0, 1, 128)[np.newaxis]), ("distance 0", f"{dearest:.2g}")
+            figure,
+            _colours(np.linspace(0, 1, 128)[np.newaxis]),
+            ("distance 0", f"{highest_cost:.2g}"),
         )
         handles.append(swatch("no match", WHITE))
     _draw_note(axes[0], note)
@@ -155,26 +157,26 @@ def _name_rows(axes: "Axes", names: Sequence[str]) -> None:
 def _draw_distances(axes: "Axes", names: Sequence[str], curves: Mapping[str, Floats]) -> float:
     """Rows of colours; the distance at the far end of the scale comes back."""
     finite = [curves[name][np.isfinite(curves[name])] for name in names]
-    dearest = max([float(part.max()) for part in finite if len(part)] or [0.0]) or 1.0
+    highest_cost = max([float(part.max()) for part in finite if len(part)] or [0.0]) or 1.0
     for row, name in enumerate(names):
         curve = np.where(np.isfinite(curves[name]), curves[name], np.inf)
         # The nearest of neighbours drawn as one: a short match stays visible.
         pooled = np.minimum.reduceat(curve, pool_starts(len(curve)))
         axes.imshow(
-            _colours(pooled[np.newaxis] / dearest), aspect="auto", interpolation="nearest",
+            _colours(pooled[np.newaxis] / highest_cost), aspect="auto", interpolation="nearest",
             extent=(0.0, len(curve) / _DISTANCE_HZ, row + 0.5, row - 0.5),
         )  # fmt: skip
     axes.hlines(np.arange(1, len(names)) - 0.5, 0, 1, transform=axes.get_yaxis_transform(),
                 color=FAINT, linewidth=0.5)  # fmt: skip
     axes.set_ylim(len(names) - 0.5, -0.5)
     _name_rows(axes, names)
-    return dearest
+    return highest_cost
 
 
-def _colours(shares: Floats) -> Floats:
+def _colours(fractions: Floats) -> Floats:
     """Colours of distances from 0 to 1; infinite ones are white."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    colours = LinearSegmentedColormap.from_list("near to far", NEAR_TO_FAR)(shares)[..., :3]
-    colours[~np.isfinite(shares)] = 1.0
+    colours = LinearSegmentedColormap.from_list("near to far", NEAR_TO_FAR)(fractions)[..., :3]
+    colours[~np.isfinite(fractions)] = 1.0
     return np.asarray(colours, dtype=np.float64)

@@ -14,7 +14,7 @@ from motionary.errors import InvalidInput
 from motionary.labels import LabelTrack
 from motionary.plots.lettering import fit
 from motionary.plots.page import Layout, add_legend, mark_seconds, new_page, swatch
-from motionary.plots.stretches import Stretch, draw_blocks
+from motionary.plots.segments import Stretch, draw_blocks
 from motionary.plots.style import BLACK, BLUE, PALE_BLUE, RULE, TRUNK, VERMILLION, house_style
 
 if TYPE_CHECKING:

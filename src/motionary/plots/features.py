@@ -65,7 +65,7 @@ def plot_features(sequence: FeatureSequence, *, ids: Sequence[str] | None = None
     """
     chosen = _choose(sequence, ids)
     rows = [feature_rows(sequence.feature_set)[i] for i in chosen]
-    share, unknown = _pool(sequence.features[:, chosen], sequence.known_features[:, chosen])
+    fraction, unknown = _pool(sequence.features[:, chosen], sequence.known_features[:, chosen])
     stop_s = len(sequence) / sequence.rate_hz
     parts = blocks(rows)
     layout = Layout(
@@ -74,10 +74,10 @@ def plot_features(sequence: FeatureSequence, *, ids: Sequence[str] | None = None
         right=group_room(rows),
         heights=tuple((part.stop - part.start) * ROW_HEIGHT for part in parts),
     )
-    title = f"{sequence.source or 'relations'}, {in_seconds(stop_s)}"
+    title = f"{sequence.source or 'features'}, {in_seconds(stop_s)}"
     figure, (axes,) = new_page(layout, title=title)
     for ax, part in zip(axes, parts, strict=True):
-        draw_grid(ax, _colours(share[:, part], unknown[:, part]), stop_s=stop_s)
+        draw_grid(ax, _colours(fraction[:, part], unknown[:, part]), stop_s=stop_s)
         hatch_cells(ax, unknown[:, part], stop_s=stop_s)
         name_rows(ax, rows[part])
         name_group(ax, rows[part][0].group)
@@ -114,10 +114,10 @@ def _pool(features: NDArray[np.uint8], known: NDArray[np.uint8]) -> tuple[Floats
     return n_true / np.maximum(n_known, 1.0), 2 * n_known < sizes
 
 
-def _colours(share: Floats, unknown: Flags) -> Floats:
+def _colours(fraction: Floats, unknown: Flags) -> Floats:
     from matplotlib.colors import to_rgb
 
-    colours = np.repeat(share[:, :, np.newaxis], 3, axis=2)
+    colours = np.repeat(fraction[:, :, np.newaxis], 3, axis=2)
     colours[unknown] = to_rgb(UNKNOWN)
     return colours
 

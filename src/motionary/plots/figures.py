@@ -231,7 +231,7 @@ def plot_pose(position: ArrayLike, *, title: str = "") -> "Figure":
     positions = check_positions(np.asarray(position, dtype=np.float64)[np.newaxis], name="pose")
     layout = Layout(left=0.0, width=2.4, heights=(2.6,), n_stacks=2, above=0.2, below=0.0)
     figure, stacks = new_page(layout, title=title or "pose")
-    for (axes,), words, turn in zip(stacks, ("right side", "front"), (0.0, 90.0), strict=True):
+    for (axes,), packed, turn in zip(stacks, ("right side", "front"), (0.0, 90.0), strict=True):
         view = project(positions, turn_deg=turn)
         low, high = np.fmin.reduce(view[0]), np.fmax.reduce(view[0])
         size = max(np.nan_to_num(high - low).max(), 1e-9)
@@ -243,6 +243,6 @@ def plot_pose(position: ArrayLike, *, title: str = "") -> "Figure":
         axes.set(xticks=[], yticks=[])
         axes.axis("off")
         unseen = np.isnan(view).all()
-        axes.set_title(f"{words}: nothing was seen" if unseen else words, loc="left", pad=4.0)
+        axes.set_title(f"{packed}: nothing was seen" if unseen else packed, loc="left", pad=4.0)
     add_legend(figure, legend_of_sides())
     return figure

@@ -46,7 +46,7 @@ class Row:
 
 def feature_rows(feature_set: FeatureSet) -> list[Row]:
     """Rows of a feature set, in the order of the bits."""
-    return [Row(r.id, r.name, r.group) for r in feature_set.relations]
+    return [Row(r.id, r.name, r.group) for r in feature_set.features]
 
 
 def named_rows(names: Sequence[str], *, feature_set: FeatureSet | None, of: str) -> list[Row]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.models.library import ClassLibrary, MotionClass, Subclass
+from motionary.models.library import ClassLibrary, MotionClass, Prototype
 from motionary.models.templates import RATE_HZ
 from motionary.models.templates import quantise as quantise_template
 from motionary.plots.lettering import fit, text_width
@@ -42,12 +42,12 @@ def plot_library(library: ClassLibrary, *, title: str = "") -> "Figure":
     InvalidInput
         If the library has no class.
     """
-    strips = [(one, subclass) for one in library for subclass in one.subclasses]
+    strips = [(one, prototype) for one in library for prototype in one.prototypes]
     if not strips:
         raise InvalidInput("the library has no classes, so there is nothing to draw")
-    longest_s = max(subclass.template.n_columns for _, subclass in strips) / RATE_HZ
-    names = [fit(_name(one, subclass), _LONGEST_NAME) for one, subclass in strips]
-    notes = [_note(one, subclass) for one, subclass in strips]
+    longest_s = max(prototype.template.n_columns for _, prototype in strips) / RATE_HZ
+    names = [fit(_name(one, prototype), _LONGEST_NAME) for one, prototype in strips]
+    notes = [_note(one, prototype) for one, prototype in strips]
     layout = Layout(
         left=max(map(text_width, names)) + 0.1,
         width=float(np.clip(longest_s * _INCHES_PER_SECOND, _LEAST_WIDTH, _MOST_WIDTH)),
@@ -55,8 +55,8 @@ def plot_library(library: ClassLibrary, *, title: str = "") -> "Figure":
         heights=(_STRIP_HEIGHT,) * len(strips),
     )
     figure, (axes,) = new_page(layout, title=title or library.provenance or "classes of motion")
-    for ax, name, note, (one, subclass) in zip(axes, names, notes, strips, strict=True):
-        _draw_strip(ax, one, subclass)
+    for ax, name, note, (one, prototype) in zip(axes, names, notes, strips, strict=True):
+        _draw_strip(ax, one, prototype)
         _write(ax, name, note)
     mark_seconds(axes, longest_s)
     add_legend(
@@ -65,10 +65,10 @@ def plot_library(library: ClassLibrary, *, title: str = "") -> "Figure":
     return figure
 
 
-def _draw_strip(axes: "Axes", motion_class: MotionClass, subclass: Subclass) -> None:
+def _draw_strip(axes: "Axes", motion_class: MotionClass, prototype: Prototype) -> None:
     from matplotlib.colors import to_rgb
 
-    template = quantise_template(subclass.template, tolerance=motion_class.tolerance)
+    template = quantise_template(prototype.template, tolerance=motion_class.tolerance)
     colours = np.repeat(template.values[:, :, np.newaxis].astype(np.float64), 3, axis=2)
     colours[~template.fixed] = to_rgb(FREE)
     axes.imshow(
@@ -95,17 +95,17 @@ def _write(axes: "Axes", name: str, note: tuple[str, str]) -> None:
     )  # fmt: skip
 
 
-def _name(motion_class: MotionClass, subclass: Subclass) -> str:
-    if subclass.name.startswith(motion_class.name):
-        return subclass.name
-    return f"{motion_class.name} / {subclass.name}"
+def _name(motion_class: MotionClass, prototype: Prototype) -> str:
+    if prototype.name.startswith(motion_class.name):
+        return prototype.name
+    return f"{motion_class.name} / {prototype.name}"
 
 
-def _note(motion_class: MotionClass, subclass: Subclass) -> tuple[str, str]:
-    n_examples = subclass.template.n_examples
+def _note(motion_class: MotionClass, prototype: Prototype) -> tuple[str, str]:
+    n_examples = prototype.template.n_examples
     first = "1 example" if n_examples == 1 else f"{n_examples} examples"
     second = f"threshold {motion_class.threshold:.3g}"
-    precision, recall = motion_class.promised_precision, motion_class.promised_recall
+    precision, recall = motion_class.estimated_precision, motion_class.estimated_recall
     if precision is not None and recall is not None:
         second += f": {100 * precision:.0f} % right, {100 * recall:.0f} % found"
     return first, second

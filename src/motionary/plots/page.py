@@ -138,7 +138,7 @@ def unknown_swatch(label: str) -> "Artist":
     return Patch(facecolor=UNKNOWN, edgecolor=UNKNOWN_HATCH, hatch=HATCH, linewidth=0, label=label)
 
 
-def add_ramp(figure: "Figure", colours: NDArray[np.float64], words: tuple[str, str]) -> None:
+def add_ramp(figure: "Figure", colours: NDArray[np.float64], packed: tuple[str, str]) -> None:
     """Scale of colours at the right end of the legend's line.
 
     Parameters
@@ -148,13 +148,13 @@ def add_ramp(figure: "Figure", colours: NDArray[np.float64], words: tuple[str, s
     """
     across, up = figure.get_size_inches()
     bottom = up - _MARGIN - _TITLE_HEIGHT - 0.09
-    end = across - _MARGIN - text_width(words[1]) - 0.06
+    end = across - _MARGIN - text_width(packed[1]) - 0.06
     axes = add_axes(figure, end - 1.1, bottom, 1.1, 0.12)
     axes.imshow(colours, aspect="auto", interpolation="nearest")
     axes.set(xticks=[], yticks=[])
-    start = end - 1.1 - 0.06 - text_width(words[0])
-    place(figure, words[0], start, bottom + 0.01)
-    place(figure, words[1], end + 0.06, bottom + 0.01)
+    start = end - 1.1 - 0.06 - text_width(packed[0])
+    place(figure, packed[0], start, bottom + 0.01)
+    place(figure, packed[1], end + 0.06, bottom + 0.01)
 
 
 def mark_seconds(axes: "Sequence[Axes]", stop_s: float) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.motion import GENERIC_JOINTS, NO_RELATIONS, Motion
+from motionary.motion import GENERIC_JOINTS, NO_FEATURES, Motion
 from motionary.plots.figures import draw_poses, legend_of_sides, mean_hip_line, poses, project
 from motionary.plots.lettering import wrap
 from motionary.plots.page import Layout, add_legend, new_page
@@ -67,13 +67,13 @@ def plot_recordings(motions: Sequence[Motion]) -> "Figure":
             _draw(stacks[column][row], motion, view)
             stacks[column][row].tick_params(labelleft=column == 0)
         _write(stacks[0][row], motion)
-    for column, words in enumerate(("from its right side", "from the front")):
-        stacks[column][0].set_title(words, loc="left", pad=4.0)
+    for column, packed in enumerate(("from its right side", "from the front")):
+        stacks[column][0].set_title(packed, loc="left", pad=4.0)
     add_legend(figure, legend_of_sides())
     return figure
 
 
-def say_facing(motion: Motion) -> str:
+def describe_facing(motion: Motion) -> str:
     """Where a body faces in its first pose: "faces +z", or how far from it; "" if unseen."""
     if motion.mapping is None:
         return ""
@@ -147,7 +147,7 @@ def _ticks() -> "MaxNLocator":
 def _write(axes: "Axes", motion: Motion) -> None:
     """Name, axes, unit and side of a recording, to the left of its picture."""
     lines = [note for note in motion.notes if _is_of_axes(note)]
-    facing = say_facing(motion)
+    facing = describe_facing(motion)
     skeleton = f"skeleton {motion.mapping.name}" if motion.mapping else "no known skeleton"
     lines = [f"{skeleton}, {motion.rate_hz:g} Hz", *([facing] if facing else []), *lines]
     wrapped = [part for line in [motion.source, *lines] for part in wrap(line, _WORDS - 0.55)]
@@ -165,5 +165,5 @@ def _write(axes: "Axes", motion: Motion) -> None:
 
 
 def _is_of_axes(note: str) -> bool:
-    starts = ("unit ", "axes and unit", "left and right", "kept in place", NO_RELATIONS)
+    starts = ("unit ", "axes and unit", "left and right", "kept in place", NO_FEATURES)
     return note.startswith(starts) or " up, " in note

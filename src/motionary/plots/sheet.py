@@ -166,8 +166,8 @@ def _draw_row(
         )
     else:
         axes.axhline(top, color=FAINT, linewidth=0.5)
-    words = fit(strip.title, _WIDTH - 0.12, bold=is_query)
-    axes.text(0.06, top - 0.06, words, va="top", weight="bold" if is_query else "normal")
+    packed = fit(strip.title, _WIDTH - 0.12, bold=is_query)
+    axes.text(0.06, top - 0.06, packed, va="top", weight="bold" if is_query else "normal")
     floor = top - height + _GROUND
     axes.hlines(floor, 0.06, _WIDTH - 0.06, color=RULE, linewidth=0.6, zorder=0.5)
     if np.isnan(strip.views[strip.frames]).all():
@@ -182,8 +182,8 @@ def _draw_row(
 def _title(n_hits: int, *, with_query: bool) -> str:
     if n_hits == 0:
         return "query without hits"
-    words = "1 hit" if n_hits == 1 else f"{n_hits} hits"
-    return f"query and {words}" if with_query else words
+    packed = "1 hit" if n_hits == 1 else f"{n_hits} hits"
+    return f"query and {packed}" if with_query else packed
 
 
 def _note(n_hits: int) -> str:

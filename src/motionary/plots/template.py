@@ -69,10 +69,10 @@ def plot_template(
         If the tolerance lies outside [0, 0.5).
     """
     rows = named_rows(template.feature_names, feature_set=feature_set, of=template.feature_set)
-    panels = [("share of the examples in which the relation holds", _shares(template.values))]
+    panels = [("share of the examples in which the relation holds", _fractions(template.values))]
     if tolerance is not None:
-        words = f"fixed and free cells at tolerance {tolerance:g}"
-        panels.append((words, _fixed_cells(template, tolerance)))
+        packed = f"fixed and free cells at tolerance {tolerance:g}"
+        panels.append((packed, _fixed_cells(template, tolerance)))
     parts = blocks(rows)
     heights = [(part.stop - part.start) * ROW_HEIGHT for part in parts]
     wanted = template.n_columns * _INCHES_PER_COLUMN
@@ -86,10 +86,10 @@ def plot_template(
     )
     figure, stacks = new_page(layout, title=_title(template))
     stop_s = template.n_columns / RATE_HZ
-    for axes, (words, colours) in zip(stacks, panels, strict=True):
+    for axes, (packed, colours) in zip(stacks, panels, strict=True):
         for ax, part in zip(axes, parts, strict=False):
             draw_grid(ax, colours[:, part], stop_s=stop_s)
-        axes[0].set_title(words, loc="left", pad=4.0)
+        axes[0].set_title(packed, loc="left", pad=4.0)
         _draw_weights(axes[-1], template.weights)
         mark_seconds(axes, stop_s)
     _name(stacks, rows, parts)
@@ -104,7 +104,7 @@ def _title(template: MotionTemplate) -> str:
     return f"{template.provenance}: {size}" if template.provenance else f"template of {size}"
 
 
-def _shares(values: Floats) -> Floats:
+def _fractions(values: Floats) -> Floats:
     """Colours of template values, shape (..., 3)."""
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -126,7 +126,7 @@ def _fixed_cells(template: MotionTemplate, tolerance: float) -> Floats:
 
 def _ramp() -> Floats:
     values = np.concatenate([np.zeros(24), np.linspace(0.01, 0.99, 152), np.ones(24)])
-    return _shares(values[np.newaxis])
+    return _fractions(values[np.newaxis])
 
 
 def _draw_weights(axes: "Axes", weights: Floats) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import WORD_HZ, FeatureSequence, compute_features
+from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
 from motionary.labels import Label, LabelTrack
 from motionary.matching import (
     SKIP_WEIGHT,
@@ -32,11 +32,11 @@ from motionary.matching import (
     local_minima,
     modify,
 )
-from motionary.models.keyframes import select_in_words
-from motionary.models.library import ClassLibrary, MotionClass, Subclass
+from motionary.models.keyframes import select_in_sequence
+from motionary.models.library import ClassLibrary, MotionClass, Prototype
 from motionary.motion import Motion
 from motionary.packing import count, full_mask
-from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, tell_nearest
+from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, describe_nearest
 
 Floats = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -122,10 +122,10 @@ def class_distance(
     matches: list[Evidence] = []
     cheapest: list[Evidence] = []
     whole = [(0, len(sequence))]
-    for subclass, (template, pattern) in zip(
-        motion_class.subclasses, motion_class.sought(), strict=True
+    for prototype, (template, pattern) in zip(
+        motion_class.prototypes, motion_class.sought(), strict=True
     ):
-        windows = _windows(subclass, sequence) if preselect and subclass.queries else whole
+        windows = _windows(prototype, sequence) if preselect and prototype.queries else whole
         distance = _distance(pattern, sequence, windows, skip_weight)
         minima = local_minima(distance, threshold=limit)
         least = [int(np.argmin(distance))] if np.isfinite(distance).any() else []
@@ -139,14 +139,14 @@ def class_distance(
     return ClassDistance(modified, owner, tuple(matches), nearest)
 
 
-def _windows(subclass: Subclass, sequence: FeatureSequence) -> list[tuple[int, int]]:
+def _windows(prototype: Prototype, sequence: FeatureSequence) -> list[tuple[int, int]]:
     """Where a subclass is looked for: around the hits of its keyframes."""
-    ranges = select_in_words(
-        subclass.queries,
-        subclass.template.n_columns,
-        sequence.words,
+    ranges = select_in_sequence(
+        prototype.queries,
+        prototype.template.n_columns,
+        sequence.packed,
         sequence.known,
-        votes=subclass.votes,
+        votes=prototype.votes,
     )
     return ranges.of(0)
 
@@ -162,7 +162,7 @@ def _distance(
     if not windows:
         return distance
     corpus = concatenate(
-        [sequence.words[start:stop] for start, stop in windows],
+        [sequence.packed[start:stop] for start, stop in windows],
         [sequence.known[start:stop] for start, stop in windows],
         full=full_mask(1, len(sequence.feature_set))[0],
     )
@@ -184,8 +184,8 @@ def _align(
         return []
     starts = np.array([start for start, _ in windows])
     since = starts[np.searchsorted(starts, ends, side="right") - 1]
-    words, known = sequence.words, sequence.known
-    return align(pattern, words, known, ends, skip_weight=skip_weight, since=since)
+    packed, known = sequence.packed, sequence.known
+    return align(pattern, packed, known, ends, skip_weight=skip_weight, since=since)
 
 
 def unassessed(sequence: FeatureSequence) -> tuple[tuple[float, float], ...]:
@@ -243,10 +243,10 @@ def _nearest(
     if cost <= limit:
         return (
             "no class shows the keyframes that it needs; nearest without them: "
-            f"{motion_class.name} {cost:.3f} at {start / WORD_HZ:.1f} s"
+            f"{motion_class.name} {cost:.3f} at {start / SEQUENCE_HZ:.1f} s"
         )
-    return tell_nearest(evidence, what=motion_class.name, threshold=limit)
+    return describe_nearest(evidence, what=motion_class.name, threshold=limit)
 
 
 def _has_keyframes(motion_class: MotionClass) -> bool:
-    return any(subclass.queries for subclass in motion_class.subclasses)
+    return any(prototype.queries for prototype in motion_class.prototypes)

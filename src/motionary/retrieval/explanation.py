@@ -76,7 +76,7 @@ class Finding(NamedTuple):
         so that a short rare thing comes before a long common one
     """
 
-    relation: str
+    feature: str
     phrase: str
     start_s: float
     end_s: float
@@ -107,12 +107,12 @@ class Explanation:
     held: tuple[Finding, ...]
     failed: tuple[Finding, ...]
     unknown: tuple[str, ...]
-    share_held: float
+    fraction_held: float
 
     def __str__(self) -> str:
         parts = [
             f"{self.name} at {self.start_s:.1f}–{self.end_s:.1f} s, cost {self.cost:.3f}: "
-            f"{100 * self.share_held:.0f} % of what the class asks for held"
+            f"{100 * self.fraction_held:.0f} % of what the class asks for held"
         ]
         if self.held:
             parts.append("held: " + ", ".join(str(f) for f in _telling(self.held)))
@@ -158,11 +158,11 @@ def explain(match: Explainable | Evidence) -> Explanation:
         held=tuple(_findings(evidence, asked & seen & agrees, frames)),
         failed=tuple(_findings(evidence, asked & seen & ~agrees, frames)),
         unknown=tuple(phrases[(asked & ~seen).any(axis=0)]),
-        share_held=float((asked & seen & agrees).sum() / n_seen) if n_seen else 0.0,
+        fraction_held=float((asked & seen & agrees).sum() / n_seen) if n_seen else 0.0,
     )
 
 
-def tell_nearest(evidence: Evidence, *, what: str, threshold: float) -> str:
+def describe_nearest(evidence: Evidence, *, what: str, threshold: float) -> str:
     """What came closest where nothing matched, and what it lacked, in a sentence.
 
     Parameters
@@ -186,7 +186,7 @@ def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
     columns, frames = evidence.alignment.path.T
     n = len(evidence.sequence.feature_set)
     seen = unpack(evidence.sequence.known[frames], n)
-    shown = unpack(evidence.sequence.words[frames], n)
+    shown = unpack(evidence.sequence.packed[frames], n)
     asked = evidence.template.fixed[columns]
     return asked, seen, shown == evidence.template.values[columns]
 
@@ -197,12 +197,12 @@ def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Ite
     wanted = evidence.template.values[columns]
     weights = _cell_weights(evidence)[columns]
     seconds = evidence.sequence.seconds
-    for i, relation in enumerate(evidence.sequence.feature_set.relations):
+    for i, feature in enumerate(evidence.sequence.feature_set.features):
         for value in (True, False):
-            phrase = relation.name if value else f"not {relation.name}"
+            phrase = feature.name if value else f"not {feature.name}"
             for first, last in _runs(where[:, i] & (wanted[:, i] == value)):
                 yield Finding(
-                    relation.id,
+                    feature.id,
                     phrase,
                     seconds(int(frames[first])),
                     seconds(int(frames[last]) + 1),
@@ -227,6 +227,6 @@ def _runs(where: Bools) -> list[tuple[int, int]]:
 def _telling(held: tuple[Finding, ...]) -> list[Finding]:
     """The findings that tell most, one a relation, in the order of time."""
     ranked = sorted(held, key=lambda f: -f.weight)
-    first_of_each = {f.relation: f for f in reversed(ranked)}
+    first_of_each = {f.feature: f for f in reversed(ranked)}
     best = sorted(first_of_each.values(), key=lambda f: -f.weight)[:_MOST_PHRASES]
     return sorted(best, key=lambda f: f.start_s)

@@ -78,7 +78,7 @@ def _parse_line(line: str) -> Phrase:
         raise InvalidInput(f"expected '0.0-0.6 s: knees 90, ...', got {line!r}")
     try:
         start_s, end_s = float(match[1]), float(match[2])
-        targets = [target for words in match[3].split(",") for target in _parse_targets(words)]
+        targets = [target for packed in match[3].split(",") for target in _parse_targets(packed)]
     except ValueError as error:
         raise InvalidInput(f"{error}, in {line!r}") from None
     if not start_s < end_s:
@@ -88,11 +88,11 @@ def _parse_line(line: str) -> Phrase:
 
 def _parse_targets(text: str) -> list[Target]:
     """Targets of "left knee 90" (one) or "shoulders aside 170" (two)."""
-    words = text.split()
+    packed = text.split()
     sides: tuple[str, ...] = ("l", "r")
-    if words and words[0] in ("left", "right"):
-        sides = (words.pop(0)[0],)
-    part = words.pop(0) if words else ""
+    if packed and packed[0] in ("left", "right"):
+        sides = (packed.pop(0)[0],)
+    part = packed.pop(0) if packed else ""
     if len(sides) == 2 and part in (f"{paired}s" for paired in PAIRED_PARTS):
         part = part[:-1]
     elif (len(sides) == 1) != (part in PAIRED_PARTS) or part not in DIRECTIONS:
@@ -100,13 +100,13 @@ def _parse_targets(text: str) -> list[Target]:
             f"expected 'left', 'right' or a plural with one of {', '.join(PAIRED_PARTS)}, "
             f"or spine, neck, root, got {text.strip()!r}"
         )
-    direction = words.pop(0) if len(words) == 2 else "bend"
-    if direction not in DIRECTIONS[part] or len(words) != 1:
+    direction = packed.pop(0) if len(packed) == 2 else "bend"
+    if direction not in DIRECTIONS[part] or len(packed) != 1:
         raise InvalidInput(
             f"expected a direction of {part} ({', '.join(DIRECTIONS[part])}) and a number, "
             f"got {text.strip()!r}"
         )
-    value = float(words[0])
+    value = float(packed[0])
     if not math.isfinite(value):
         raise InvalidInput(f"expected a finite number, got {text.strip()!r}")
     if part not in PAIRED_PARTS:
@@ -184,8 +184,8 @@ def curves(phrases: Sequence[Phrase], times: Floats) -> dict[str, Floats]:
     result: dict[str, Floats] = {}
     now: dict[str, tuple[float, float]] = {}
     for phrase in sorted(phrases, key=lambda p: p.start_s):
-        share = np.clip((times - phrase.start_s) / (phrase.end_s - phrase.start_s), 0, 1)
-        eased = share * share * (3 - 2 * share)
+        fraction = np.clip((times - phrase.start_s) / (phrase.end_s - phrase.start_s), 0, 1)
+        eased = fraction * fraction * (3 - 2 * fraction)
         for channel, value in phrase.targets:
             busy_until, before = now.get(channel, (0.0, 0.0))
             if busy_until > phrase.start_s + 1e-9:

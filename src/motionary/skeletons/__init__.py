@@ -3,23 +3,23 @@
 from motionary.skeletons.guessing import without_guess
 from motionary.skeletons.mapping import (
     AN_ANIMAL,
+    explain_unmapped,
     find_mapping,
     known_mappings,
     named_mapping,
     named_table,
-    say_why_unknown,
 )
 from motionary.skeletons.table_files import SkeletonTable, format_table, parse_table
 
 __all__ = [
     "AN_ANIMAL",
     "SkeletonTable",
+    "explain_unmapped",
     "find_mapping",
     "format_table",
     "known_mappings",
     "named_mapping",
     "named_table",
     "parse_table",
-    "say_why_unknown",
     "without_guess",
 ]

@@ -105,7 +105,7 @@ def find_mapping(
     return mapping
 
 
-def say_why_unknown(
+def explain_unmapped(
     names: Iterable[str], skeleton: Skeleton | None = None, positions: Floats | None = None
 ) -> str:
     """Why `find_mapping` finds none, as a sentence that says what to do."""
@@ -168,16 +168,16 @@ def _fitting(names: tuple[str, ...], without: frozenset[str] = frozenset()) -> J
         if table.name in without:
             continue
         mapping = table.resolve(names)
-        share = _share(mapping, there)
+        fraction = _fraction(mapping, there)
         # Of tables that fit alike, the one whose own names are there, not their substitutes.
         marked = bool(table.marks) and there.issuperset(table.marks)
-        fit = (marked, share, -_compromises(table, mapping))
-        if share >= table.enough and (best is None or fit > best):
+        fit = (marked, fraction, -_compromises(table, mapping))
+        if fraction >= table.enough and (best is None or fit > best):
             best, result = fit, mapping
     return result
 
 
-def _share(mapping: JointMapping, names: Collection[str]) -> float:
+def _fraction(mapping: JointMapping, names: Collection[str]) -> float:
     found = sum(all(n in names for n in source) for source in mapping.weights.values())
     return found / len(GENERIC_JOINTS)
 

@@ -131,7 +131,7 @@ def format_table(mapping: JointMapping, *, about: str, names: tuple[str, ...] = 
         lines += ["", "[normals]"]
         for joint, normal in mapping.normals.items():
             points = ", ".join(map(_quoted, normal[:3]))
-            lines.append(f"{joint} = {{ points = [{points}], share = {normal.share!r} }}")
+            lines.append(f"{joint} = {{ points = [{points}], share = {normal.fraction!r} }}")
     return "\n".join(lines) + "\n"
 
 

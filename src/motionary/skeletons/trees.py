@@ -279,8 +279,8 @@ def _side_by_place(tree: Tree, paths: list[tuple[list[int], ...]]) -> int:
     forward = sum(places[:, path[-1]] - places[:, path[-2]] for path in (first, second))
     left = np.cross(up, forward)
     along = ((places[:, first[0]] - places[:, second[0]]) * left).sum(axis=1)
-    share = float((along > 0).mean())
-    return 0 if 0.2 < share < 0.8 else 1 if share > 0.5 else -1
+    fraction = float((along > 0).mean())
+    return 0 if 0.2 < fraction < 0.8 else 1 if fraction > 0.5 else -1
 
 
 def _median(steps: Floats) -> float:

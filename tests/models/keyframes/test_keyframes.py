@@ -19,15 +19,15 @@ from motionary.models.keyframes import (
     KeyframeQuery,
     choose_keyframes,
     extend,
+    from_features,
     from_patterns,
-    from_relations,
     from_template,
     gap_of,
     gap_of_seconds,
     join_queries,
     margins,
     mirror_query,
-    search_words,
+    search_packed,
     spring_of,
     template_of_query,
 )
@@ -51,8 +51,8 @@ def template_of(rows) -> QuantisedTemplate:
     n_columns = rows["n"]
     shape = (n_columns, len(FULL_BODY))
     values, fixed = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
-    for column, relations in rows.items():
-        for name, value in relations.items() if column != "n" else ():
+    for column, features in rows.items():
+        for name, value in features.items() if column != "n" else ():
             values[column, FULL_BODY.ids.index(name)] = value
             fixed[column, FULL_BODY.ids.index(name)] = True
     return QuantisedTemplate(values, fixed, np.ones(n_columns), FULL_BODY.ids, FULL_BODY.name)
@@ -181,7 +181,7 @@ def test_queries_are_equal_by_content():
 
 
 def test_relations_by_id_or_name():
-    query = from_relations([{"F3": True, "Left  Knee bent": False}], [])
+    query = from_features([{"F3": True, "Left  Knee bent": False}], [])
     assert query.feature_set == "full-body-40"
     fixed, values = unpack(query.fixed, 40)[0], unpack(query.values, 40)[0]
     assert [FULL_BODY.ids[i] for i in np.flatnonzero(fixed)] == ["F3", "F21"]
@@ -199,7 +199,7 @@ def test_relations_by_id_or_name():
 )
 def test_unknown_relations(keyframes, complaint):
     with pytest.raises(InvalidInput, match=complaint):
-        from_relations(keyframes, [])
+        from_features(keyframes, [])
 
 
 def test_patterns_cover_their_group():
@@ -207,7 +207,7 @@ def test_patterns_cover_their_group():
         ["1*0", "*1"], ["lower", "mix"], distances=[10], stiffness=[0.5], positions=[3, 13]
     )
     # lower begins with F15, mix with F27.
-    first = from_relations(
+    first = from_features(
         [{"F15": True, "F17": False}, {"F28": True}], [Gap(5, 20)], positions=[3, 13]
     )
     assert query == first
@@ -233,13 +233,13 @@ def test_malformed_patterns(patterns, groups, stiffness, complaint):
 def test_columns_of_a_template():
     template = template_of({"n": 30, 4: {"F1": True, "F20": False}, 14: {"F20": True}})
     query = from_template(template, [4, 14], stiffness=0.5)
-    expected = from_relations(
+    expected = from_features(
         [{"F1": True, "F20": False}, {"F20": True}], [Gap(5, 20)], positions=[4, 14]
     )
     assert query == expected
     lower = from_template(template, [4, 14], stiffness=[0.0], groups=["lower", None])
     assert lower.gaps == (Gap(0, None),)
-    assert lower == from_relations([{"F20": False}, {"F20": True}], lower.gaps, positions=[4, 14])
+    assert lower == from_features([{"F20": False}, {"F20": True}], lower.gaps, positions=[4, 14])
 
 
 @pytest.mark.parametrize(
@@ -272,13 +272,13 @@ def random_query(seed, n_keyframes=3, vocabulary=FULL_BODY) -> KeyframeQuery:
 @pytest.mark.parametrize("seed", range(5))
 def test_a_mirrored_query_finds_the_mirrored_motion(seed):
     query = random_query(seed)
-    words = pack(np.random.default_rng(seed + 50).random((200, 40)) < 0.5)
+    packed = pack(np.random.default_rng(seed + 50).random((200, 40)) < 0.5)
     # Put one hit in.
-    words[20], words[20 + query.gaps[0].least] = query.values[0], query.values[1]
-    words[20 + query.gaps[0].least + query.gaps[1].least] = query.values[2]
-    mirrored = permute(words, FULL_BODY.mirror_order)
-    found = list(search_words(query, words))
-    assert list(search_words(mirror_query(query), mirrored)) == found
+    packed[20], packed[20 + query.gaps[0].least] = query.values[0], query.values[1]
+    packed[20 + query.gaps[0].least + query.gaps[1].least] = query.values[2]
+    mirrored = permute(packed, FULL_BODY.mirror_order)
+    found = list(search_packed(query, packed))
+    assert list(search_packed(mirror_query(query), mirrored)) == found
     assert mirror_query(mirror_query(query)) == query
 
 
@@ -297,9 +297,9 @@ def test_joined_queries_ask_for_one_after_the_other_with_a_pause():
     assert joined.positions is None
 
     def found_after(pause):
-        words = np.zeros((30, 3), dtype=bool)
-        words[5, 0] = words[7, 1] = words[7 + pause, 2] = True
-        return list(search_words(joined, pack(words)))
+        packed = np.zeros((30, 3), dtype=bool)
+        packed[5, 0] = packed[7, 1] = packed[7 + pause, 2] = True
+        return list(search_packed(joined, pack(packed)))
 
     hits = {pause: found_after(pause) for pause in range(10)}
     assert hits == {p: [(0, 5, 8 + p)] if 3 <= p <= 6 else [] for p in range(10)}
@@ -330,7 +330,7 @@ def random_template(seed, n_columns=40) -> QuantisedTemplate:
 @pytest.mark.parametrize("seed", range(6))
 def test_choosing_follows_its_definition(seed, zero_weight):
     template = random_template(seed, n_columns=[1, 4, 7, 25, 40, 90][seed])
-    groups = [relation.group for relation in FULL_BODY.relations]
+    groups = [feature.group for feature in FULL_BODY.features]
     for count in (1, 3, 5):
         chosen = choose_keyframes(template, count=count, min_distance=3, zero_weight=zero_weight)
         expected = oracle.choose(template.values, template.fixed, groups, count, 3, zero_weight)
@@ -350,7 +350,7 @@ def test_chosen_keyframes_make_a_query():
     )
     assert len(query) == len(chosen)
     # A document that plays the template has a hit.
-    assert len(search_words(query, template.value_words)) == 1
+    assert len(search_packed(query, template.packed_values)) == 1
 
 
 def test_bad_choosing():
@@ -364,7 +364,7 @@ def test_bad_choosing():
 
 
 def test_the_template_of_a_query_holds_its_keyframes_and_nothing_else():
-    query = from_relations(
+    query = from_features(
         [{"F1": True}, {"F2": False}, {"F3": True}, {"F4": True}],
         [Gap(4, 9), Gap(0, 0), Gap(2, None)],
     )
@@ -376,32 +376,32 @@ def test_the_template_of_a_query_holds_its_keyframes_and_nothing_else():
 
 
 def test_positions_come_before_gaps():
-    query = from_relations([{"F1": True}, {"F2": True}], [Gap(1, 30)], positions=[7, 12])
+    query = from_features([{"F1": True}, {"F2": True}], [Gap(1, 30)], positions=[7, 12])
     assert np.flatnonzero(template_of_query(query).fixed.any(axis=1)).tolist() == [0, 5]
 
 
 def test_neighbours_that_may_be_apart_get_columns_of_their_own():
-    query = from_relations([{"F1": True}, {"F1": False}], [Gap(0, 1)])
+    query = from_features([{"F1": True}, {"F1": False}], [Gap(0, 1)])
     assert template_of_query(query).n_columns == 2
 
 
 def test_keyframes_that_contradict_in_one_frame_have_no_template():
-    query = from_relations([{"F1": True}, {"F1": False}], [Gap(0, 0)])
+    query = from_features([{"F1": True}, {"F1": False}], [Gap(0, 0)])
     with pytest.raises(InvalidInput, match="keyframe 2 contradicts"):
         template_of_query(query)
 
 
 def test_the_template_of_a_query_ranks_its_hits():
     # Both documents have the keyframes in order; the second one strays from the distances.
-    query = from_relations([{"F1": True}, {"F2": True}, {"F3": True}], [Gap(2, 40), Gap(2, 40)])
+    query = from_features([{"F1": True}, {"F2": True}, {"F3": True}], [Gap(2, 40), Gap(2, 40)])
     near, far = np.zeros((60, 40), dtype=bool), np.zeros((60, 40), dtype=bool)
     near[[10, 19, 28], [0, 1, 2]] = True
     far[[10, 48, 50], [0, 1, 2]] = True
     template = template_of_query(query)
-    pattern = Pattern(template.value_words, template.fixed_words, template.weights)
+    pattern = Pattern(template.packed_values, template.packed_fixed, template.weights)
     cost = []
     for document in (near, far):
-        assert len(search_words(query, pack(document))) == 1
+        assert len(search_packed(query, pack(document))) == 1
         cost.append(float(distance_function(pattern, pack(document), engine="numpy").min()))
     assert cost[0] == 0.0
     assert cost[1] > cost[0]

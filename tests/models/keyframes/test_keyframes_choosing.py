@@ -14,9 +14,9 @@ from motionary.models.keyframes import (
     Choosing,
     KeyframeQuery,
     choose_query,
-    index_words,
+    index_packed,
+    search_packed,
     search_query,
-    search_words,
     select_in_index,
 )
 from motionary.models.keyframes.moments import MOST_STEADY, find_moments
@@ -32,10 +32,10 @@ from motionary.packing import pack, unpack
 N = len(FULL_BODY)
 
 
-def sequence_of(relations, known=None):
-    relations = np.asarray(relations, dtype=bool)
-    known = np.ones_like(relations) if known is None else np.asarray(known, dtype=bool)
-    return FeatureSequence(pack(relations & known), pack(known), FULL_BODY)
+def sequence_of(features, known=None):
+    features = np.asarray(features, dtype=bool)
+    known = np.ones_like(features) if known is None else np.asarray(known, dtype=bool)
+    return FeatureSequence(pack(features & known), pack(known), FULL_BODY)
 
 
 def template_of(examples):
@@ -66,7 +66,7 @@ def is_steady(document, frame, feature, around):
 
 @given(documents(), st.integers(0, 3))
 def test_a_steady_relation_is_known_and_the_same_around(document, around):
-    found = unpack(steady_mask(document.words, document.known, around), N)
+    found = unpack(steady_mask(document.packed, document.known, around), N)
     expected = [[is_steady(document, t, f, around) for f in range(N)] for t in range(len(document))]
     np.testing.assert_array_equal(found, expected)
 
@@ -99,7 +99,7 @@ def test_loose_reading_finds_either_value_near_a_change(first, second, around, f
 def test_strict_loose_and_plain_readings_include_each_other(document, around, feature, value):
     bit = pack(np.eye(N, dtype=bool)[[feature]])
     query = KeyframeQuery(bit * np.uint64(value), bit, (), FULL_BODY.name, FULL_BODY.ids)
-    plain = search_words(query, document.words, document.known).n_frames
+    plain = search_packed(query, document.packed, document.known).n_frames
     strict = search_query(query, strict_index([document], around)).n_frames
     loose = search_query(query, loose_index([document], around)).n_frames
     assert strict <= plain <= loose
@@ -117,12 +117,12 @@ NOISE = 20
 
 def planted(rng, order=(FIRST, SECOND), n_frames=30):
     """A stretch in which two relations hold one after the other, in between nothing."""
-    relations = np.zeros((n_frames, N), dtype=bool)
-    for relation, middle in zip(order, (n_frames // 4, 3 * n_frames // 4), strict=True):
+    features = np.zeros((n_frames, N), dtype=bool)
+    for feature, middle in zip(order, (n_frames // 4, 3 * n_frames // 4), strict=True):
         early, late = rng.integers(0, 2, size=2)
-        relations[middle - 5 + early : middle + 5 + late, relation] = True
-    relations[:, NOISE] = np.cumsum(rng.random(n_frames) < 0.3) % 2
-    return sequence_of(relations)
+        features[middle - 5 + early : middle + 5 + late, feature] = True
+    features[:, NOISE] = np.cumsum(rng.random(n_frames) < 0.3) % 2
+    return sequence_of(features)
 
 
 def problem(seed, n=6):
@@ -147,11 +147,11 @@ def test_the_order_of_two_relations_is_found(seed):
     chosen = choose_query(template_of(examples), examples, others)
     assert chosen.missed == ()
     assert chosen.left <= Choosing().frames_left
-    asked = {relation for keyframe in entries(chosen.query) for relation in keyframe}
+    asked = {feature for keyframe in entries(chosen.query) for feature in keyframe}
     # What is the same everywhere, or at random, is not asked for.
     assert asked <= {FIRST, SECOND}
     unseen, _ = problem(seed + 100)
-    assert all(len(search_words(chosen.query, e.words, e.known)) for e in unseen)
+    assert all(len(search_packed(chosen.query, e.packed, e.known)) for e in unseen)
 
 
 def test_the_same_input_gives_the_same_query():
@@ -201,14 +201,14 @@ def test_one_example_that_differs_is_missed_rather_than_the_query_spoilt():
     chosen = choose_query(template, [*examples, odd], others, choosing=Choosing(step=1))
     assert chosen.missed == (11,)
     assert chosen.left <= Choosing().frames_left
-    assert len(search_words(chosen.query, planted(rng).words))
+    assert len(search_packed(chosen.query, planted(rng).packed))
 
 
 def test_what_is_unknown_in_an_example_is_not_asked_for():
     examples, others = problem(6)
     blind = np.ones((len(examples[0]), N), dtype=bool)
     blind[:, FIRST] = False
-    examples[0] = replace(examples[0], words=examples[0].words & pack(blind), known=pack(blind))
+    examples[0] = replace(examples[0], packed=examples[0].packed & pack(blind), known=pack(blind))
     query = choose_query(
         template_of(examples[1:]), examples, others, choosing=Choosing(dissenters=0.0)
     ).query
@@ -216,15 +216,15 @@ def test_what_is_unknown_in_an_example_is_not_asked_for():
 
 
 def test_moments_follow_the_alignment():
-    relations = np.zeros((20, N), dtype=bool)
-    relations[5:10, FIRST] = relations[12:18, SECOND] = True
-    slow = np.repeat(relations, 2, axis=0)
-    examples = [sequence_of(relations), sequence_of(slow)]
+    features = np.zeros((20, N), dtype=bool)
+    features[5:10, FIRST] = features[12:18, SECOND] = True
+    slow = np.repeat(features, 2, axis=0)
+    examples = [sequence_of(features), sequence_of(slow)]
     moments = find_moments(template_of(examples[:1]), examples, steady=1)
     assert moments.n_columns == 20
     for column in range(20):
         first, second = moments.frames[:, column]
-        np.testing.assert_array_equal(relations[first], slow[second])
+        np.testing.assert_array_equal(features[first], slow[second])
     # 20 changes nothing: as steady as is counted. 3 comes on at frame 5.
     assert (moments.steadiness[:, NOISE] == MOST_STEADY).all()
     assert moments.steadiness[7, FIRST] == 2
@@ -244,14 +244,14 @@ def test_dissent_is_what_one_breaks_and_all_others_share(n):
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "packed"),
     [
         (dict(examples=[]), "at least one example, got none"),
         (dict(others=[]), "at least one counter-example, got none"),
         (dict(template=FULL_BODY_2006), "template is over"),
     ],
 )
-def test_bad_examples(change, words):
+def test_bad_examples(change, packed):
     examples, others = problem(0)
     template = template_of(examples)
     if "template" in change:
@@ -259,7 +259,7 @@ def test_bad_examples(change, words):
             [examples[0].features[:, :39]],
             feature_names=FULL_BODY_2006.ids, feature_set=FULL_BODY_2006.name,
         )  # fmt: skip
-    with pytest.raises(InvalidInput, match=words):
+    with pytest.raises(InvalidInput, match=packed):
         choose_query(template, change.get("examples", examples), change.get("others", others))
 
 
@@ -300,8 +300,8 @@ def test_recall_is_kept_for_actors_never_seen(data):
     paths = [p for name in CLASSES for p in sorted((data / "hdm05" / name).glob("*.[aA][mM][cC]"))]
     clips = dict(zip(paths, read_features((path.name, path) for path in paths), strict=True))
     unseen = [path for path in paths if path.name.split("_")[1] in UNSEEN]
-    index = index_words(
-        [clips[path].words for path in unseen],
+    index = index_packed(
+        [clips[path].packed for path in unseen],
         feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids,
     )  # fmt: skip
     plain, kept, left = [], [], []
@@ -311,23 +311,25 @@ def test_recall_is_kept_for_actors_never_seen(data):
         template = template_of(mine)
         chosen = choose_query(template, mine, others)
         windows = select_in_index([chosen.query], template.n_columns, index)
-        left.append(windows.n_frames / index.n_frames - _share(clips, unseen, name))
+        left.append(windows.n_frames / index.n_frames - _fraction(clips, unseen, name))
         pattern = pattern_of(quantise(template, tolerance=0.1))
         wanted = [i for i, path in enumerate(unseen) if path.parent.name == name]
-        words = [clips[path].words for path in unseen]
-        plain.append(np.mean([_found(pattern, words[i]) for i in wanted]))
+        packed = [clips[path].packed for path in unseen]
+        plain.append(np.mean([_found(pattern, packed[i]) for i in wanted]))
         kept.append(
-            np.mean([any(_found(pattern, words[i][a:b]) for a, b in windows.of(i)) for i in wanted])
+            np.mean(
+                [any(_found(pattern, packed[i][a:b]) for a, b in windows.of(i)) for i in wanted]
+            )
         )
     assert np.mean(kept) >= 0.9 * np.mean(plain)
     # Of the frames of other classes.
     assert np.mean(left) <= 0.06
 
 
-def _share(clips, paths, name):
+def _fraction(clips, paths, name):
     mine = sum(len(clips[path]) for path in paths if path.parent.name == name)
     return mine / sum(len(clips[path]) for path in paths)
 
 
-def _found(pattern, words):
-    return distance_function(pattern, words).min(initial=np.inf) <= 0.1
+def _found(pattern, packed):
+    return distance_function(pattern, packed).min(initial=np.inf) <= 0.1

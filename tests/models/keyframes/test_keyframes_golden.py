@@ -13,7 +13,7 @@ from motionary.models.keyframes import (
     KeyframeQuery,
     format_query,
     from_patterns,
-    index_words,
+    index_packed,
     parse_query,
     search_query,
 )
@@ -54,8 +54,8 @@ def test_627_of_627_recall_values(published, collections, evaluation_words, engi
     queries = collections["retrieval_2008"]
     agree, n_values = 0, 0
     for name, clips in evaluation_words.items():
-        index = index_words(
-            [clip.words for clip in clips], [clip.known for clip in clips],
+        index = index_packed(
+            [clip.packed for clip in clips], [clip.known for clip in clips],
             feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids,
         )  # fmt: skip
         column = published["classes"].index(name)

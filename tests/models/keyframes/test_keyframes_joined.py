@@ -5,7 +5,7 @@ import pytest
 
 from motionary.features import FULL_BODY, FeatureSequence, read_features
 from motionary.io.queries import read_query_collections
-from motionary.models.keyframes import from_patterns, index_words, join_queries, search_query
+from motionary.models.keyframes import from_patterns, index_packed, join_queries, search_query
 
 FIRST, SECOND, OTHER = "elbowToKnee1RepsLelbowStart", "squat1Reps", "throwBasketball"
 #: Actors of whom clips are joined.
@@ -20,8 +20,8 @@ def clips(data):
         for name in (FIRST, SECOND, OTHER)
         for actor in ACTORS
     }
-    words = read_features([(path.name, path) for path in paths.values()])
-    return dict(zip(paths, words, strict=True))
+    packed = read_features([(path.name, path) for path in paths.values()])
+    return dict(zip(paths, packed, strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def query(golden):
 
 def joined(*parts: FeatureSequence) -> FeatureSequence:
     return FeatureSequence(
-        np.concatenate([part.words for part in parts]),
+        np.concatenate([part.packed for part in parts]),
         np.concatenate([part.known for part in parts]),
         FULL_BODY,
     )
@@ -57,8 +57,8 @@ def test_a_joined_query_finds_the_sequence_and_only_it(clips, query, actor):
         "wrong order": joined(other, second, other.part(0, 15), first, other),
         "pause too long": joined(other, first, other, other, second, other),
     }
-    index = index_words(
-        [document.words for document in documents.values()],
+    index = index_packed(
+        [document.packed for document in documents.values()],
         [document.known for document in documents.values()],
         feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids,
     )  # fmt: skip

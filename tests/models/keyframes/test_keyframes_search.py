@@ -14,11 +14,11 @@ from motionary.models.keyframes import (
     Gap,
     KeyframeQuery,
     WordIndex,
-    from_relations,
+    from_features,
     gap_of,
-    index_words,
+    index_packed,
+    search_packed,
     search_query,
-    search_words,
     single_hits,
 )
 from motionary.models.keyframes.algorithm import (
@@ -35,9 +35,9 @@ from oracles import keyframes as oracle
 ENGINES = ["numpy", "compiled"]
 
 
-def ranges_by_algorithm(query, words, known=None):
+def ranges_by_algorithm(query, packed, known=None):
     """Algorithm 1 on one document, as half-open ranges."""
-    lists = keyframe_lists(query, inverted_lists(words, known))
+    lists = keyframe_lists(query, inverted_lists(packed, known))
     return [(s, t + 1) for s, t in keyframe_based_search(lists, query.gaps)[0]]
 
 
@@ -82,12 +82,12 @@ def test_the_gaps_of_the_running_example(example):
 
 
 def test_the_lists_of_the_running_example(example):
-    lists = keyframe_lists(example.query, inverted_lists(example.words[0]))
+    lists = keyframe_lists(example.query, inverted_lists(example.packed[0]))
     assert [[(s + 1, t + 1) for s, t in segments] for segments in lists] == list(LISTS)
 
 
 def test_table_1_matches_and_their_ranges(example):
-    lists = keyframe_lists(example.query, inverted_lists(example.words[0]))
+    lists = keyframe_lists(example.query, inverted_lists(example.packed[0]))
     ranges, matches = keyframe_based_search(lists, example.gaps)
     found = {
         tuple(p + 1 for p in match.pointers): (match.hit_range.s + 1, match.hit_range.t + 1)
@@ -99,7 +99,7 @@ def test_table_1_matches_and_their_ranges(example):
 
 
 def test_table_1_hits(example):
-    hits = single_hits(example.query, example.words[0])
+    hits = single_hits(example.query, example.packed[0])
     by_match = {}
     for hit in (hits + 1).tolist():
         match = tuple(p + 1 for p in oracle.match_of(hit, LISTS))
@@ -119,12 +119,12 @@ def test_the_union_of_the_running_example(example, engine):
 
 @given(case=cases())
 def test_algorithm_1_finds_the_ranges_of_all_hits(case):
-    for words, mask, document, known in zip(
-        case.words, case.masks, case.documents, case.known, strict=True
+    for packed, mask, document, known in zip(
+        case.packed, case.masks, case.documents, case.known, strict=True
     ):
         hits = oracle.all_hits(case.keyframes, case.gaps, document, known)
         expected = oracle.covered_ranges(hits, len(document))
-        assert ranges_by_algorithm(case.query, words, mask) == expected
+        assert ranges_by_algorithm(case.query, packed, mask) == expected
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -138,30 +138,30 @@ def test_search_finds_the_ranges_of_all_hits(case, engine):
 
 @given(case=cases())
 def test_one_document_searched_without_index(case):
-    for words, mask, document, known in zip(
-        case.words, case.masks, case.documents, case.known, strict=True
+    for packed, mask, document, known in zip(
+        case.packed, case.masks, case.documents, case.known, strict=True
     ):
         hits = oracle.all_hits(case.keyframes, case.gaps, document, known)
-        found = search_words(case.query, words, mask)
+        found = search_packed(case.query, packed, mask)
         assert found.of(0) == oracle.covered_ranges(hits, len(document))
 
 
 @given(case=cases(), limit=st.sampled_from([1, 5, 10_000]))
 def test_single_hits_are_the_first_of_all_hits(case, limit):
-    for words, mask, document, known in zip(
-        case.words, case.masks, case.documents, case.known, strict=True
+    for packed, mask, document, known in zip(
+        case.packed, case.masks, case.documents, case.known, strict=True
     ):
         hits = oracle.all_hits(case.keyframes, case.gaps, document, known)
-        found = single_hits(case.query, words, mask, limit=limit)
+        found = single_hits(case.query, packed, mask, limit=limit)
         assert [tuple(hit) for hit in found.tolist()] == hits[:limit]
 
 
 @given(case=cases())
 def test_the_range_of_a_match_spans_its_hits(case):
-    for words, mask, document, known in zip(
-        case.words, case.masks, case.documents, case.known, strict=True
+    for packed, mask, document, known in zip(
+        case.packed, case.masks, case.documents, case.known, strict=True
     ):
-        lists = keyframe_lists(case.query, inverted_lists(words, mask))
+        lists = keyframe_lists(case.query, inverted_lists(packed, mask))
         hits = oracle.all_hits(case.keyframes, case.gaps, document, known)
         for match in keyframe_based_search(lists, case.query.gaps)[1]:
             inside = [hit for hit in hits if oracle.match_of(hit, lists) == match.pointers]
@@ -185,16 +185,18 @@ def test_search_equals_algorithm_1_over_many_blocks(gaps, seed):
     lengths = [700, 1, 64, 63, 0, 65, 2000, 128, 500, 8, 7, 320]
     documents = [pack(document) for document in streams(seed, lengths=lengths)]
     query = query_of_streams(seed + 100, gaps=gaps).query
-    index = index_words(documents, feature_set=SET, feature_ids=ids_of(12))
+    index = index_packed(documents, feature_set=SET, feature_ids=ids_of(12))
     expected = [
         (i, start, stop)
-        for i, words in enumerate(documents)
-        for start, stop in ranges_by_algorithm(query, words)
+        for i, packed in enumerate(documents)
+        for start, stop in ranges_by_algorithm(query, packed)
     ]
     assert expected, "a test without hits shows nothing"
     for engine in ENGINES:
         assert list(search_query(query, index, engine=engine)) == expected
-    alone = [(i, *r[1:]) for i, words in enumerate(documents) for r in search_words(query, words)]
+    alone = [
+        (i, *r[1:]) for i, packed in enumerate(documents) for r in search_packed(query, packed)
+    ]
     assert alone == expected
 
 
@@ -207,11 +209,11 @@ def test_search_equals_algorithm_1_for_rare_keyframes(n_keyframes):
     fixed = pack(rng.random((n_keyframes, 40)) < 0.6)
     gaps = (Gap(0, 20),) * (n_keyframes - 1)
     query = KeyframeQuery(shown, fixed, gaps, SET, ids_of(40))
-    index = index_words(documents, feature_set=SET, feature_ids=ids_of(40))
+    index = index_packed(documents, feature_set=SET, feature_ids=ids_of(40))
     found = [search_query(query, index, engine=engine) for engine in ENGINES]
     assert list(found[0]) == list(found[1])
-    for i, words in enumerate(documents):
-        assert found[0].of(i) == ranges_by_algorithm(query, words)
+    for i, packed in enumerate(documents):
+        assert found[0].of(i) == ranges_by_algorithm(query, packed)
 
 
 # Edges, named.
@@ -229,7 +231,7 @@ def query_for(n_keyframes, *gaps) -> KeyframeQuery:
 
 
 def both(query, *documents, known=None):
-    index = index_words(documents, known, feature_set=SET, feature_ids=query.feature_ids)
+    index = index_packed(documents, known, feature_set=SET, feature_ids=query.feature_ids)
     found = [list(search_query(query, index, engine=engine)) for engine in ENGINES]
     assert found[0] == found[1]
     return found[0]
@@ -273,10 +275,10 @@ def test_a_query_longer_than_its_document():
 @pytest.mark.parametrize("held", [0, 1])
 def test_an_unknown_relation_neither_holds_nor_fails(held):
     query = KeyframeQuery(pack([[held]]), pack([[1]]), (), SET, ids_of(1))
-    words, known = pack([[held]] * 3), pack([[1], [0], [1]])
+    packed, known = pack([[held]] * 3), pack([[1], [0], [1]])
     # Unknown relations are 0 in the words.
-    assert both(query, words & known, known=[known]) == [(0, 0, 1), (0, 2, 3)]
-    assert list(search_words(query, words & known, known)) == [(0, 0, 1), (0, 2, 3)]
+    assert both(query, packed & known, known=[known]) == [(0, 0, 1), (0, 2, 3)]
+    assert list(search_packed(query, packed & known, known)) == [(0, 0, 1), (0, 2, 3)]
 
 
 def test_documents_without_frames():
@@ -333,7 +335,7 @@ def test_marks_spread_to_whatever_is_within_reach(look, least, most):
 def test_an_index_may_be_memory_mapped(tmp_path):
     documents = [pack(d) for d in streams(1, lengths=[300, 200])]
     query = query_of_streams(101).query
-    index = index_words(documents, feature_set=SET, feature_ids=ids_of(12))
+    index = index_packed(documents, feature_set=SET, feature_ids=ids_of(12))
     np.save(tmp_path / "planes.npy", index.planes)
     planes = np.load(tmp_path / "planes.npy", mmap_mode="r")
     mapped = WordIndex(planes, index.lengths, SET, ids_of(12))
@@ -342,7 +344,7 @@ def test_an_index_may_be_memory_mapped(tmp_path):
 
 
 def test_the_index_says_what_it_holds():
-    index = index_words([stream("0110", "0001")], feature_set=SET, feature_ids=ids_of(2))
+    index = index_packed([stream("0110", "0001")], feature_set=SET, feature_ids=ids_of(2))
     assert (index.n_frames, index.n_documents) == (4, 1)
     # Not X1, X1, not X2, X2, frames.
     assert index.counts == (2, 2, 3, 1, 4)
@@ -350,29 +352,29 @@ def test_the_index_says_what_it_holds():
 
 
 def test_query_and_index_of_different_sets_are_refused():
-    index = index_words([stream("01")], feature_set="another", feature_ids=ids_of(1))
+    index = index_packed([stream("01")], feature_set="another", feature_ids=ids_of(1))
     with pytest.raises(InvalidInput, match=r"'another'.*both must be of one set"):
         search_query(query_for(1), index)
 
 
 def test_the_published_39_are_not_the_40():
-    index = index_words([stream("01")], feature_set="full-body-39", feature_ids=["F1"])
-    query = from_relations([{"F1": True}], [], vocabulary=FULL_BODY)
+    index = index_packed([stream("01")], feature_set="full-body-39", feature_ids=["F1"])
+    query = from_features([{"F1": True}], [], vocabulary=FULL_BODY)
     with pytest.raises(InvalidInput, match=r"full-body-40.*full-body-39"):
         search_query(query, index)
 
 
 def test_words_of_another_width_are_refused():
     with pytest.raises(InvalidInput, match="both must come from one feature set"):
-        search_words(query_for(1), np.zeros((3, 2), dtype=np.uint64))
+        search_packed(query_for(1), np.zeros((3, 2), dtype=np.uint64))
     with pytest.raises(InvalidInput, match="known needs the shape"):
-        search_words(query_for(1), stream("01"), np.zeros((3, 1), dtype=np.uint64))
+        search_packed(query_for(1), stream("01"), np.zeros((3, 1), dtype=np.uint64))
     with pytest.raises(InvalidInput, match="limit must be at least 1"):
         single_hits(query_for(1), stream("01"), limit=0)
 
 
 @pytest.mark.parametrize(
-    ("words", "known", "complaint"),
+    ("packed", "known", "complaint"),
     [
         ([], None, "at least one document"),
         ([np.zeros((3, 2), dtype=np.uint64)], None, "document 0: words need shape"),
@@ -381,9 +383,9 @@ def test_words_of_another_width_are_refused():
         ([np.zeros((3, 1), dtype=np.uint64)], [np.zeros((2, 1), dtype=np.uint64)], "known needs"),
     ],
 )
-def test_an_index_of_bad_documents_is_refused(words, known, complaint):
+def test_an_index_of_bad_documents_is_refused(packed, known, complaint):
     with pytest.raises(InvalidInput, match=complaint):
-        index_words(words, known, feature_set=SET, feature_ids=ids_of(3))
+        index_packed(packed, known, feature_set=SET, feature_ids=ids_of(3))
 
 
 def test_an_index_of_bad_planes_is_refused():

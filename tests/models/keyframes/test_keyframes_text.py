@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from keyframe_cases import SET, ids_of
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FULL_BODY_2006
-from motionary.models.keyframes import Gap, KeyframeQuery, format_query, from_relations, parse_query
+from motionary.models.keyframes import Gap, KeyframeQuery, format_query, from_features, parse_query
 from motionary.packing import pack
 
 
@@ -31,7 +31,7 @@ def test_a_query_is_read():
         """
     )
     expected = [{"F3": True, "F21": False}, {"F13": True}]
-    assert query == from_relations(expected, [Gap(3, 15)])
+    assert query == from_features(expected, [Gap(3, 15)])
 
 
 def test_ids_case_comments_and_header():
@@ -44,7 +44,7 @@ def test_ids_case_comments_and_header():
         """
     )
     expected = [{"F3": True, "F21": False}, {"F13": True}]
-    assert query == from_relations(expected, [Gap(3, 15)])
+    assert query == from_features(expected, [Gap(3, 15)])
 
 
 @pytest.mark.parametrize(
@@ -67,12 +67,12 @@ def test_gaps_are_read(line, gap):
 def test_a_keyframe_may_be_anything_and_tell_its_position():
     query = parse_query("at 0.1 s: F1\nthen\nat 0.5 s: anything")
     assert query.positions == (3, 15)
-    assert query == from_relations([{"F1": True}, {}], [Gap(0, None)], positions=[3, 15])
+    assert query == from_features([{"F1": True}, {}], [Gap(0, None)], positions=[3, 15])
 
 
 def test_a_query_is_written():
-    relations = [{"F3": True, "F21": False}, {}, {"F13": True}]
-    query = from_relations(relations, [Gap(3, 15), Gap(7, None)], positions=[2, 9, 40])
+    features = [{"F3": True, "F21": False}, {}, {"F13": True}]
+    query = from_features(features, [Gap(3, 15), Gap(7, None)], positions=[2, 9, 40])
     assert format_query(query) == (
         "features: full-body-40\n"
         "at 0.067 s: right hand above neck, not left knee bent\n"
@@ -118,7 +118,7 @@ def test_other_streams_have_their_own_words():
 def test_names_that_would_be_misread_go_by_id():
     names = ("not here", "left, then right", "then", "twice", "Twice", "X1")
     stream = Stream(SET, ids_of(6), names)
-    query = from_relations([dict.fromkeys(ids_of(6), True)], [], vocabulary=stream)
+    query = from_features([dict.fromkeys(ids_of(6), True)], [], vocabulary=stream)
     text = format_query(query, vocabulary=stream)
     assert text.splitlines()[1] == "X1, X2, X3, twice, X5, X6"
     assert parse_query(text, vocabulary=stream) == query
@@ -155,6 +155,6 @@ def test_errors_name_the_line(text, complaint):
 
 
 def test_a_query_of_another_set_is_not_written():
-    query = from_relations([{"F1": True}], [])
+    query = from_features([{"F1": True}], [])
     with pytest.raises(InvalidInput, match="both must be of one set"):
         format_query(query, vocabulary=FULL_BODY_2006)

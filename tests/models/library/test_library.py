@@ -9,7 +9,7 @@ import pytest
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006
 from motionary.models.keyframes import parse_query
-from motionary.models.library import ClassLibrary, MotionClass, Subclass, Teaching, learn
+from motionary.models.library import ClassLibrary, MotionClass, Prototype, TrainingOptions, learn
 from motionary.models.templates import MotionTemplate
 from motionary.retrieval.annotation import annotate
 from packing_cases import N, random_rows, sequence, stream
@@ -61,7 +61,7 @@ def make_library(*names, seed=0, feature_set=FULL_BODY, **about):
     classes = tuple(
         MotionClass(
             name,
-            (Subclass(name, template(seed + i, feature_set=feature_set)),),
+            (Prototype(name, template(seed + i, feature_set=feature_set)),),
             threshold=0.05 + i / 1000,
             tolerance=0.1,
         )
@@ -77,17 +77,23 @@ def contents(library):
         library.provenance,
         library.licence,
         [
-            (c.name, c.threshold, c.tolerance, c.background, [of_subclass(s) for s in c.subclasses])
+            (
+                c.name,
+                c.threshold,
+                c.tolerance,
+                c.background,
+                [of_prototype(s) for s in c.prototypes],
+            )
             for c in library
         ],
     )
 
 
-def of_subclass(subclass):
-    t = subclass.template
+def of_prototype(prototype):
+    t = prototype.template
     numbers = (t.values.tobytes(), t.values.shape, t.weights.tobytes())
     about = t.feature_names, t.feature_set, t.provenance, t.n_examples
-    return subclass.name, *numbers, *about, subclass.queries, subclass.votes
+    return prototype.name, *numbers, *about, prototype.queries, prototype.votes
 
 
 def files(folder):
@@ -98,10 +104,10 @@ def files(folder):
 
 
 def test_a_library_comes_back_to_the_bit(tmp_path):
-    shares = tuple(np.random.default_rng(3).uniform(0.01, 0.99, N).tolist())
-    subclasses = tuple(Subclass(f"way {i}", template(i, n_columns=3 + i)) for i in range(3))
+    fractions = tuple(np.random.default_rng(3).uniform(0.01, 0.99, N).tolist())
+    prototypes = tuple(Prototype(f"way {i}", template(i, n_columns=3 + i)) for i in range(3))
     library = ClassLibrary(
-        (MotionClass("squat", subclasses, 0.1234567890123456, 0.05, shares),),
+        (MotionClass("squat", prototypes, 0.1234567890123456, 0.05, fractions),),
         provenance='clips of "mine",\nfrom two days – ä',
         licence="CC BY-SA 3.0",
     )
@@ -112,9 +118,9 @@ def test_a_library_comes_back_to_the_bit(tmp_path):
 def test_keyframes_come_back_as_lines_that_a_person_reads(tmp_path):
     text = "at 0 s: right hand above neck, not left knee bent\nthen within 0.1 to 0.5 s\n"
     query = parse_query(text + "at 0.1 s: right hand fast")
-    classes = (MotionClass("reach", (Subclass("reach", template(1), (query, query), 2),)),)
+    classes = (MotionClass("reach", (Prototype("reach", template(1), (query, query), 2),)),)
     ClassLibrary(classes).save(tmp_path)
-    assert ClassLibrary.load(tmp_path)["reach"].subclasses[0].queries == (query, query)
+    assert ClassLibrary.load(tmp_path)["reach"].prototypes[0].queries == (query, query)
     assert '"then within 0.1 to 0.5 s"' in (tmp_path / "reach.toml").read_text("utf-8")
 
 
@@ -158,7 +164,7 @@ def test_what_was_learned_comes_back_and_labels_the_same(tmp_path):
     step, turn = random_rows(1, 20), random_rows(2, 25)
     library = learn(
         {"step": [sequence(step), sequence(step[2:])], "turn": [sequence(turn)]},
-        teaching=Teaching(mirror=True, provenance="drawn", licence="CC0"),
+        training=TrainingOptions(mirror=True, provenance="drawn", licence="CC0"),
     )
     library.save(tmp_path / "library")
     loaded = ClassLibrary.load(tmp_path / "library")
@@ -184,10 +190,10 @@ def test_an_empty_library_comes_back(tmp_path):
 
 
 def test_numbers_of_numpy_are_saved_as_numbers(tmp_path):
-    share = tuple(np.full(N, 0.25, dtype=np.float32))
-    subclasses = (Subclass("a", template(1)),)
+    fraction = tuple(np.full(N, 0.25, dtype=np.float32))
+    prototypes = (Prototype("a", template(1)),)
     library = ClassLibrary(
-        (MotionClass("a", subclasses, np.float32(0.125), np.float32(0.25), share),)
+        (MotionClass("a", prototypes, np.float32(0.125), np.float32(0.25), fraction),)
     )
     library.save(tmp_path / "library")
     (loaded,) = ClassLibrary.load(tmp_path / "library")
@@ -272,7 +278,7 @@ def test_a_read_only_folder_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
+    ("settings", "packed"),
     [
         ({"threshold": 7.0}, r"'a': threshold .*\[0, 1\], got 7"),
         ({"threshold": float("nan")}, "threshold"),
@@ -280,18 +286,18 @@ def test_a_read_only_folder_is_refused(tmp_path):
         ({"tolerance": -0.1}, "tolerance"),
         ({"background": (0.5,)}, f"'a': background needs {N} shares"),
         ({"background": (0.0,) * N}, "background"),
-        ({"subclasses": ()}, "'a' needs at least one template"),
+        ({"prototypes": ()}, "'a' needs at least one template"),
         ({"name": ""}, "needs a name"),
     ],
 )
-def test_a_class_that_could_not_be_used_is_refused(settings, words):
-    given = {"name": "a", "subclasses": (Subclass("a", template(1)),)} | settings
-    with pytest.raises(InvalidInput, match=words):
+def test_a_class_that_could_not_be_used_is_refused(settings, packed):
+    given = {"name": "a", "prototypes": (Prototype("a", template(1)),)} | settings
+    with pytest.raises(InvalidInput, match=packed):
         MotionClass(**given)
 
 
 def test_names_are_unique():
-    twice = (Subclass("a", template(1)), Subclass("a", template(2)))
+    twice = (Prototype("a", template(1)), Prototype("a", template(2)))
     with pytest.raises(InvalidInput, match="unique"):
         MotionClass("a", twice)
     with pytest.raises(InvalidInput, match="unique"):

@@ -25,12 +25,12 @@ def test_sound_examples_are_left_in_peace():
         assert look(performances(seed, 3 + seed)) == []
 
 
-@pytest.mark.parametrize(("n", "words"), [(1, "one example:"), (2, "2 examples:")])
-def test_few_examples(n, words):
+@pytest.mark.parametrize(("n", "packed"), [(1, "one example:"), (2, "2 examples:")])
+def test_few_examples(n, packed):
     (found,) = look(performances(1, n))
     assert found.kind == "few"
     assert str(found) == (
-        f"class 'kick': {words} too few to tell what may vary, so that other people will "
+        f"class 'kick': {packed} too few to tell what may vary, so that other people will "
         "hardly match"
     )
 

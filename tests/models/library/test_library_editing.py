@@ -12,11 +12,11 @@ from motionary.models.keyframes import parse_query
 from motionary.models.library import (
     ClassLibrary,
     MotionClass,
-    Subclass,
-    Teaching,
+    Prototype,
+    TrainingOptions,
     add_examples,
     find_clashes,
-    find_subclass,
+    find_prototype,
     join_classes,
     keeps_examples,
     learn_classes,
@@ -30,7 +30,7 @@ from motionary.models.library import (
 from motionary.models.templates import MotionTemplate, join, mirror, restrict, template_from_text
 from packing_cases import sequence
 
-KEPT = Teaching(keep_examples=True)
+KEPT = TrainingOptions(keep_examples=True)
 QUERY = parse_query("right hand fast")
 
 
@@ -50,7 +50,7 @@ def content(library):
             [
                 (s.name, s.template.values.tolist(), s.template.weights.tolist(),
                  s.template.n_examples, s.template.provenance, len(s.examples))
-                for s in c.subclasses
+                for s in c.prototypes
             ],
         )
         for c in library
@@ -62,15 +62,15 @@ def content(library):
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_grown_class_is_as_if_learned_from_all_at_once(tmp_path, mirrored):
-    teaching = replace(KEPT, mirror=mirrored)
+    training = replace(KEPT, mirror=mirrored)
     examples = examples_of(1, 2, n=7)
     early = {name: {name: subs[name][:4]} for name, subs in examples.items()}
-    library = learn_classes(early, teaching=teaching)
+    library = learn_classes(early, training=training)
     for name, subs in examples.items():
         for late in (subs[name][4:6], subs[name][6:]):
             library.save(tmp_path / "library")
             library = add_examples(load_library(tmp_path / "library"), name, late)
-    assert content(library) == content(learn_classes(examples, teaching=teaching))
+    assert content(library) == content(learn_classes(examples, training=training))
 
 
 def test_unseen_entries_of_kept_examples_stay_unseen(tmp_path):
@@ -79,73 +79,77 @@ def test_unseen_entries_of_kept_examples_stay_unseen(tmp_path):
         sequence(item.features, rng.random(item.features.shape) < 0.8)
         for item in performances(1, 5)
     ]
-    library = learn_classes({"a": {"a": items[:3]}}, teaching=KEPT)
+    library = learn_classes({"a": {"a": items[:3]}}, training=KEPT)
     library.save(tmp_path / "library")
-    grown = add_examples(load_library(tmp_path / "library"), "a", items[3:])
-    assert content(grown) == content(learn_classes({"a": {"a": items}}, teaching=KEPT))
+    expanded = add_examples(load_library(tmp_path / "library"), "a", items[3:])
+    assert content(expanded) == content(learn_classes({"a": {"a": items}}, training=KEPT))
 
 
 def test_an_example_counts_once():
     examples = examples_of(1, 2)
-    library = learn_classes(examples, teaching=KEPT)
+    library = learn_classes(examples, training=KEPT)
     again = add_examples(library, "class1", examples["class1"]["class1"][1:3])
     assert again is library
 
 
 def test_without_kept_examples_the_template_stands_for_them():
     examples = examples_of(1, 2, n=8)
-    library = learn_classes(examples, teaching=Teaching(mirror=True))
+    library = learn_classes(examples, training=TrainingOptions(mirror=True))
     new = performances(1, 2, first=20)
-    grown = add_examples(library, "class1", new)
-    template = grown["class1"].subclasses[0].template
+    expanded = add_examples(library, "class1", new)
+    template = expanded["class1"].prototypes[0].template
     expected = join(
-        library["class1"].subclasses[0].template,
-        learn_classes({"a": {"a": new}}, teaching=Teaching())["a"].subclasses[0].template,
+        library["class1"].prototypes[0].template,
+        learn_classes({"a": {"a": new}}, training=TrainingOptions())["a"].prototypes[0].template,
     )
     assert np.array_equal(template.values, expected.values)
     assert template.n_examples == 10
     assert template.provenance == "learned from 8 recordings, then averaged with 2 more"
     assert np.array_equal(
-        grown["class1"].subclasses[1].template.values,
-        mirror(template, grown.feature_set.mirror_order).values,
+        expanded["class1"].prototypes[1].template.values,
+        mirror(template, expanded.feature_set.mirror_order).values,
     )
-    assert grown["class1"].background == library["class1"].background
-    assert grown["class2"] is library["class2"]
-    assert not keeps_examples(grown["class1"].subclasses[0])
+    assert expanded["class1"].background == library["class1"].background
+    assert expanded["class2"] is library["class2"]
+    assert not keeps_examples(expanded["class1"].prototypes[0])
 
 
 def test_what_was_promised_and_asked_of_the_old_template_goes():
-    library = learn_classes(examples_of(1, 2), teaching=KEPT)
+    library = learn_classes(examples_of(1, 2), training=KEPT)
     one = library["class1"]
-    with_query = replace(one.subclasses[0], queries=(QUERY,))
-    one = replace(one, subclasses=(with_query,), threshold=0.04, promised_recall=0.9)
-    grown = add_examples(
+    with_query = replace(one.prototypes[0], queries=(QUERY,))
+    one = replace(one, prototypes=(with_query,), threshold=0.04, estimated_recall=0.9)
+    expanded = add_examples(
         replace_class(library, "class1", one), "class1", performances(1, 1, first=9)
     )["class1"]
-    assert (grown.threshold, grown.promised_recall, grown.subclasses[0].queries) == (0.04, None, ())
-    assert keeps_examples(grown.subclasses[0])
+    assert (expanded.threshold, expanded.estimated_recall, expanded.prototypes[0].queries) == (
+        0.04,
+        None,
+        (),
+    )
+    assert keeps_examples(expanded.prototypes[0])
 
 
 def test_one_of_several_templates_learns():
     examples = {"kick": {"front": performances(1, 3), "side": performances(2, 3)}}
-    library = learn_classes(examples, teaching=KEPT)
+    library = learn_classes(examples, training=KEPT)
     new = performances(2, 2, first=5)
     with pytest.raises(InvalidInput, match="'kick' has several templates, say which: 'front', 's"):
         add_examples(library, "kick", new)
-    grown = add_examples(library, "kick", new, subclass="side")
+    expanded = add_examples(library, "kick", new, prototype="side")
     examples["kick"]["side"] += new
-    assert content(grown) == content(learn_classes(examples, teaching=KEPT))
+    assert content(expanded) == content(learn_classes(examples, training=KEPT))
 
 
 def test_examples_over_other_features_are_refused():
-    library = learn_classes(examples_of(1), teaching=KEPT)
+    library = learn_classes(examples_of(1), training=KEPT)
     other = sequence(np.zeros((9, 14)), feature_set=LEGS, source="a.bvh")
     with pytest.raises(InvalidInput, match=r"a\.bvh is over .legs-14., the library over"):
         add_examples(library, "class1", [other])
     with pytest.raises(InvalidInput, match="no class 'gone'"):
         add_examples(library, "gone", [])
     with pytest.raises(InvalidInput, match="an example of it over 'legs-14'"):
-        replace(library["class1"].subclasses[0], examples=(other,))
+        replace(library["class1"].prototypes[0], examples=(other,))
 
 
 # -- joining --------------------------------------------------------------------------------
@@ -153,23 +157,23 @@ def test_examples_over_other_features_are_refused():
 
 def test_joined_classes_are_learned_from_the_examples_of_both():
     examples = examples_of(1, 2, 3)
-    library = learn_classes(examples, teaching=KEPT)
+    library = learn_classes(examples, training=KEPT)
     joined = join_classes(library, "class1", "class2", name="either")
     assert joined.names == ("either", "class3")
     both = [*examples["class1"]["class1"], *examples["class2"]["class2"]]
-    expected = learn_classes({"either": {"either": both}}, teaching=KEPT)["either"]
-    got = joined["either"].subclasses[0]
-    assert np.array_equal(got.template.values, expected.subclasses[0].template.values)
+    expected = learn_classes({"either": {"either": both}}, training=KEPT)["either"]
+    got = joined["either"].prototypes[0]
+    assert np.array_equal(got.template.values, expected.prototypes[0].template.values)
     assert len(got.examples) == 10
 
 
 def test_joined_classes_without_examples_are_averaged_and_mirrored():
-    library = learn_classes(examples_of(1, 2, n=4), teaching=Teaching(mirror=True))
+    library = learn_classes(examples_of(1, 2, n=4), training=TrainingOptions(mirror=True))
     library = replace_class(library, "class2", replace(library["class2"], threshold=0.1))
     joined = join_classes(library, "class2", "class1")
     assert joined.names == ("class2",)
-    one, image = joined["class2"].subclasses
-    expected = join(*(library[n].subclasses[0].template for n in ("class2", "class1")))
+    one, image = joined["class2"].prototypes
+    expected = join(*(library[n].prototypes[0].template for n in ("class2", "class1")))
     assert np.array_equal(one.template.values, expected.values)
     assert (one.name, image.name) == ("class2", "class2Mirrored")
     order = library.feature_set.mirror_order
@@ -189,18 +193,18 @@ def test_what_cannot_be_joined(first, second, message):
     examples = examples_of(1)
     examples["kick"] = {"front": performances(2, 2), "side": performances(3, 2)}
     with pytest.raises(InvalidInput, match=message):
-        join_classes(learn_classes(examples, teaching=KEPT), first, second)
+        join_classes(learn_classes(examples, training=KEPT), first, second)
 
 
 # -- editing --------------------------------------------------------------------------------
 
 
 def test_removing_and_renaming():
-    library = learn_classes(examples_of(1, 2, 3), teaching=Teaching(mirror=True))
+    library = learn_classes(examples_of(1, 2, 3), training=TrainingOptions(mirror=True))
     assert remove_class(library, "class2").names == ("class1", "class3")
     renamed = rename_class(library, "class2", "squat")
     assert renamed.names == ("class1", "squat", "class3")
-    assert [s.name for s in renamed["squat"].subclasses] == ["squat", "squatMirrored"]
+    assert [s.name for s in renamed["squat"].prototypes] == ["squat", "squatMirrored"]
     assert rename_class(library, "class2", "class2").names == library.names
     with pytest.raises(InvalidInput, match="has a class 'class3' already"):
         rename_class(library, "class2", "class3")
@@ -211,46 +215,52 @@ def test_removing_and_renaming():
 
 
 def test_another_template_takes_its_mirror_image_along():
-    library = learn_classes(examples_of(1, 2), teaching=Teaching(mirror=True, keep_examples=True))
-    library = replace_class(library, "class1", replace(library["class1"], promised_precision=0.9))
-    template = restrict(library["class1"].subclasses[0].template, ["F13", "F20"])
+    library = learn_classes(
+        examples_of(1, 2), training=TrainingOptions(mirror=True, keep_examples=True)
+    )
+    library = replace_class(library, "class1", replace(library["class1"], estimated_precision=0.9))
+    template = restrict(library["class1"].prototypes[0].template, ["F13", "F20"])
     changed = replace_template(library, "class1", template)["class1"]
-    one, image = changed.subclasses
+    one, image = changed.prototypes
     assert one.template is template
     free = (image.template.values == 0.5).all(axis=0)
     assert [library.feature_set.ids[i] for i in np.flatnonzero(~free)] == ["F14", "F21"]
     assert one.examples == ()
-    assert changed.promised_precision is None
-    same = library["class2"].subclasses[0].template
+    assert changed.estimated_precision is None
+    same = library["class2"].prototypes[0].template
     assert replace_template(library, "class2", same) is library
 
 
 def test_templates_that_cannot_be_taken():
-    library = learn_classes(examples_of(1), teaching=Teaching())
+    library = learn_classes(examples_of(1), training=TrainingOptions())
     legs = MotionTemplate(np.ones((4, 14)), np.ones(4), LEGS.ids, LEGS.name)
     with pytest.raises(InvalidInput, match="is over 'legs-14', the library over 'full-body-40'"):
         replace_template(library, "class1", legs)
     with pytest.raises(InvalidInput, match="no fixed cell"):
         replace_template(library, "class1", template_from_text("for 1 s: anything"))
     with pytest.raises(InvalidInput, match="no template 'side': 'class1'"):
-        replace_template(library, "class1", legs, subclass="side")
+        replace_template(library, "class1", legs, prototype="side")
 
 
 def test_the_subclass_that_is_meant():
     template = template_from_text("for 1 s: F1")
-    lone = MotionClass("a", (Subclass("b", template),))
-    assert find_subclass(lone).name == "b"
-    several = MotionClass("a", (Subclass("b", template), Subclass("a", template)))
-    assert find_subclass(several).name == "a"
-    assert find_subclass(several, "b").name == "b"
+    lone = MotionClass("a", (Prototype("b", template),))
+    assert find_prototype(lone).name == "b"
+    several = MotionClass("a", (Prototype("b", template), Prototype("a", template)))
+    assert find_prototype(several).name == "a"
+    assert find_prototype(several, "b").name == "b"
 
 
 # -- merging --------------------------------------------------------------------------------
 
 
 def test_merging_keeps_order_background_and_origins():
-    first = learn_classes(examples_of(1, 2), teaching=Teaching(provenance="lab", licence="CC0"))
-    second = learn_classes(examples_of(3), teaching=Teaching(provenance="stage", licence="CC0"))
+    first = learn_classes(
+        examples_of(1, 2), training=TrainingOptions(provenance="lab", licence="CC0")
+    )
+    second = learn_classes(
+        examples_of(3), training=TrainingOptions(provenance="stage", licence="CC0")
+    )
     merged = merge_libraries([first, second])
     assert merged.names == ("class1", "class2", "class3")
     assert merged["class3"] is second["class3"]
@@ -259,8 +269,8 @@ def test_merging_keeps_order_background_and_origins():
 
 
 def test_names_that_clash():
-    first = learn_classes(examples_of(1, 2), teaching=Teaching(mirror=True))
-    second = learn_classes(examples_of(2, 3, first=9), teaching=Teaching(mirror=True))
+    first = learn_classes(examples_of(1, 2), training=TrainingOptions(mirror=True))
+    second = learn_classes(examples_of(2, 3, first=9), training=TrainingOptions(mirror=True))
     assert find_clashes([first, second]) == ["class2"]
     with pytest.raises(InvalidInput, match="several of the libraries have 'class2'; rename them"):
         merge_libraries([first, second])
@@ -268,14 +278,14 @@ def test_names_that_clash():
     assert kept.names == ("class1", "class2", "class3")
     assert kept["class2"] is first["class2"]
     both = merge_libraries([first, second, second], clash="both")["class2"]
-    assert [s.name for s in both.subclasses] == [
+    assert [s.name for s in both.prototypes] == [
         "class2", "class2Mirrored", "class2-2", "class2Mirrored-2", "class2-3", "class2Mirrored-3",
     ]  # fmt: skip
-    assert both.subclasses[2].template is second["class2"].subclasses[0].template
+    assert both.prototypes[2].template is second["class2"].prototypes[0].template
 
 
 def test_libraries_that_cannot_be_merged():
-    first = learn_classes(examples_of(1), teaching=Teaching())
+    first = learn_classes(examples_of(1), training=TrainingOptions())
     with pytest.raises(InvalidInput, match=r"one feature set .* 'full-body-40' and 'full-body-39'"):
         merge_libraries([first, ClassLibrary((), FULL_BODY_2006)])
     with pytest.raises(InvalidInput, match="at least one library"):

@@ -10,31 +10,37 @@ from cli_cases import write_bvh
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features
 from motionary.io import read
-from motionary.models.library import Teaching, learn, learn_classes, list_examples, read_examples
+from motionary.models.library import (
+    TrainingOptions,
+    learn,
+    learn_classes,
+    list_examples,
+    read_examples,
+)
 from motionary.samples import synthetic_motion
 from packing_cases import N, random_rows, sequence
 
 STEP, TURN = random_rows(1, 20), random_rows(2, 24)
-PLAIN = Teaching(by_surprise=False)
+PLAIN = TrainingOptions(by_self_information=False)
 
 
 # -- from words --------------------------------------------------------------------------
 
 
 def test_one_example_is_its_own_template():
-    (motion_class,) = learn({"step": [sequence(STEP)]}, teaching=PLAIN)
-    (subclass,) = motion_class.subclasses
-    assert (motion_class.name, subclass.name) == ("step", "step")
-    assert np.array_equal(subclass.template.values, STEP)
-    assert subclass.template.n_examples == 1
-    assert subclass.template.provenance == "learned from 1 recording"
+    (motion_class,) = learn({"step": [sequence(STEP)]}, training=PLAIN)
+    (prototype,) = motion_class.prototypes
+    assert (motion_class.name, prototype.name) == ("step", "step")
+    assert np.array_equal(prototype.template.values, STEP)
+    assert prototype.template.n_examples == 1
+    assert prototype.template.provenance == "learned from 1 recording"
 
 
 def test_several_examples_share_what_they_have_in_common():
     examples = [STEP, STEP.copy(), STEP.copy()]
     examples[1][:, 0] ^= True
-    (motion_class,) = learn({"step": [sequence(rows) for rows in examples]}, teaching=PLAIN)
-    template = motion_class.subclasses[0].template
+    (motion_class,) = learn({"step": [sequence(rows) for rows in examples]}, training=PLAIN)
+    template = motion_class.prototypes[0].template
     assert template.n_examples == 3
     (quantised,) = motion_class.quantised()
     assert not quantised.fixed[:, 0].any()
@@ -42,30 +48,30 @@ def test_several_examples_share_what_they_have_in_common():
 
 
 def test_settings_go_into_the_classes():
-    teaching = Teaching(threshold=0.11, tolerance=0.2, provenance="my clips", licence="CC0")
-    library = learn({"step": [sequence(STEP)]}, teaching=teaching)
+    training = TrainingOptions(threshold=0.11, tolerance=0.2, provenance="my clips", licence="CC0")
+    library = learn({"step": [sequence(STEP)]}, training=training)
     assert (library["step"].threshold, library["step"].tolerance) == (0.11, 0.2)
     assert (library.provenance, library.licence) == ("my clips", "CC0")
 
 
 def test_motions_are_measured():
     motion = synthetic_motion("squat", seed=0)
-    of_motion = learn({"squat": [motion]}, teaching=PLAIN)
-    of_words = learn({"squat": [compute_features(motion)]}, teaching=PLAIN)
+    of_motion = learn({"squat": [motion]}, training=PLAIN)
+    of_words = learn({"squat": [compute_features(motion)]}, training=PLAIN)
     assert contents(of_motion) == contents(of_words)
 
 
-@pytest.mark.parametrize("teaching", [None, PLAIN, Teaching(mirror=True)])
-def test_mirrored_templates_join_their_class(teaching):
-    library = learn({"step": [sequence(STEP)]}, mirror=True, teaching=teaching)
-    subclass, mirrored = library["step"].subclasses
-    assert (subclass.name, mirrored.name) == ("step", "stepMirrored")
+@pytest.mark.parametrize("training", [None, PLAIN, TrainingOptions(mirror=True)])
+def test_mirrored_templates_join_their_class(training):
+    library = learn({"step": [sequence(STEP)]}, mirror=True, training=training)
+    prototype, mirrored = library["step"].prototypes
+    assert (prototype.name, mirrored.name) == ("step", "stepMirrored")
     order = FULL_BODY.mirror_order
-    assert np.array_equal(mirrored.template.values, subclass.template.values[:, order])
+    assert np.array_equal(mirrored.template.values, prototype.template.values[:, order])
     assert mirrored.template.provenance == "mirror image of learned from 1 recording"
-    plain = learn({"step": [sequence(STEP)]}, teaching=teaching and replace(teaching, mirror=False))
-    shares = np.array(plain["step"].background)
-    expected = (shares + shares[order]) / 2 if len(shares) else shares
+    plain = learn({"step": [sequence(STEP)]}, training=training and replace(training, mirror=False))
+    fractions = np.array(plain["step"].background)
+    expected = (fractions + fractions[order]) / 2 if len(fractions) else fractions
     np.testing.assert_allclose(library["step"].background, expected, atol=1e-6)
 
 
@@ -77,13 +83,13 @@ def test_rare_relations_are_known_by_all_examples_of_all_classes():
     # One frame of either value is added to 10 of 30.
     assert library["a"].background[0] == pytest.approx(11 / 32, abs=1e-6)
     assert library["a"].background[1] == pytest.approx(1 / 32, abs=1e-6)
-    assert learn({"a": [sequence(rows)]}, teaching=PLAIN)["a"].background == ()
+    assert learn({"a": [sequence(rows)]}, training=PLAIN)["a"].background == ()
 
 
 def test_what_no_example_knows_stays_free():
     known = np.ones_like(STEP)
     known[:, 5] = False
-    library = learn({"step": [sequence(STEP, known), sequence(STEP, known)]}, teaching=PLAIN)
+    library = learn({"step": [sequence(STEP, known), sequence(STEP, known)]}, training=PLAIN)
     (quantised,) = library["step"].quantised()
     assert not quantised.fixed[:, 5].any()
     assert quantised.fixed[:, 6:].all()
@@ -119,7 +125,7 @@ def test_names_that_cannot_be_are_refused(name):
     if name:
         examples = {"step": {"step": [sequence(STEP)], name: [sequence(TURN)]}}
         with pytest.raises(InvalidInput, match="unique"):
-            learn_classes(examples, teaching=Teaching(mirror=True))
+            learn_classes(examples, training=TrainingOptions(mirror=True))
     else:
         with pytest.raises(InvalidInput, match="needs a name"):
             learn({name: [sequence(STEP)]})
@@ -170,16 +176,16 @@ def test_folders_are_classes_and_folders_in_them_subclasses(folder):
     ]
     library = learn(folder)
     assert library.names == ("kick", "squat")
-    assert [s.name for s in library["kick"].subclasses] == ["left", "kick", "right"]
-    counts = [s.template.n_examples for c in library for s in c.subclasses]
+    assert [s.name for s in library["kick"].prototypes] == ["left", "kick", "right"]
+    counts = [s.template.n_examples for c in library for s in c.prototypes]
     assert counts == [2, 1, 1, 2]
 
 
 def test_a_folder_teaches_what_its_motions_teach(folder):
     library = learn(folder, mirror=True)
     motions = [read(path) for _, _, path in list_examples(folder)]
-    squat = learn({"squat": motions[4:]}, teaching=PLAIN)["squat"].subclasses[0].template
-    learned, mirrored = library["squat"].subclasses
+    squat = learn({"squat": motions[4:]}, training=PLAIN)["squat"].prototypes[0].template
+    learned, mirrored = library["squat"].prototypes
     assert learned.template.values.tobytes() == squat.values.tobytes()
     assert mirrored.name == "squatMirrored"
 

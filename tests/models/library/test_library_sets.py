@@ -9,7 +9,13 @@ import pytest
 from library_cases import performances
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, LEGS, THREE_LEVELS, FeatureSet, compute_features
-from motionary.models.library import ClassLibrary, Teaching, learn, learn_classes, load_library
+from motionary.models.library import (
+    ClassLibrary,
+    TrainingOptions,
+    learn,
+    learn_classes,
+    load_library,
+)
 from motionary.retrieval.annotation import annotate
 from motionary.samples import synthetic_motion, synthetic_stream
 from packing_cases import sequence
@@ -25,8 +31,8 @@ def own_quantity(body, window_s, joint):
 OWN = FeatureSet(
     "own",
     (
-        replace(FULL_BODY.relations[16], mirror="F17", quantity=own_quantity),
-        FULL_BODY.relations[36],
+        replace(FULL_BODY.features[16], mirror="F17", quantity=own_quantity),
+        FULL_BODY.features[36],
     ),
 )
 
@@ -37,7 +43,9 @@ OWN = FeatureSet(
 @pytest.mark.parametrize("feature_set", [LEGS, THREE_LEVELS, SUBSET, OWN], ids=lambda s: s.name)
 def test_any_set_works_from_examples_to_labels(tmp_path, feature_set):
     examples = {name: [synthetic_motion(name, seed=s) for s in range(4)] for name in CLASSES}
-    library = learn(examples, feature_set=feature_set, suggest=True, teaching=Teaching(mirror=True))
+    library = learn(
+        examples, feature_set=feature_set, calibrate=True, training=TrainingOptions(mirror=True)
+    )
     library.save(tmp_path / "library")
     given = (feature_set,) if feature_set is OWN else ()
     again = load_library(tmp_path / "library", feature_sets=given)
@@ -51,8 +59,8 @@ def test_any_set_works_from_examples_to_labels(tmp_path, feature_set):
 
 
 def test_a_set_of_ones_own_quantities_must_be_given(tmp_path):
-    words = [compute_features(synthetic_motion("squat", seed=0), feature_set=OWN)]
-    learn({"squat": words}).save(tmp_path / "library")
+    packed = [compute_features(synthetic_motion("squat", seed=0), feature_set=OWN)]
+    learn({"squat": packed}).save(tmp_path / "library")
     with pytest.raises(UnreadableFile, match=r"feature_set 'own' is not known.*line 3"):
         load_library(tmp_path / "library")
     with pytest.raises(UnreadableFile, match=r"features are not those of 'own'.*line 4"):
@@ -96,7 +104,7 @@ def kept_library(tmp_path):
     seen = performances(2, 3)
     unseen = [sequence(i.features, rng.random(i.features.shape) < 0.9) for i in seen]
     examples = {"a": {"a": performances(1, 4)}, "b": {"b": unseen}, "c": {"c": seen[:1]}}
-    library = learn_classes(examples, teaching=Teaching(keep_examples=True, mirror=True))
+    library = learn_classes(examples, training=TrainingOptions(keep_examples=True, mirror=True))
     library.save(tmp_path / "library")
     return library
 
@@ -104,10 +112,10 @@ def kept_library(tmp_path):
 def test_kept_examples_come_back_without_their_names(tmp_path):
     library = kept_library(tmp_path)
     for one, again in zip(library, load_library(tmp_path / "library"), strict=True):
-        for subclass, other in zip(one.subclasses, again.subclasses, strict=True):
-            assert len(subclass.examples) == len(other.examples)
-            for example, back in zip(subclass.examples, other.examples, strict=True):
-                assert np.array_equal(example.words, back.words)
+        for prototype, other in zip(one.prototypes, again.prototypes, strict=True):
+            assert len(prototype.examples) == len(other.examples)
+            for example, back in zip(prototype.examples, other.examples, strict=True):
+                assert np.array_equal(example.packed, back.packed)
                 assert np.array_equal(example.known, back.known)
                 assert back.source == ""
     for file in (tmp_path / "library").iterdir():
@@ -149,9 +157,9 @@ def test_bits_that_mean_nothing_are_dropped(tmp_path):
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
     values.write_bytes(buffer.getvalue())
-    (example, *_) = load_library(tmp_path / "library")["b"].subclasses[0].examples
-    assert not (example.words & ~example.known).any()
-    assert int(example.words.max()) < 1 << 40
+    (example, *_) = load_library(tmp_path / "library")["b"].prototypes[0].examples
+    assert not (example.packed & ~example.known).any()
+    assert int(example.packed.max()) < 1 << 40
 
 
 # -- lines ----------------------------------------------------------------------------------

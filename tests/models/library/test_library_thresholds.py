@@ -11,14 +11,14 @@ from motionary.errors import InvalidInput
 from motionary.evaluation import Segment, count_overlaps, pool_counts
 from motionary.models.library import (
     THRESHOLD,
+    Calibration,
     ClassLibrary,
-    Suggestion,
-    Teaching,
-    apply_suggestions,
+    TrainingOptions,
+    apply_calibrations,
+    calibrate_thresholds,
     learn,
     learn_classes,
     load_library,
-    suggest_thresholds,
 )
 from motionary.models.library.holding_out import N_FOLDS, make_folds, make_stream
 from motionary.models.library.thresholds import TRIED
@@ -110,7 +110,7 @@ def test_what_a_group_alone_has_is_not_asked_for():
 )
 def test_groups_that_make_no_sense(groups, message):
     with pytest.raises(InvalidInput, match=message):
-        suggest_thresholds(made_examples(), groups=groups)
+        calibrate_thresholds(made_examples(), groups=groups)
 
 
 def test_a_stream_holds_each_example_whole_and_not_too_much_else():
@@ -120,10 +120,10 @@ def test_a_stream_holds_each_example_whole_and_not_too_much_else():
     for most in (0.0, 0.5, 1.0, 50.0):
         rng = np.random.default_rng(2)
         stream = make_stream(held_out, others, other_per_frame=most, rng=rng)
-        assert len(stream.words) == len(stream.known) == frames + stream.other_frames
+        assert len(stream.packed) == len(stream.known) == frames + stream.other_frames
         assert stream.other_frames <= min(most * frames, 830)
-        found = [stream.words[int(s.start) : int(s.end)].tobytes() for s in stream.truth]
-        assert sorted(found) == sorted(item.words.tobytes() for _, item in held_out)
+        found = [stream.packed[int(s.start) : int(s.end)].tobytes() for s in stream.truth]
+        assert sorted(found) == sorted(item.packed.tobytes() for _, item in held_out)
         assert {s.name for s in stream.truth} == {"one"}
     assert stream.other_frames == 830
 
@@ -142,8 +142,8 @@ def test_parts_and_streams_follow_the_seed():
 
 def a_trial(**changes):
     fold = make_folds(made_examples(6), groups=None, seed=0)[0]
-    settings = {"others": [noise(1), noise(2)], "other_per_frame": 3.0, "teaching": Teaching(),
-                "most_cost": 0.3, "seed": 0, **changes}  # fmt: skip
+    settings = {"others": [noise(1), noise(2)], "other_per_frame": 3.0,
+                "training": TrainingOptions(), "most_cost": 0.3, "seed": 0, **changes}  # fmt: skip
     return fold, run_trial((0, fold), **settings), settings
 
 
@@ -152,9 +152,9 @@ def test_counts_are_those_of_annotation():
     fold, trial, settings = a_trial()
     rng = np.random.default_rng([0, 0])
     stream = make_stream(fold.held_out, settings["others"], other_per_frame=3.0, rng=rng)
-    library = learn_classes(fold.learned, teaching=Teaching())
-    recording = sequence(np.zeros((len(stream.words), 40)))
-    recording = replace(recording, words=stream.words, known=stream.known)
+    library = learn_classes(fold.learned, training=TrainingOptions())
+    recording = sequence(np.zeros((len(stream.packed), 40)))
+    recording = replace(recording, packed=stream.packed, known=stream.known)
     for thresholds in ((0.02, 0.05, 0.1), (0.3, 0.3, 0.3), (0.15, 0.0, 0.25)):
         chosen = dict(zip(library.names, thresholds, strict=True))
         classes = tuple(replace(c, threshold=chosen[c.name]) for c in library)
@@ -184,29 +184,29 @@ def test_a_trial_leaves_out_what_has_nothing_in_common():
 def test_suggested_thresholds_keep_their_promise_on_new_performances():
     examples = made_examples(9, flaws=0.04)
     others = [noise(seed) for seed in range(4)]
-    suggestions = suggest_thresholds(examples, negatives=others[:2])
-    library = apply_suggestions(learn_classes(examples, teaching=Teaching()), suggestions)
+    calibrations = calibrate_thresholds(examples, negatives=others[:2])
+    library = apply_calibrations(learn_classes(examples, training=TrainingOptions()), calibrations)
     fresh = [
         (f"class{c}", item) for c in (1, 2, 3) for item in performances(c, 8, first=50, flaws=0.04)
     ]
     stream = make_stream(fresh, others[2:], other_per_frame=3.0, rng=np.random.default_rng(5))
-    recording = replace(sequence(np.zeros((1, 40))), words=stream.words, known=stream.known)
-    recording = replace(recording, file_frames=len(stream.words))
+    recording = replace(sequence(np.zeros((1, 40))), packed=stream.packed, known=stream.known)
+    recording = replace(recording, file_frames=len(stream.packed))
     claimed = [Segment(x.name, 30 * x.start_s, 30 * x.end_s) for x in annotate(recording, library)]
     counted = pool_counts(count_overlaps(claimed, stream.truth).values())
-    promised = [(s.precision, s.recall) for s in suggestions.values()]
+    promised = [(s.precision, s.recall) for s in calibrations.values()]
     assert counted.correct / counted.predicted >= np.mean(promised, axis=0)[0]
     assert counted.found / counted.true >= np.mean(promised, axis=0)[1]
-    assert all(0.5 < share < 1.0 for pair in promised for share in pair)
+    assert all(0.5 < fraction < 1.0 for pair in promised for fraction in pair)
 
 
 def test_what_a_suggestion_tells():
     examples = made_examples(5)
-    suggestions = suggest_thresholds(examples)
-    assert list(suggestions) == list(examples)
+    calibrations = calibrate_thresholds(examples)
+    assert list(calibrations) == list(examples)
     frames = {name: sum(len(i) for i in subs[name]) for name, subs in examples.items()}
-    for name, one in suggestions.items():
-        assert isinstance(one, Suggestion)
+    for name, one in calibrations.items():
+        assert isinstance(one, Calibration)
         assert TRIED[0] <= one.threshold <= TRIED[-1]
         assert one.n_positives == 5
         other = sum(frames.values()) - frames[name]
@@ -214,7 +214,7 @@ def test_what_a_suggestion_tells():
 
 
 def test_promises_are_careful_where_there_was_little_to_tell_from():
-    few, many = (suggest_thresholds(made_examples(n)) for n in (3, 12))
+    few, many = (calibrate_thresholds(made_examples(n)) for n in (3, 12))
     for name in few:
         # All were found without a false label; the promise is that of one more of each.
         assert few[name].recall == pytest.approx(4 / 5)
@@ -225,28 +225,28 @@ def test_promises_are_careful_where_there_was_little_to_tell_from():
 def test_a_class_of_few_examples_is_drawn_to_what_is_common():
     easy = made_examples(16, classes=(1, 2, 3), flaws=0.0, slowest=1.05)
     rare = performances(4, 2, flaws=0.0, slowest=1.05)
-    suggestions = suggest_thresholds({**easy, "rare": {"rare": rare}}, negatives=[noise(1)])
-    common = np.mean([suggestions[name].threshold for name in easy])
-    assert abs(suggestions["rare"].threshold - common) < 0.02
+    calibrations = calibrate_thresholds({**easy, "rare": {"rare": rare}}, negatives=[noise(1)])
+    common = np.mean([calibrations[name].threshold for name in easy])
+    assert abs(calibrations["rare"].threshold - common) < 0.02
 
 
 def test_negatives_that_look_alike_lower_the_threshold():
     examples = made_examples(8)
     near = made_class(1) ^ (np.random.default_rng(1).random((40, 40)) < 0.12)
     alike = [perform(near, i, source=f"other{i}") for i in range(12)]
-    without = suggest_thresholds(examples)["class1"].threshold
-    assert suggest_thresholds(examples, negatives=alike)["class1"].threshold < without
+    without = calibrate_thresholds(examples)["class1"].threshold
+    assert calibrate_thresholds(examples, negatives=alike)["class1"].threshold < without
 
 
 def test_the_same_seed_gives_the_same_thresholds_in_any_number_of_processes():
     examples = made_examples(4)
-    first = suggest_thresholds(examples, negatives=[noise(1)], seed=3)
-    assert first == suggest_thresholds(examples, negatives=[noise(1)], seed=3, jobs=2)
+    first = calibrate_thresholds(examples, negatives=[noise(1)], seed=3)
+    assert first == calibrate_thresholds(examples, negatives=[noise(1)], seed=3, jobs=2)
 
 
 def test_progress_is_told_part_by_part():
     done = []
-    suggest_thresholds(made_examples(4), on_done=done.append)
+    calibrate_thresholds(made_examples(4), on_done=done.append)
     assert len(done) == N_FOLDS
 
 
@@ -259,11 +259,11 @@ def test_progress_is_told_part_by_part():
     ],
 )
 def test_nothing_is_suggested_where_nothing_can_be_told(examples):
-    assert suggest_thresholds(examples) == {}
+    assert calibrate_thresholds(examples) == {}
 
 
 def test_one_class_against_other_recordings():
-    (one,) = suggest_thresholds(
+    (one,) = calibrate_thresholds(
         {"only": {"only": performances(1, 6)}}, negatives=[noise(1), noise(2)]
     ).values()
     assert one.recall > 0.8
@@ -275,27 +275,27 @@ def test_subclasses_and_mirror_images_take_part():
         "kick": {"front": performances(1, 4), "side": performances(2, 4)},
         "squat": {"squat": performances(3, 4)},
     }
-    suggestions = suggest_thresholds(examples, teaching=Teaching(mirror=True))
-    assert suggestions["kick"].n_positives == 8
-    assert suggestions["squat"].n_positives == 4
+    calibrations = calibrate_thresholds(examples, training=TrainingOptions(mirror=True))
+    assert calibrations["kick"].n_positives == 8
+    assert calibrations["squat"].n_positives == 4
 
 
 def test_learning_with_suggestions_writes_them_down(tmp_path):
     examples = {name: subs[name] for name, subs in made_examples(5).items()}
     examples["rare"] = performances(9, 1)
-    plain, suggested = learn(examples, suggest=False), learn(examples, suggest=True)
-    expected = suggest_thresholds({name: {name: items} for name, items in examples.items()})
+    plain, calibrated = learn(examples, calibrate=False), learn(examples, calibrate=True)
+    expected = calibrate_thresholds({name: {name: items} for name, items in examples.items()})
     assert {c.threshold for c in plain} == {THRESHOLD}
-    for one in suggested:
+    for one in calibrated:
         if one.name == "rare":
-            assert (one.threshold, one.promised_precision) == (THRESHOLD, None)
+            assert (one.threshold, one.estimated_precision) == (THRESHOLD, None)
             continue
         assert one.threshold == expected[one.name].threshold
-        assert one.promised_precision == round(expected[one.name].precision, 3)
-        assert one.promised_recall == round(expected[one.name].recall, 3)
-    suggested.save(tmp_path / "library")
+        assert one.estimated_precision == round(expected[one.name].precision, 3)
+        assert one.estimated_recall == round(expected[one.name].recall, 3)
+    calibrated.save(tmp_path / "library")
     again = load_library(tmp_path / "library")
-    for one, other in zip(suggested, again, strict=True):
-        assert one.promised_precision == other.promised_precision
-        assert one.promised_recall == other.promised_recall
+    for one, other in zip(calibrated, again, strict=True):
+        assert one.estimated_precision == other.estimated_precision
+        assert one.estimated_recall == other.estimated_recall
         assert one.threshold == other.threshold

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motionary.errors import InvalidInput
-from motionary.models.keyframes import index_words
+from motionary.models.keyframes import index_packed
 from motionary.models.query_learning import Breeding, Copying, Individual
 from motionary.models.query_learning.clips import Clips
 from motionary.models.query_learning.copies import vary
@@ -56,7 +56,7 @@ def random_clips(rng, count=6, longest=9):
 
 def index_of(clips, known):
     ids = tuple(f"R{i}" for i in range(N_FEATURES))
-    return index_words(
+    return index_packed(
         [pack(c) for c in clips], [pack(k) for k in known], feature_set="five", feature_ids=ids
     )
 

@@ -9,7 +9,7 @@ import pytest
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, compute_features
 from motionary.io import read
-from motionary.models.keyframes import index_words, search_query
+from motionary.models.keyframes import index_packed, search_query
 from motionary.models.query_learning import (
     PUBLISHED,
     Breeding,
@@ -34,9 +34,9 @@ def clip(order, seed, length=24) -> FeatureSequence:
     rng = np.random.default_rng(seed)
     bits = np.zeros((length, len(FULL_BODY)), dtype=np.bool_)
     bits[:, 30:] = rng.random((length, len(FULL_BODY) - 30)) < 0.2
-    for k, relation in enumerate(order):
+    for k, feature in enumerate(order):
         start = length * (1 + 3 * k) // 6
-        bits[start : start + length // 5, relation] = True
+        bits[start : start + length // 5, feature] = True
     return FeatureSequence(pack(bits), full_mask(length, len(FULL_BODY)), FULL_BODY, f"clip {seed}")
 
 
@@ -56,8 +56,8 @@ def learned(positives, negatives):
 
 
 def index_of(clips):
-    return index_words(
-        [c.words for c in clips], feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids
+    return index_packed(
+        [c.packed for c in clips], feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids
     )
 
 
@@ -177,8 +177,8 @@ def test_bad_examples_are_refused(positives, negatives):
         learn_query(positives, negatives, groups=["a", "b"])
     with pytest.raises(InvalidInput, match="at least 1 run"):
         learn_query(positives, negatives, runs=0)
-    words = np.zeros((9, 1), dtype=np.uint64)
-    other = FeatureSequence(words, full_mask(9, len(FULL_BODY_2006)), FULL_BODY_2006)
+    packed = np.zeros((9, 1), dtype=np.uint64)
+    other = FeatureSequence(packed, full_mask(9, len(FULL_BODY_2006)), FULL_BODY_2006)
     with pytest.raises(InvalidInput, match="use one set for all"):
         learn_query(positives, [*negatives, other])
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motionary.models import templates
 from motionary.errors import InvalidInput
+from motionary.models import templates
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, mirror, quantise
 from motionary.packing import unpack
 from oracles import learning as oracle
@@ -58,7 +58,7 @@ def test_rounding_noise_outside_0_and_1_is_clipped():
 
 
 @pytest.mark.parametrize(
-    ("values", "changes", "words"),
+    ("values", "changes", "packed"),
     [
         (np.zeros(3), {}, "columns, features"),
         (np.zeros((0, 3)), {}, "at least 1"),
@@ -76,20 +76,21 @@ def test_rounding_noise_outside_0_and_1_is_clipped():
         ([[0.5]], {"n_examples": 0}, "n_examples"),
     ],
 )
-def test_a_malformed_template_is_refused(values, changes, words):
-    with pytest.raises(InvalidInput, match=words):
+def test_a_malformed_template_is_refused(values, changes, packed):
+    with pytest.raises(InvalidInput, match=packed):
         template_of(values, **changes)
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 0.05, 0.1, 0.25, 0.49])
 def test_quantising_is_inclusive_for_every_share_of_up_to_30_examples(tolerance):
-    shares = [Fraction(k, n) for n in range(1, 31) for k in range(n + 1)]
+    fractions = [Fraction(k, n) for n in range(1, 31) for k in range(n + 1)]
     # As averages come: summed, then divided. Compare with exact fractions.
     means = [
-        float(np.mean([1.0] * s.numerator + [0.0] * (s.denominator - s.numerator))) for s in shares
+        float(np.mean([1.0] * s.numerator + [0.0] * (s.denominator - s.numerator)))
+        for s in fractions
     ]
     quantised = quantise(template_of([means]), tolerance=tolerance)
-    wanted = [oracle.quantise(share, Fraction(str(tolerance))) for share in shares]
+    wanted = [oracle.quantise(fraction, Fraction(str(tolerance))) for fraction in fractions]
     assert quantised.fixed[0].tolist() == [w is not None for w in wanted]
     assert quantised.values[0].tolist() == [w == 1 for w in wanted]
 
@@ -132,7 +133,7 @@ def test_a_tolerance_outside_0_to_half_is_refused(tolerance):
 def test_an_all_free_template_is_legal_and_says_so():
     quantised = quantise(template_of(np.full((3, 2), 0.5)), tolerance=0.1)
     assert quantised.n_fixed == 0
-    assert not quantised.fixed_words.any()
+    assert not quantised.packed_fixed.any()
 
 
 @pytest.mark.parametrize("n_features", [1, 39, 40, 64, 65, 130])
@@ -140,8 +141,8 @@ def test_words_hold_the_matrices(n_features):
     values = np.random.default_rng(1).choice([0.0, 0.3, 1.0], size=(7, n_features))
     quantised = quantise(template_of(values), tolerance=0.1)
     assert (quantised.n_columns, quantised.n_features) == (7, n_features)
-    assert np.array_equal(unpack(quantised.value_words, n_features), values == 1.0)
-    assert np.array_equal(unpack(quantised.fixed_words, n_features), values != 0.3)
+    assert np.array_equal(unpack(quantised.packed_values, n_features), values == 1.0)
+    assert np.array_equal(unpack(quantised.packed_fixed, n_features), values != 0.3)
     assert quantised.n_fixed == np.count_nonzero(values != 0.3)
 
 
@@ -154,7 +155,7 @@ def test_a_free_cell_carries_no_value():
         feature_set="a set",
     )
     assert quantised.values.tolist() == [[True, False]]
-    assert quantised.value_words.tolist() == [[1]]
+    assert quantised.packed_values.tolist() == [[1]]
 
 
 @pytest.mark.parametrize(
@@ -196,7 +197,7 @@ def test_mirroring_swaps_and_twice_gives_the_template_back(order):
 
 
 @pytest.mark.parametrize(
-    ("order", "words"),
+    ("order", "packed"),
     [
         ([0, 1], "3 features"),
         ([0, 0, 1], "once"),
@@ -206,8 +207,8 @@ def test_mirroring_swaps_and_twice_gives_the_template_back(order):
         ([1, 2, 0], "swap pairs"),
     ],
 )
-def test_an_order_that_is_no_mirror_is_refused(order, words):
-    with pytest.raises(InvalidInput, match=words):
+def test_an_order_that_is_no_mirror_is_refused(order, packed):
+    with pytest.raises(InvalidInput, match=packed):
         mirror(template_of(np.zeros((1, 3))), order)
 
 

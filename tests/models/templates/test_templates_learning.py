@@ -146,8 +146,8 @@ def test_small_batches_find_the_same_paths(monkeypatch):
 @given(stack=stacks(values=(0.0, 0.3, 0.5, 1.0)))
 def test_a_pass_is_that_of_the_definition(stack):
     found, cost = one_pass(stack)
-    wanted, dearest = oracle.one_pass(examples_of(stack))
-    assert cost == pytest.approx(dearest, abs=1e-12)
+    wanted, highest_cost = oracle.one_pass(examples_of(stack))
+    assert cost == pytest.approx(highest_cost, abs=1e-12)
     for (columns, weights), (columns_wanted, weights_wanted) in zip(
         examples_of(found), wanted, strict=True
     ):
@@ -389,7 +389,7 @@ GOOD = np.zeros((3, 2))
 
 
 @pytest.mark.parametrize(
-    ("matrices", "changes", "words"),
+    ("matrices", "changes", "packed"),
     [
         ([], {}, "at least one example"),
         ([GOOD, np.zeros((3, 4))], {}, r"\[2, 4\]"),
@@ -404,9 +404,9 @@ GOOD = np.zeros((3, 2))
         ([GOOD], {"feature_set": ""}, "feature set"),
     ],
 )
-def test_bad_input_is_refused(matrices, changes, words):
+def test_bad_input_is_refused(matrices, changes, packed):
     settings = {"feature_names": ["a", "b"], "feature_set": "a set"} | changes
-    with pytest.raises(InvalidInput, match=words):
+    with pytest.raises(InvalidInput, match=packed):
         learn_template(matrices, **settings)
 
 

@@ -64,16 +64,16 @@ def test_sweeping_is_found_where_it_was_planted():
         features[start : start + 55, asked] = True
         features[start + 20 : start + 23, asked[0]] = False  # the hand turns round
     pattern = pattern_of(quantise(template_from_text(SWEEPING), tolerance=0.05))
-    words, known = pack(features), full_mask(len(features), 40)
-    distance = distance_function(pattern, words, known)
-    hits = find_hits(distance, pattern, words, known, threshold=0.1)
+    packed, known = pack(features), full_mask(len(features), 40)
+    distance = distance_function(pattern, packed, known)
+    hits = find_hits(distance, pattern, packed, known, threshold=0.1)
     planted = {start: set(range(start, start + 55)) for start in (200, 640)}
     found = {}
     for hit in hits:
         frames = set(range(hit.start, hit.stop))
-        shares = {start: len(frames & inside) / len(frames) for start, inside in planted.items()}
-        best = max(shares, key=shares.get)
-        assert shares[best] > 0.9
+        fractions = {start: len(frames & inside) / len(frames) for start, inside in planted.items()}
+        best = max(fractions, key=fractions.get)
+        assert fractions[best] > 0.9
         found[best] = min(hit.cost, found.get(best, 1.0))
     assert found.keys() == planted.keys()
     assert max(found.values()) < 0.03
@@ -108,17 +108,17 @@ def test_what_lasts_longer_than_its_lines_ends_free():
 
 
 @pytest.mark.parametrize(
-    ("stretch", "columns"),
+    ("segment", "columns"),
     [("0.3 to 0.5 s", 12), ("0.5 s to 0.5 s", 15), ("0.2 to 0.7 s", 11), ("1 to 2 s", 42)],
 )
-def test_a_range_gets_the_length_whose_half_and_double_cover_it(stretch, columns):
-    least, most = (float(word) for word in stretch.replace("s", "").split(" to "))
-    template = template_from_text(f"for {stretch}: body low")
+def test_a_range_gets_the_length_whose_half_and_double_cover_it(segment, columns):
+    least, most = (float(word) for word in segment.replace("s", "").split(" to "))
+    template = template_from_text(f"for {segment}: body low")
     assert template.n_columns == columns
     assert columns / 2 <= round(30 * least)
     assert round(30 * most) <= 2 * columns
     # Without any cost, at both ends of the range.
-    pattern = pattern_of(quantise(template_from_text(f"for {stretch}: F37"), tolerance=0.0))
+    pattern = pattern_of(quantise(template_from_text(f"for {segment}: F37"), tolerance=0.0))
     low = index_of("body low")
     for seconds in (least, most):
         features = np.zeros((round(30 * seconds) + 8, 40), dtype=bool)
@@ -138,11 +138,11 @@ def test_what_is_written_reads_back(states):
 
 @given(data=st.data())
 def test_long_stretches_read_back_too(data):
-    stretches = data.draw(
+    segments = data.draw(
         arrays(np.int8, st.tuples(st.integers(1, 8), st.just(14)), elements=st.integers(-1, 1))
     )
     repeats = data.draw(st.lists(st.integers(1, 60), min_size=8, max_size=8))
-    template = template_of(np.repeat(STATES[stretches], repeats[: len(stretches)], axis=0), LEGS)
+    template = template_of(np.repeat(STATES[segments], repeats[: len(segments)], axis=0), LEGS)
     text = template_to_text(template, tolerance=0.0)
     assert np.array_equal(template_from_text(text, feature_set=LEGS).values, template.values)
 
@@ -158,11 +158,11 @@ def test_every_known_set_has_names_that_read_back(feature_set):
 
 def test_names_that_would_be_misread_are_written_as_ids():
     names = ("not there", "knee, bent", "anything", "same", "same", "fast # slow", "a: b", "R1")
-    relations = [
-        replace(FULL_BODY.relations[16], id=f"R{i}", mirror=f"R{i}", name=name)
+    features = [
+        replace(FULL_BODY.features[16], id=f"R{i}", mirror=f"R{i}", name=name)
         for i, name in enumerate(names)
     ]
-    odd = FeatureSet("odd", tuple(relations))
+    odd = FeatureSet("odd", tuple(features))
     values = np.random.default_rng(4).choice([0.0, 0.5, 1.0], size=(9, len(odd)))
     text = template_to_text(template_of(values, odd), tolerance=0.0, feature_set=odd)
     assert np.array_equal(template_from_text(text, feature_set=odd).values, values)
@@ -285,8 +285,8 @@ def test_texts_of_unknown_or_other_sets_are_refused():
 
 
 def test_a_set_without_readable_names_cannot_be_written():
-    relation = replace(FULL_BODY.relations[16], id="a,b", mirror="a,b", name="c,d")
-    odd = FeatureSet("odd", (relation,))
+    feature = replace(FULL_BODY.features[16], id="a,b", mirror="a,b", name="c,d")
+    odd = FeatureSet("odd", (feature,))
     with pytest.raises(InvalidInput, match="'a,b' of 'odd' has no name that reads back"):
         template_to_text(template_of([[1.0]], odd), tolerance=0.0, feature_set=odd)
 
@@ -296,4 +296,4 @@ def test_more_than_64_relations_are_no_matter():
     template = template_from_text(text, feature_set=THREE_LEVELS)
     fixed = quantise(template, tolerance=0.05)
     assert fixed.n_fixed == 45
-    assert fixed.fixed_words.shape == (15, 3)
+    assert fixed.packed_fixed.shape == (15, 3)

@@ -16,7 +16,7 @@ from motionary.errors import UnreadableFile
 from motionary.io.formats.asf import AcclaimSkeleton, Bone, read_asf
 from motionary.io.formats.numbers import read_frames
 from motionary.io.formats.pose import place_joints
-from motionary.io.normalise.body_frame import Claims, rescale, settle_claims, turn
+from motionary.io.normalise.body_frame import FileMetadata, rescale, settle_claims, turn
 from motionary.io.suffixes import stem_of
 from motionary.io.text import read_text
 from motionary.motion import Motion
@@ -32,7 +32,7 @@ RATE_HZ = 120.0
 
 # The skeleton lies beside the motion or in one of this many folders above it.
 _FOLDERS_ABOVE = 2
-_CLAIMS = Claims(unit="m", by_definition=True)
+_CLAIMS = FileMetadata(unit="m", by_definition=True)
 _KEYWORDS = {":degrees": True, ":radians": False}
 
 
@@ -94,7 +94,7 @@ def read_amc(
     motion = _to_motion(path.name, acclaim, layout, body, values[:, 1:], int(numbers[0]), rate_hz)
     names, tree, positions = motion.names, motion.skeleton, motion.positions
     motion = replace(motion, mapping=find_mapping(names, tree, positions, told=skeleton))
-    return _settle(motion, acclaim.metres, unit, up)
+    return _normalise(motion, acclaim.metres, unit, up)
 
 
 def list_asf(folder: Path) -> dict[str, Path]:
@@ -298,14 +298,16 @@ def _to_motion(
     )
 
 
-def _settle(motion: Motion, metres: float, unit: float | str | None, up: str | None) -> Motion:
+def _normalise(motion: Motion, metres: float, unit: float | str | None, up: str | None) -> Motion:
     """The motion with y up and, if told, in another unit than the skeleton says."""
     if unit is not None:
         motion = rescale(motion, 1 / metres)
     # Lengths are inches or metres by definition; only what is noticed is worth a note.
-    settled = settle_claims(motion, _CLAIMS if unit is None else Claims(), unit=unit, up=up)
-    notes = settled.notes if unit is not None else settled.notes[1:]
-    motion = turn(rescale(motion, settled.metres), settled.up)
+    normalised = settle_claims(
+        motion, _CLAIMS if unit is None else FileMetadata(), unit=unit, up=up
+    )
+    notes = normalised.notes if unit is not None else normalised.notes[1:]
+    motion = turn(rescale(motion, normalised.metres), normalised.up)
     return replace(motion, notes=(*motion.notes, *notes))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from motionary.errors import UnreadableFile
 from motionary.io.formats.numbers import read_frames
 from motionary.io.formats.pose import place_joints
-from motionary.io.normalise.body_frame import Claims, settle
+from motionary.io.normalise.body_frame import FileMetadata, normalise
 from motionary.io.text import read_text
 from motionary.motion import Motion, Skeleton
 from motionary.rotations import Floats, euler_to_quaternions
@@ -95,7 +95,7 @@ def read_bvh(
     notes += _compare_length(table, len(values), path.name)
     rate = _rate(table, path.name) if rate_hz is None else rate_hz
     motion = _to_motion(path.name, nodes, values, rate, skeleton, notes)
-    return settle(motion, Claims(), unit=unit, up=up)
+    return normalise(motion, FileMetadata(), unit=unit, up=up)
 
 
 class _HierarchyReader:

@@ -211,9 +211,9 @@ def _value_points(head: Head, labels: tuple[str, ...]) -> set[int]:
     found = set()
     for i, label in enumerate(labels):
         by_name = label in listed or _bare(label) in listed or _VALUE_NAME.search(_bare(label))
-        by_words = i < len(described) and _VALUE_WORDS.search(described[i])
+        by_packed = i < len(described) and _VALUE_WORDS.search(described[i])
         by_unit = len(units) > 1 and i < len(units) and _VALUE_UNITS.match(units[i])
-        if by_name or by_words or by_unit:
+        if by_name or by_packed or by_unit:
             found.add(i)
     return found
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from motionary.errors import UnreadableFile
 from motionary.io.formats.numpy_files import Array, read_npz
 from motionary.io.formats.points import number_doubles
-from motionary.io.normalise.body_frame import Claims, rescale, settle_claims, turn
+from motionary.io.normalise.body_frame import FileMetadata, rescale, settle_claims, turn
 from motionary.motion import Motion, Skeleton
 from motionary.rotations import (
     conjugate_quaternions,
@@ -80,9 +80,9 @@ def read_fbx(
     if int(arrays["n_takes"]) > 1:
         notes.append(f"the first of {int(arrays['n_takes'])} takes")
     motion = _to_motion(arrays, path.name, rate_hz, skeleton, notes)
-    settled = settle_claims(motion, Claims("m", "y"), unit=unit, up=up)
-    motion = turn(rescale(motion, settled.metres), settled.up)
-    told = [note for note in settled.notes if note.endswith("as told") or "; " in note]
+    normalised = settle_claims(motion, FileMetadata("m", "y"), unit=unit, up=up)
+    motion = turn(rescale(motion, normalised.metres), normalised.up)
+    told = [note for note in normalised.notes if note.endswith("as told") or "; " in note]
     return replace(motion, notes=(*motion.notes, *told))
 
 

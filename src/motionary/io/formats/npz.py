@@ -18,7 +18,7 @@ from motionary.errors import NO_MOTION, UnreadableFile
 from motionary.io.formats.arrays import array_to_motion, check_positions, name_joints
 from motionary.io.formats.numpy_files import Array, read_npz
 from motionary.io.formats.smpl import is_smpl, read_smpl_arrays
-from motionary.io.normalise.body_frame import Claims, rescale, settle_claims, turn
+from motionary.io.normalise.body_frame import FileMetadata, rescale, settle_claims, turn
 from motionary.motion import Event, JointMapping, Motion, Skeleton
 from motionary.skeletons import (
     SkeletonTable,
@@ -32,7 +32,7 @@ from motionary.skeletons import (
 Floats = NDArray[np.float64]
 
 _FORMAT = 1
-_OWN = Claims("m", "y")
+_OWN = FileMetadata("m", "y")
 _POSITIONS = ("positions", "joints", "keypoints3d", "joints3d", "jtr", "xyz")
 _NAMES = ("names", "joint_names", "marker_names", "labels")
 RATES = ("rate_hz", "fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate")
@@ -68,9 +68,9 @@ def read_npz_motion(
         motion = _read_own(arrays, path.name, rate_hz, skeleton)
         if unit is None and up is None:
             return motion
-        settled = settle_claims(motion, _OWN, unit=unit, up=up)
-        told = [note for note in settled.notes if note.endswith("as told")]
-        return replace(turn(rescale(motion, settled.metres), settled.up), notes=tuple(told))
+        normalised = settle_claims(motion, _OWN, unit=unit, up=up)
+        told = [note for note in normalised.notes if note.endswith("as told")]
+        return replace(turn(rescale(motion, normalised.metres), normalised.up), notes=tuple(told))
     rate = rate_hz if rate_hz is not None else find_rate(arrays)
     if is_smpl(arrays):
         return read_smpl_arrays(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import UnreadableFile
-from motionary.io.normalise.body_frame import Claims, settle
+from motionary.io.normalise.body_frame import FileMetadata, normalise
 from motionary.motion import Event, JointMapping, Motion
 from motionary.skeletons import SkeletonTable, find_mapping
 
@@ -72,7 +72,7 @@ def to_motion(points: Points, *, unit: float | str | None, up: str | None) -> Mo
     if (np.abs(positions) > FARTHEST).any():
         raise UnreadableFile(f"{points.source}: has impossibly large numbers")
     names = tuple(points.names)
-    claims = Claims(points.unit, points.up, points.usual_unit, points.usual_up, _LIKELY)
+    metadata = FileMetadata(points.unit, points.up, points.usual_unit, points.usual_up, _LIKELY)
     motion = Motion(
         names=names,
         positions=positions,
@@ -83,7 +83,7 @@ def to_motion(points: Points, *, unit: float | str | None, up: str | None) -> Mo
         events=points.events,
         notes=points.notes,
     )
-    return settle(motion, claims, unit=unit, up=up)
+    return normalise(motion, metadata, unit=unit, up=up)
 
 
 def number_doubles(names: list[str]) -> list[str]:

@@ -18,7 +18,7 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.numpy_files import Array, read_npz
 from motionary.io.formats.pose import place_joints
 from motionary.io.normalise.axes import turn_up
-from motionary.io.normalise.body_frame import Claims, settle_claims
+from motionary.io.normalise.body_frame import FileMetadata, settle_claims
 from motionary.io.normalise.units import metres_per_unit
 from motionary.motion import Motion, Skeleton
 from motionary.rotations import (
@@ -153,11 +153,11 @@ def find_up(pose: Pose, source: str, *, up: str | None, usual: str, whose: str) 
     some = slice(None, None, 1 + len(pose.turns) // _LOOKED_AT)
     sample = Pose(pose.turns[some], pose.root[some])
     body = pose_to_motion(sample, source, rate_hz=1.0, up="y", notes=())
-    claims = Claims(unit="m", usual_up=usual, by_definition=True)
-    settled = settle_claims(body, claims, unit=None, up=up)
-    if up is None and settled.up == usual:
+    metadata = FileMetadata(unit="m", usual_up=usual, by_definition=True)
+    normalised = settle_claims(body, metadata, unit=None, up=up)
+    if up is None and normalised.up == usual:
         return usual, f"{usual} up, as {whose} has"
-    return settled.up, settled.notes[1]
+    return normalised.up, normalised.notes[1]
 
 
 def pose_to_motion(

@@ -69,14 +69,14 @@ class Stance:
     is_planted : whether a foot stays where it is while the hips move, as of who stands
     """
 
-    shares: dict[str, float]
+    fractions: dict[str, float]
     floors: dict[str, float]
     walks: bool
     is_planted: bool
 
     def stands(self, axis: str) -> bool:
         """Whether the body stands along an axis now and then."""
-        return self.shares[axis] >= _NOW_AND_THEN
+        return self.fractions[axis] >= _NOW_AND_THEN
 
     def steadier(self, axis: str, other: str) -> bool:
         """Whether there is a floor along one axis rather than along the other."""
@@ -84,8 +84,8 @@ class Stance:
 
     def refutes(self, axis: str) -> str | None:
         """The axis along which the body clearly stands, if it clearly is not the given one."""
-        best = max(self.shares, key=lambda a: self.shares[a])
-        never = self.shares[axis] < _HARDLY_EVER and self.shares[best] > _MOSTLY
+        best = max(self.fractions, key=lambda a: self.fractions[a])
+        never = self.fractions[axis] < _HARDLY_EVER and self.fractions[best] > _MOSTLY
         return best if never and not is_still(self, usual=axis, seen=best) else None
 
 
@@ -148,15 +148,15 @@ def find_stance(generic: Floats) -> Stance | None:
     cosines = along / np.maximum(lengths, 1e-12)
     size = max(float(np.median(lengths)), 1e-12)
     bodies = bodies[:, ~np.isnan(bodies).all(axis=(0, 2))]
-    shares = {}
+    fractions = {}
     for i, letter in enumerate("xyz"):
-        shares[letter] = float((cosines[:, i] > _CLEAR).mean())
-        shares[f"-{letter}"] = float((cosines[:, i] < -_CLEAR).mean())
+        fractions[letter] = float((cosines[:, i] > _CLEAR).mean())
+        fractions[f"-{letter}"] = float((cosines[:, i] < -_CLEAR).mean())
     ends = np.hstack((np.nanmin(bodies, axis=1), np.nanmax(bodies, axis=1)))
     wander = _wandering(ends) / size if has_feet else np.zeros(6)
     floors = dict(zip(("x", "y", "z", "-x", "-y", "-z"), wander.tolist(), strict=True))
     walks, is_planted = _walks(generic[seen], along, size), _is_planted(generic[seen], size)
-    return Stance(shares, floors, walks, is_planted)
+    return Stance(fractions, floors, walks, is_planted)
 
 
 def detect_up(stance: Stance | None, *, usual: str) -> str | None:
@@ -173,7 +173,7 @@ def detect_up(stance: Stance | None, *, usual: str) -> str | None:
     standing = [axis for axis in UPS if stance.stands(axis)]
     if not standing:
         return None
-    best = usual if usual in standing else max(standing, key=lambda axis: stance.shares[axis])
+    best = usual if usual in standing else max(standing, key=lambda axis: stance.fractions[axis])
     rivals = [axis for axis in standing if stance.steadier(axis, best)]
     best = min(rivals, key=lambda axis: stance.floors[axis]) if rivals else best
     if usual in standing:

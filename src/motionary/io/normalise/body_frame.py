@@ -23,7 +23,7 @@ _LOOKED_AT = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Claims:
+class FileMetadata:
     """What a file or its format says of unit and axes.
 
     Attributes
@@ -43,7 +43,7 @@ class Claims:
     by_definition: bool = False
 
 
-class Settled(NamedTuple):
+class Normalised(NamedTuple):
     """Metres per unit, the axis that is up, and a note on each."""
 
     metres: float
@@ -51,8 +51,12 @@ class Settled(NamedTuple):
     notes: tuple[str, ...]
 
 
-def settle(
-    motion: Motion, claims: Claims, *, unit: float | str | None = None, up: str | None = None
+def normalise(
+    motion: Motion,
+    metadata: FileMetadata,
+    *,
+    unit: float | str | None = None,
+    up: str | None = None,
 ) -> Motion:
     """The motion in metres with y up.
 
@@ -67,24 +71,24 @@ def settle(
     InvalidInput
         If the caller or the file contradicts the body, or it lies or stands, one cannot know.
     """
-    settled = settle_claims(motion, claims, unit=unit, up=up)
-    scaled = rescale(motion, settled.metres)
-    return replace(turn(scaled, settled.up), notes=(*settled.notes, *motion.notes))
+    normalised = settle_claims(motion, metadata, unit=unit, up=up)
+    scaled = rescale(motion, normalised.metres)
+    return replace(turn(scaled, normalised.up), notes=(*normalised.notes, *motion.notes))
 
 
 def settle_claims(
-    motion: Motion, claims: Claims, *, unit: float | str | None, up: str | None
-) -> Settled:
+    motion: Motion, metadata: FileMetadata, *, unit: float | str | None, up: str | None
+) -> Normalised:
     """What `settle` would do; errors are the same."""
     some = replace(
         motion, positions=motion.positions[:: 1 + motion.n_frames // _LOOKED_AT], rotations=None
     )
     body = some.generic_positions() if some.mapping else None
     length = units.measure_body(body, some.positions, some.skeleton)
-    metres, unit_note = _settle_unit(motion.source, claims, unit, length)
+    metres, unit_note = _normalise_unit(motion.source, metadata, unit, length)
     stance = None if body is None else axes.find_stance(body)
-    axis, up_note = _settle_up(motion, claims, up, stance)
-    return Settled(metres, axis, (unit_note, up_note))
+    axis, up_note = _normalise_up(motion, metadata, up, stance)
+    return Normalised(metres, axis, (unit_note, up_note))
 
 
 def rescale(motion: Motion, metres: float) -> Motion:
@@ -121,8 +125,8 @@ def turn(motion: Motion, up: str) -> Motion:
     )
 
 
-def _settle_unit(
-    source: str, claims: Claims, unit: float | str | None, length: units.Length | None
+def _normalise_unit(
+    source: str, metadata: FileMetadata, unit: float | str | None, length: units.Length | None
 ) -> tuple[float, str]:
     if unit is not None:
         metres = units.metres_per_unit(unit)
@@ -133,26 +137,26 @@ def _settle_unit(
                 f"if the body is so large, as a number: {metres:g}"
             )
         return metres, f"unit {str(unit).removesuffix(axes.INSISTS)}, as told"
-    if claims.unit is not None:
-        metres = units.METRES[claims.unit]
+    if metadata.unit is not None:
+        metres = units.METRES[metadata.unit]
         if length is not None and units.is_absurd(length, metres):
             raise InvalidInput(
-                f"{source}: says that it is in {claims.unit}, which makes {length.said(metres)}; "
+                f"{source}: says that it is in {metadata.unit}, which makes {length.said(metres)}; "
                 f"by the body it is {units.nearest_unit(length)}; say which with --unit "
                 f"(unit=...), and if the body is so large, as a number: {metres:g}"
             )
-        return metres, f"unit {claims.unit}, as the file says"
+        return metres, f"unit {metadata.unit}, as the file says"
     if length is None:
-        return units.METRES[claims.usual_unit], f"unit {claims.usual_unit}, assumed"
-    name = units.detect_unit(length, claims.likely)
+        return units.METRES[metadata.usual_unit], f"unit {metadata.usual_unit}, assumed"
+    name = units.detect_unit(length, metadata.likely)
     if name is None:
         metres = length.metres / length.units
         return metres, f"unit {metres:.3g} m, so that the body has {length.said(metres)}"
     return units.METRES[name], f"unit {name}, by {length.said(units.METRES[name])}"
 
 
-def _settle_up(
-    motion: Motion, claims: Claims, up: str | None, stance: axes.Stance | None
+def _normalise_up(
+    motion: Motion, metadata: FileMetadata, up: str | None, stance: axes.Stance | None
 ) -> tuple[str, str]:
     source = motion.source
     if up is not None:
@@ -164,19 +168,19 @@ def _settle_up(
                 f"{other}; say which with --up {other} or, to insist, --up '{axis}!' (up=...)"
             )
         return axis, f"{axis} up, as told"
-    usual = claims.up or claims.usual_up
+    usual = metadata.up or metadata.usual_up
     seen = axes.detect_up(stance, usual=usual)
     still = (
         stance is not None and seen is not None and axes.is_still(stance, usual=usual, seen=seen)
     )
-    if claims.up is not None and seen not in (None, claims.up) and not still:
+    if metadata.up is not None and seen not in (None, metadata.up) and not still:
         raise InvalidInput(
-            f"{source}: says that {claims.up} points up, but its head is above its "
-            f"feet along {seen}; say which with --up {claims.up} or --up {seen} (up=...)"
+            f"{source}: says that {metadata.up} points up, but its head is above its "
+            f"feet along {seen}; say which with --up {metadata.up} or --up {seen} (up=...)"
         )
     if still:
-        if claims.up is not None or claims.by_definition:
-            told_by = "as the file says" if claims.up is not None else "by definition"
+        if metadata.up is not None or metadata.by_definition:
+            told_by = "as the file says" if metadata.up is not None else "by definition"
             return usual, f"{usual} up, {told_by}; the body lies along {seen}, or stands still"
         if _rest_axis(motion) not in (None, seen):
             raise InvalidInput(
@@ -184,12 +188,12 @@ def _settle_up(
                 f"say which with --up {seen} or --up {usual} (up=...)"
             )
         return str(seen), f"{seen} up, by the body, which stands or lies still"
-    if claims.up is not None:
+    if metadata.up is not None:
         told_by = "as the file says"
     elif seen is not None:
         told_by = "by the body"
     else:
-        told_by = "by definition" if claims.by_definition else "assumed"
+        told_by = "by definition" if metadata.by_definition else "assumed"
     return seen or usual, f"{seen or usual} up, {told_by}"
 
 

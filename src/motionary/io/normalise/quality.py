@@ -31,7 +31,7 @@ _AT_HZ = 30.0
 _FEET = list(GENERIC_JOINTS.index(j) for j in ("lankle", "rankle", "ltoes", "rtoes"))
 
 
-def notice(motion: Motion) -> Motion:
+def check_quality(motion: Motion) -> Motion:
     """The motion with notes on what was noticed, and marked if it is kept in place."""
     notes = list(motion.notes)
     n_rest = count_rest_frames(motion.positions, motion.rate_hz)

@@ -55,7 +55,7 @@ def check_sides(sides: str) -> str:
     return sides
 
 
-def settle_sides(motion: Motion, sides: str | None) -> Motion:
+def normalise_sides(motion: Motion, sides: str | None) -> Motion:
     """The motion with left and right as they are told, else as the names say.
 
     Parameters

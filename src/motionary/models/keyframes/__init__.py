@@ -2,8 +2,8 @@
 
 from motionary.models.keyframes.building import (
     Vocabulary,
+    from_features,
     from_patterns,
-    from_relations,
     from_template,
     join_queries,
     mirror_query,
@@ -29,8 +29,8 @@ from motionary.models.keyframes.ranges import (
     margins,
 )
 from motionary.models.keyframes.ranking import columns_of_query, template_of_query
-from motionary.models.keyframes.search import search_query, search_words
-from motionary.models.keyframes.selecting import select_in_index, select_in_words
+from motionary.models.keyframes.search import search_packed, search_query
+from motionary.models.keyframes.selecting import select_in_index, select_in_sequence
 from motionary.models.keyframes.single import single_hits
 from motionary.models.keyframes.text import (
     format_queries,
@@ -38,7 +38,7 @@ from motionary.models.keyframes.text import (
     parse_queries,
     parse_query,
 )
-from motionary.models.keyframes.word_index import WordIndex, index_words
+from motionary.models.keyframes.word_index import WordIndex, index_packed
 
 __all__ = [
     "Choice",
@@ -62,21 +62,21 @@ __all__ = [
     "fit_hits",
     "format_queries",
     "format_query",
+    "from_features",
     "from_patterns",
-    "from_relations",
     "from_template",
     "gap_of",
     "gap_of_seconds",
-    "index_words",
+    "index_packed",
     "join_queries",
     "margins",
     "mirror_query",
     "parse_queries",
     "parse_query",
+    "search_packed",
     "search_query",
-    "search_words",
     "select_in_index",
-    "select_in_words",
+    "select_in_sequence",
     "single_hits",
     "spring_of",
     "template_of_query",

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 Integers = NDArray[np.int64]
 Borders = tuple[Integers, Integers, NDArray[np.int32]]
@@ -29,7 +29,7 @@ def _lowest(bits: np.uint64) -> np.int64:
 
 
 @numba.njit(cache=True, nogil=True)
-def _read_runs(planes: Words, rows: Integers, spans: Integers, at_most: int) -> Integers:
+def _read_runs(planes: PackedFeatures, rows: Integers, spans: Integers, at_most: int) -> Integers:
     """Runs (start, stop) of the positions that all rows hold in spans of blocks."""
     edges = np.empty(2 * at_most, dtype=np.int64)
     rarest = np.empty(_TILE, dtype=np.uint64)
@@ -138,7 +138,7 @@ def _hit_ranges(valid: list[Integers], gaps: Integers, documents: Borders) -> In
 
 @numba.njit(cache=True, nogil=True)
 def search_planes(
-    planes: Words,
+    planes: PackedFeatures,
     rows: Integers,
     ends: Integers,
     at_most: Integers,

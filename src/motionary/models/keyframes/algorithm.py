@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from motionary.models.keyframes.query import Gap, KeyframeQuery
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 
 class Segment(NamedTuple):
@@ -46,14 +46,16 @@ class Match(NamedTuple):
     hit_range: Segment
 
 
-def inverted_lists(words: Words, known: Words | None = None) -> dict[bytes, list[int]]:
+def inverted_lists(
+    packed: PackedFeatures, known: PackedFeatures | None = None
+) -> dict[bytes, list[int]]:
     """L(v): the frames of one document that show each word, in ascending order.
 
     Words of which different relations are known are different words; the key holds both.
     """
-    masks = np.full_like(words, ~np.uint64(0)) if known is None else known
+    masks = np.full_like(packed, ~np.uint64(0)) if known is None else known
     index: dict[bytes, list[int]] = {}
-    for n, row in enumerate(np.concatenate([words, masks], axis=1)):
+    for n, row in enumerate(np.concatenate([packed, masks], axis=1)):
         index.setdefault(row.tobytes(), []).append(n)
     return index
 

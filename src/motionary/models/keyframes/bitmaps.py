@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.models.keyframes.intervals import Intervals
-from motionary.packing import BITS, Words
+from motionary.packing import BITS, PackedFeatures
 
 Marks = NDArray[np.bool_]
 Integers = NDArray[np.int64]
@@ -38,7 +38,9 @@ _ONE = np.uint64(1)
 _TOP = np.uint64(BITS - 1)
 
 
-def conjunction(planes: Words, rows: list[int], near: Marks | None, out: Words) -> None:
+def conjunction(
+    planes: PackedFeatures, rows: list[int], near: Marks | None, out: PackedFeatures
+) -> None:
     """Write the frames that all rows of `planes` hold, at least those that `near` marks."""
     if near is not None:
         wanted = near.view(_MARKS_OF_BLOCK) != 0
@@ -58,12 +60,12 @@ def conjunction(planes: Words, rows: list[int], near: Marks | None, out: Words) 
         np.bitwise_and(out, planes[row], out=out)
 
 
-def mark(bitmap: Words) -> Marks:
+def mark(bitmap: PackedFeatures) -> Marks:
     """Stretches with a set bit."""
     return np.asarray(bitmap.view(_PART) != 0)
 
 
-def keep(bitmap: Words, marks: Marks) -> None:
+def keep(bitmap: PackedFeatures, marks: Marks) -> None:
     """Clear the bits of unmarked stretches."""
     parts = bitmap.view(_PART)
     np.multiply(parts, marks, out=parts)
@@ -88,9 +90,9 @@ def spread(marks: Marks, least: int, most: int | None) -> Marks:
                 result[:offset] |= marks[-offset:]
         return result
     before = np.concatenate([[0], np.cumsum(marks)])
-    stretch = np.arange(n)
-    upto = before[np.clip(stretch - first + 1, 0, n)]
-    return np.asarray(upto > before[np.clip(stretch - last, 0, n)])
+    segment = np.arange(n)
+    upto = before[np.clip(segment - first + 1, 0, n)]
+    return np.asarray(upto > before[np.clip(segment - last, 0, n)])
 
 
 def spread_back(marks: Marks, least: int, most: int | None) -> Marks:
@@ -100,7 +102,7 @@ def spread_back(marks: Marks, least: int, most: int | None) -> Marks:
     return spread(marks, -most, -least)
 
 
-def runs(bitmaps: Words) -> list[Intervals]:
+def runs(bitmaps: PackedFeatures) -> list[Intervals]:
     """Maximal runs of set bits of each row, shape (rows, blocks)."""
     n_rows, n_blocks = bitmaps.shape
     bitmap = bitmaps.reshape(-1)
@@ -127,7 +129,7 @@ def _shift(marks: Marks, offset: int) -> Marks:
     return result
 
 
-def _set_bits(bits: Words, blocks: Integers) -> Integers:
+def _set_bits(bits: PackedFeatures, blocks: Integers) -> Integers:
     """Positions of the set bits of some blocks, ascending."""
     left = np.flatnonzero(bits != 0)
     bits, bases = bits[left], blocks[left] * BITS

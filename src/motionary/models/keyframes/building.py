@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, WORD_HZ, FeatureSet
+from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSet
 from motionary.models.keyframes.query import (
     Gap,
     KeyframeQuery,
@@ -43,7 +43,7 @@ class Vocabulary(Protocol):
         """Phrases, in the order of the bits."""
 
 
-def from_relations(
+def from_features(
     keyframes: Sequence[Mapping[str, bool]],
     gaps: Sequence[Gap],
     *,
@@ -66,11 +66,11 @@ def from_relations(
     """
     shape = (len(keyframes), len(vocabulary.ids))
     values, fixed = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
-    for k, relations in enumerate(keyframes):
-        for relation, holds in relations.items():
-            i = find_feature(relation, vocabulary)
+    for k, features in enumerate(keyframes):
+        for feature, holds in features.items():
+            i = find_feature(feature, vocabulary)
             if fixed[k, i] and values[k, i] != holds:
-                raise InvalidInput(f"keyframe {k + 1} wants {relation!r} to hold and not to hold")
+                raise InvalidInput(f"keyframe {k + 1} wants {feature!r} to hold and not to hold")
             values[k, i], fixed[k, i] = holds, True
     return _query(values, fixed, gaps, vocabulary.name, vocabulary.ids, positions)
 
@@ -202,7 +202,7 @@ def join_queries(
     *,
     least_s: float,
     most_s: float,
-    rate_hz: float = WORD_HZ,
+    rate_hz: float = SEQUENCE_HZ,
 ) -> KeyframeQuery:
     """One query after the other, with a bounded pause.
 
@@ -241,9 +241,9 @@ def group_members(group: str, feature_set: FeatureSet) -> NDArray[np.bool_]:
     InvalidInput
         If no feature does.
     """
-    members = np.array([relation.group == group for relation in feature_set.relations])
+    members = np.array([feature.group == group for feature in feature_set.features])
     if not members.any():
-        known = sorted({relation.group for relation in feature_set.relations})
+        known = sorted({feature.group for feature in feature_set.features})
         raise InvalidInput(
             f"no group {group!r} in {feature_set.name!r}; there are {', '.join(known)}"
         )

@@ -62,7 +62,7 @@ def choose_keyframes(
     if count < 1:
         raise InvalidInput(f"count must be at least 1, got {count}")
     check_template_features(template, feature_set)
-    groups = list(dict.fromkeys(relation.group for relation in feature_set.relations))
+    groups = list(dict.fromkeys(feature.group for feature in feature_set.features))
     scores = np.stack(
         [group_scores(template, group_members(g, feature_set), zero_weight) for g in groups]
     )

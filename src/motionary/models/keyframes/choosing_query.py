@@ -214,7 +214,7 @@ def _candidates(trial: _Trial) -> list[tuple[int, Bits]]:
     for column in range(edge, moments.n_columns - edge, settings.step):
         n_fixed = 0
         for dissenters in (0.0, settings.dissenters / 2, settings.dissenters):
-            fixed = moments.share[column] >= 1.0 - dissenters - 1e-9
+            fixed = moments.fraction[column] >= 1.0 - dissenters - 1e-9
             if np.count_nonzero(fixed) > n_fixed:
                 found.append((column, fixed))
                 n_fixed = int(np.count_nonzero(fixed))

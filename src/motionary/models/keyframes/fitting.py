@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from motionary.matching import Corpus
 from motionary.models.keyframes.query import Gap, KeyframeQuery
 from motionary.models.keyframes.ranking import columns_of_query
-from motionary.models.keyframes.search import check_words, frames_of_keyframe
+from motionary.models.keyframes.search import check_packed, frames_of_keyframe
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ class FittedHits(NamedTuple):
     """
 
     frames: Integers
-    misfits: Floats
+    gap_costs: Floats
 
 
 def fit_hits(query: KeyframeQuery, corpus: Corpus) -> FittedHits:
@@ -48,24 +48,24 @@ def fit_hits(query: KeyframeQuery, corpus: Corpus) -> FittedHits:
     InvalidInput
         If the words do not have the shape of the query's.
     """
-    words, known = corpus.words, corpus.known
-    check_words(query, words, known)
+    packed, known = corpus.packed, corpus.known
+    check_packed(query, packed, known)
     columns = columns_of_query(query)
-    hits, misfits = np.empty((0, 1), dtype=np.int64), np.empty(0)
+    hits, gap_costs = np.empty((0, 1), dtype=np.int64), np.empty(0)
     for k, keyframe in enumerate(zip(query.values, query.fixed, strict=True)):
-        shown = frames_of_keyframe(*keyframe, words, known)
+        shown = frames_of_keyframe(*keyframe, packed, known)
         shown[corpus.blocked] = False
         frames = np.flatnonzero(shown)
         if k == 0:
-            hits, misfits = frames[:, np.newaxis], np.zeros(len(frames))
+            hits, gap_costs = frames[:, np.newaxis], np.zeros(len(frames))
             continue
         first, stop = _reachable(hits[:, -1], frames, query.gaps[k - 1], corpus.starts)
         made_for = columns[k] - columns[k - 1]
-        best, added = _choose(frames, hits[:, -1], misfits, first, stop, made_for)
+        best, added = _choose(frames, hits[:, -1], gap_costs, first, stop, made_for)
         reached = first < stop
         hits = np.column_stack([hits[best], frames[reached]])
-        misfits = misfits[best] + added
-    return FittedHits(hits, misfits / max(len(query.gaps), 1))
+        gap_costs = gap_costs[best] + added
+    return FittedHits(hits, gap_costs / max(len(query.gaps), 1))
 
 
 def _reachable(
@@ -85,7 +85,7 @@ def _reachable(
 def _choose(
     frames: Integers,
     before: Integers,
-    misfits: Floats,
+    gap_costs: Floats,
     first: Integers,
     stop: Integers,
     made_for: int,
@@ -99,8 +99,8 @@ def _choose(
         begins = np.cumsum(n) - n
         pairs = np.arange(n.sum()) + np.repeat(first[begin:end][reached] - begins, n)
         gaps = np.repeat(frames[begin:end][reached], n) - before[pairs]
-        gap_misfits = _misfit(gaps, made_for)
-        total = misfits[pairs] + gap_misfits
+        gap_costs_of = _gap_cost(gaps, made_for)
+        total = gap_costs[pairs] + gap_costs_of
         if len(reached):
             least = np.repeat(np.minimum.reduceat(total, begins), n)
             at = np.flatnonzero(total == least)
@@ -108,7 +108,7 @@ def _choose(
             owner = np.repeat(np.arange(len(n)), n)[at]
             chosen = at[np.searchsorted(owner, np.arange(len(n)), side="right") - 1]
             best.append(pairs[chosen])
-            added.append(gap_misfits[chosen])
+            added.append(gap_costs_of[chosen])
     return np.concatenate(best), np.concatenate(added)
 
 
@@ -119,7 +119,7 @@ def _portions(n_pairs: Integers) -> Iterator[tuple[int, int]]:
     return itertools.pairwise(borders)
 
 
-def _misfit(gaps: Integers, made_for: int) -> Floats:
+def _gap_cost(gaps: Integers, made_for: int) -> Floats:
     longer = np.maximum(np.maximum(gaps, made_for), 1)
     shorter = np.where(longer == 1, longer, np.minimum(gaps, made_for))
     return np.asarray(1.0 - shorter / longer)

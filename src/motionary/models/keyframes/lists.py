@@ -20,7 +20,7 @@ from motionary.models.keyframes.bitmaps import (
 from motionary.models.keyframes.intervals import Intervals
 from motionary.models.keyframes.query import Gap, KeyframeQuery
 from motionary.models.keyframes.word_index import WordIndex
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 
 class Plan(NamedTuple):
@@ -100,11 +100,11 @@ def read_lists(index: WordIndex, rows: list[list[int]], gaps: list[Gap]) -> list
     return runs(bitmaps)
 
 
-def to_word(number: int, n_words: int) -> Words:
+def to_word(number: int, n_integers: int) -> PackedFeatures:
     """Relations that are bits of a number, as a word."""
-    row = np.frombuffer(number.to_bytes(n_words * 8, "little"), dtype="<u8")
+    row = np.frombuffer(number.to_bytes(n_integers * 8, "little"), dtype="<u8")
     return row.astype(np.uint64, copy=False)
 
 
-def _to_numbers(words: Words) -> list[int]:
-    return [int.from_bytes(row.tobytes(), "little") for row in words.astype("<u8", copy=False)]
+def _to_numbers(packed: PackedFeatures) -> list[int]:
+    return [int.from_bytes(row.tobytes(), "little") for row in packed.astype("<u8", copy=False)]

@@ -39,7 +39,7 @@ class Moments:
 
     frames: NDArray[np.intp]
     values: NDArray[np.bool_]
-    share: Floats
+    fraction: Floats
     steadiness: NDArray[np.intp]
     dissent: Floats
 
@@ -75,8 +75,8 @@ def find_moments(
     on, off = (shown & counts).mean(axis=0), (~shown & counts).mean(axis=0)
     values = on >= off
     conforming = np.where(shown == values, kept, MOST_STEADY)
-    share = np.maximum(on, off)
-    return Moments(frames, values, share, conforming.min(axis=0), _dissent(shown))
+    fraction = np.maximum(on, off)
+    return Moments(frames, values, fraction, conforming.min(axis=0), _dissent(shown))
 
 
 def _align_whole(template: MotionTemplate, examples: Sequence[FeatureSequence]) -> NDArray[np.intp]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.packing import Words, count_words, full_mask
+from motionary.packing import PackedFeatures, count_integers, full_mask
 
 #: A product such as 0.7 * 10 may come out beside the whole number that it means.
 _SLACK = 1e-9
@@ -62,8 +62,8 @@ class KeyframeQuery:
     positions : columns of the template that the keyframes come from, or None
     """
 
-    values: Words
-    fixed: Words
+    values: PackedFeatures
+    fixed: PackedFeatures
     gaps: tuple[Gap, ...]
     feature_set: str
     feature_ids: tuple[str, ...]
@@ -92,8 +92,8 @@ class KeyframeQuery:
         return hash(self._key())
 
     def _key(self) -> tuple[object, ...]:
-        words = self.values.shape, self.values.tobytes(), self.fixed.tobytes()
-        return (*words, self.gaps, self.feature_set, self.feature_ids, self.positions)
+        packed = self.values.shape, self.values.tobytes(), self.fixed.tobytes()
+        return (*packed, self.gaps, self.feature_set, self.feature_ids, self.positions)
 
     @property
     def springs(self) -> tuple[Spring, ...]:
@@ -205,7 +205,9 @@ def _whole(frames: float, otherwise: int) -> int:
     return nearest if abs(frames - nearest) <= _SNAP else otherwise
 
 
-def _check_words(values: Words, fixed: Words, *, n_features: int) -> tuple[Words, Words]:
+def _check_words(
+    values: PackedFeatures, fixed: PackedFeatures, *, n_features: int
+) -> tuple[PackedFeatures, PackedFeatures]:
     fixed, values = np.array(fixed, dtype=np.uint64), np.array(values, dtype=np.uint64)
     if values.ndim != 2 or values.shape != fixed.shape or n_features == 0:
         raise InvalidInput(
@@ -214,9 +216,9 @@ def _check_words(values: Words, fixed: Words, *, n_features: int) -> tuple[Words
         )
     if len(values) == 0:
         raise InvalidInput("a query needs at least one keyframe, got none")
-    if values.shape[1] != count_words(n_features):
+    if values.shape[1] != count_integers(n_features):
         raise InvalidInput(
-            f"{n_features} features need {count_words(n_features)} integers a keyframe, "
+            f"{n_features} features need {count_integers(n_features)} integers a keyframe, "
             f"got {values.shape[1]}"
         )
     if (fixed & ~full_mask(1, n_features)).any():

@@ -22,7 +22,7 @@ from motionary.models.keyframes.lists import Plan, plan_query, read_lists, readi
 from motionary.models.keyframes.query import KeyframeQuery, check_features
 from motionary.models.keyframes.ranges import HitRanges
 from motionary.models.keyframes.word_index import WordIndex
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 Engine = Literal["auto", "numpy", "compiled"]
 
@@ -59,7 +59,9 @@ def search_query(query: KeyframeQuery, index: WordIndex, *, engine: Engine = "au
     return HitRanges.none() if lists is None else _join(lists, plan, index.documents)
 
 
-def search_words(query: KeyframeQuery, words: Words, known: Words | None = None) -> HitRanges:
+def search_packed(
+    query: KeyframeQuery, packed: PackedFeatures, known: PackedFeatures | None = None
+) -> HitRanges:
     """Where a query has hits in one document.
 
     Parameters
@@ -77,21 +79,24 @@ def search_words(query: KeyframeQuery, words: Words, known: Words | None = None)
     InvalidInput
         If the words do not have the shape of the query's.
     """
-    check_words(query, words, known)
+    check_packed(query, packed, known)
     plan = plan_query(query)
     if plan is None:
         return HitRanges.none()
     lists = []
     for value, fixed in zip(plan.values, plan.fixed, strict=True):
-        keyframe = to_word(value, words.shape[1]), to_word(fixed, words.shape[1])
-        shown = frames_of_keyframe(*keyframe, words, known)
+        keyframe = to_word(value, packed.shape[1]), to_word(fixed, packed.shape[1])
+        shown = frames_of_keyframe(*keyframe, packed, known)
         edges = np.flatnonzero(np.diff(shown, prepend=False, append=False))
         lists.append(Intervals(edges[::2], edges[1::2]))
-    return _join(lists, plan, Documents.lay_out(np.array([len(words)], dtype=np.int64)))
+    return _join(lists, plan, Documents.lay_out(np.array([len(packed)], dtype=np.int64)))
 
 
 def frames_of_keyframe(
-    value: Words, fixed: Words, words: Words, known: Words | None
+    value: PackedFeatures,
+    fixed: PackedFeatures,
+    packed: PackedFeatures,
+    known: PackedFeatures | None,
 ) -> NDArray[np.bool_]:
     """Which frames show a keyframe: all of its fixed relations known and as it says.
 
@@ -105,26 +110,28 @@ def frames_of_keyframe(
     array, shape (frames,), bool
     """
     # Few arrays between: a search reads the words once per keyframe and does little else.
-    shown = (words & fixed) == (value & fixed)
+    shown = (packed & fixed) == (value & fixed)
     if known is not None:
         shown &= (known & fixed) == fixed
     return np.asarray(shown.all(axis=1))
 
 
-def check_words(query: KeyframeQuery, words: Words, known: Words | None) -> None:
+def check_packed(
+    query: KeyframeQuery, packed: PackedFeatures, known: PackedFeatures | None
+) -> None:
     """Refuse words that cannot be of the query's features.
 
     Raises
     ------
     InvalidInput
     """
-    if words.ndim != 2 or words.shape[1] != query.values.shape[1]:
+    if packed.ndim != 2 or packed.shape[1] != query.values.shape[1]:
         raise InvalidInput(
             f"the query has {query.values.shape[1]} integers a frame, the document has shape "
-            f"{words.shape}; both must come from one feature set"
+            f"{packed.shape}; both must come from one feature set"
         )
-    if known is not None and known.shape != words.shape:
-        raise InvalidInput(f"known needs the shape of words {words.shape}, got {known.shape}")
+    if known is not None and known.shape != packed.shape:
+        raise InvalidInput(f"known needs the shape of words {packed.shape}, got {known.shape}")
 
 
 def _join(lists: Sequence[Intervals], plan: Plan, documents: Documents) -> HitRanges:

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from motionary.models.keyframes.query import KeyframeQuery
 from motionary.models.keyframes.ranges import HitRanges, agree, extend, margins
-from motionary.models.keyframes.search import search_query, search_words
+from motionary.models.keyframes.search import search_packed, search_query
 from motionary.models.keyframes.word_index import WordIndex
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 
 def select_in_index(
@@ -37,16 +37,18 @@ def select_in_index(
     return agree(found, votes=votes)
 
 
-def select_in_words(
+def select_in_sequence(
     queries: Sequence[KeyframeQuery],
     n_columns: int,
-    words: Words,
-    known: Words | None = None,
+    packed: PackedFeatures,
+    known: PackedFeatures | None = None,
     *,
     votes: int = 1,
 ) -> HitRanges:
     """The same in one document; see `search_words`."""
-    found = [_windows(search_words(q, words, known), q, n_columns, [len(words)]) for q in queries]
+    found = [
+        _windows(search_packed(q, packed, known), q, n_columns, [len(packed)]) for q in queries
+    ]
     return agree(found, votes=votes)
 
 

@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.models.keyframes.query import KeyframeQuery
-from motionary.models.keyframes.search import check_words, frames_of_keyframe
-from motionary.packing import Words
+from motionary.models.keyframes.search import check_packed, frames_of_keyframe
+from motionary.packing import PackedFeatures
 
 
 def single_hits(
-    query: KeyframeQuery, words: Words, known: Words | None = None, *, limit: int = 1000
+    query: KeyframeQuery,
+    packed: PackedFeatures,
+    known: PackedFeatures | None = None,
+    *,
+    limit: int = 1000,
 ) -> NDArray[np.int64]:
     """Hits in one document, in lexicographic order.
 
@@ -33,11 +37,11 @@ def single_hits(
     InvalidInput
         If the words do not have the shape of the query's, or the limit is below 1.
     """
-    check_words(query, words, known)
+    check_packed(query, packed, known)
     if limit < 1:
         raise InvalidInput(f"limit must be at least 1, got {limit}")
     frames = [
-        np.flatnonzero(frames_of_keyframe(value, fixed, words, known))
+        np.flatnonzero(frames_of_keyframe(value, fixed, packed, known))
         for value, fixed in zip(query.values, query.fixed, strict=True)
     ]
     for k in reversed(range(len(query) - 1)):

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.features import FeatureSequence
-from motionary.models.keyframes.word_index import WordIndex, index_words
-from motionary.packing import Words, unpack
+from motionary.models.keyframes.word_index import WordIndex, index_packed
+from motionary.packing import PackedFeatures, unpack
 
 
-def steady_mask(words: Words, known: Words, frames: int) -> Words:
+def steady_mask(packed: PackedFeatures, known: PackedFeatures, frames: int) -> PackedFeatures:
     """Which relations are known and the same for so many frames before and after.
 
     The ends of a document count as if it went on as it begins and ends.
     """
     steady = known.copy()
-    for shift in range(1, min(frames, len(words) - 1) + 1):
-        differs = (words[shift:] ^ words[:-shift]) | ~(known[shift:] & known[:-shift])
+    for shift in range(1, min(frames, len(packed) - 1) + 1):
+        differs = (packed[shift:] ^ packed[:-shift]) | ~(known[shift:] & known[:-shift])
         steady[shift:] &= ~differs
         steady[:-shift] &= ~differs
     return steady
@@ -50,7 +50,7 @@ def count_steady(
     n_features = len(sequence.feature_set)
     total = np.zeros((len(frames), n_features), dtype=np.intp)
     for around in range(1, most + 1):
-        mask = steady_mask(sequence.words, sequence.known, around)[frames]
+        mask = steady_mask(sequence.packed, sequence.known, around)[frames]
         if not mask.any():
             break
         total += unpack(mask, n_features)
@@ -59,10 +59,10 @@ def count_steady(
 
 def strict_index(documents: Sequence[FeatureSequence], frames: int) -> WordIndex:
     """Index in which a relation is known only where it is steady for so many frames."""
-    masks = [steady_mask(d.words, d.known, frames) for d in documents]
+    masks = [steady_mask(d.packed, d.known, frames) for d in documents]
     feature_set = documents[0].feature_set
-    return index_words(
-        [d.words for d in documents], masks,
+    return index_packed(
+        [d.packed for d in documents], masks,
         feature_set=feature_set.name, feature_ids=feature_set.ids,
     )  # fmt: skip
 
@@ -73,16 +73,16 @@ def loose_index(documents: Sequence[FeatureSequence], frames: int) -> WordIndex:
     The same goes for its opposite, so that near a change both are found.
     """
     feature_set = documents[0].feature_set
-    on = [_spread(d.words & d.known, frames) for d in documents]
-    off = [_spread(~d.words & d.known, frames) for d in documents]
+    on = [_spread(d.packed & d.known, frames) for d in documents]
+    off = [_spread(~d.packed & d.known, frames) for d in documents]
     nowhere = [np.zeros_like(mask) for mask in off]
     name, ids = feature_set.name, feature_set.ids
-    holds = index_words(on, on, feature_set=name, feature_ids=ids)
-    fails = index_words(nowhere, off, feature_set=name, feature_ids=ids)
+    holds = index_packed(on, on, feature_set=name, feature_ids=ids)
+    fails = index_packed(nowhere, off, feature_set=name, feature_ids=ids)
     return WordIndex(holds.planes | fails.planes, holds.lengths, name, ids)
 
 
-def _spread(mask: Words, frames: int) -> Words:
+def _spread(mask: PackedFeatures, frames: int) -> PackedFeatures:
     spread = mask.copy()
     for shift in range(1, min(frames, len(mask) - 1) + 1):
         spread[shift:] |= mask[:-shift]

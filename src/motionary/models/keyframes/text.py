@@ -29,8 +29,8 @@ import re
 from collections.abc import Sequence
 
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, WORD_HZ
-from motionary.models.keyframes.building import Vocabulary, find_feature, from_relations
+from motionary.features import FULL_BODY, SEQUENCE_HZ
+from motionary.models.keyframes.building import Vocabulary, find_feature, from_features
 from motionary.models.keyframes.query import Gap, KeyframeQuery, check_features, gap_of_seconds
 from motionary.packing import unpack
 
@@ -57,7 +57,7 @@ _NOT_A_NAME = re.compile(
 
 
 def parse_query(
-    text: str, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = WORD_HZ
+    text: str, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = SEQUENCE_HZ
 ) -> KeyframeQuery:
     """Query that a text describes.
 
@@ -94,11 +94,11 @@ def parse_query(
     columns = [position for position in positions if position is not None]
     if columns and len(columns) != len(keyframes):
         raise InvalidInput("either all keyframes tell their position ('at 0.5 s: ...') or none")
-    return from_relations(keyframes, gaps, vocabulary=vocabulary, positions=columns or None)
+    return from_features(keyframes, gaps, vocabulary=vocabulary, positions=columns or None)
 
 
 def format_query(
-    query: KeyframeQuery, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = WORD_HZ
+    query: KeyframeQuery, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = SEQUENCE_HZ
 ) -> str:
     """Text of a query, which `parse_query` reads back to the same query.
 
@@ -114,11 +114,11 @@ def format_query(
     for k in range(len(query)):
         if k > 0:
             lines.append(_format_gap(query.gaps[k - 1], rate_hz))
-        relations = [
+        features = [
             ("" if values[k, i] else "not ") + _name(int(i), vocabulary)
             for i in fixed[k].nonzero()[0]
         ]
-        line = ", ".join(relations) or _ANYTHING
+        line = ", ".join(features) or _ANYTHING
         if query.positions is not None:
             line = f"at {_format_seconds(query.positions[k], rate_hz)} s: {line}"
         lines.append(line)
@@ -126,7 +126,7 @@ def format_query(
 
 
 def parse_queries(
-    text: str, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = WORD_HZ
+    text: str, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = SEQUENCE_HZ
 ) -> tuple[KeyframeQuery, ...]:
     """Queries of a text, separated by lines "or"; see `parse_query`.
 
@@ -150,7 +150,7 @@ def format_queries(
     queries: Sequence[KeyframeQuery],
     *,
     vocabulary: Vocabulary = FULL_BODY,
-    rate_hz: float = WORD_HZ,
+    rate_hz: float = SEQUENCE_HZ,
 ) -> str:
     """Text of queries, which `parse_queries` reads back to the same queries.
 
@@ -233,16 +233,16 @@ def _parse_keyframe(
     position = None
     if found := _POSITION.fullmatch(line):
         position, line = round(float(found[1]) * rate_hz), found[2]
-    relations: dict[str, bool] = {}
+    features: dict[str, bool] = {}
     if line.lower() == _ANYTHING:
-        return position, relations
+        return position, features
     for part in line.split(","):
         name = part.strip()
         holds = not name.lower().startswith("not ")
         feature = vocabulary.ids[find_feature(name if holds else name[4:], vocabulary)]
-        if relations.setdefault(feature, holds) != holds:
+        if features.setdefault(feature, holds) != holds:
             raise InvalidInput(f"{name!r} and its opposite in one keyframe")
-    return position, relations
+    return position, features
 
 
 def _name(feature: int, vocabulary: Vocabulary) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.models.keyframes.intervals import Documents
-from motionary.packing import BITS, Words, count_words
+from motionary.packing import BITS, PackedFeatures, count_integers
 
 _BITS_OF_BYTE = 8
 
@@ -40,7 +40,7 @@ class WordIndex:
     counts : frames of each row
     """
 
-    planes: Words
+    planes: PackedFeatures
     lengths: NDArray[np.int64]
     feature_set: str
     feature_ids: tuple[str, ...]
@@ -92,9 +92,9 @@ class WordIndex:
         return rows or [len(self.planes) - 1]
 
 
-def index_words(
-    words: Sequence[Words],
-    known: Sequence[Words] | None = None,
+def index_packed(
+    packed: Sequence[PackedFeatures],
+    known: Sequence[PackedFeatures] | None = None,
     *,
     feature_set: str,
     feature_ids: Sequence[str],
@@ -113,19 +113,19 @@ def index_words(
     InvalidInput
         If there is no document, or one has another shape.
     """
-    if len(words) == 0:
+    if len(packed) == 0:
         raise InvalidInput("an index needs at least one document, got none")
-    _check_shapes(words, known, n_words=count_words(len(feature_ids)))
-    lengths = np.array([len(document) for document in words], dtype=np.int64)
+    _check_shapes(packed, known, n_integers=count_integers(len(feature_ids)))
+    lengths = np.array([len(document) for document in packed], dtype=np.int64)
     documents = Documents.lay_out(lengths)
-    joined = np.concatenate(words)
+    joined = np.concatenate(packed)
     seen = None if known is None else np.concatenate(known)
     n_blocks = _count_blocks(documents)
     planes = np.empty((2 * len(feature_ids) + 1, n_blocks), dtype=np.uint64)
     before = np.cumsum(lengths) - lengths
     positions = np.repeat(documents.starts - before, lengths) + np.arange(len(joined))
 
-    def bitmap(holds: NDArray[np.bool_]) -> Words:
+    def bitmap(holds: NDArray[np.bool_]) -> PackedFeatures:
         spaced = np.zeros(n_blocks * BITS, dtype=np.bool_)
         spaced[positions] = holds
         packed = np.packbits(spaced, bitorder="little").view("<u8")
@@ -146,13 +146,15 @@ def _count_blocks(documents: Documents) -> int:
     return len(documents.of_byte) * _BITS_OF_BYTE // BITS + 2
 
 
-def _check_shapes(words: Sequence[Words], known: Sequence[Words] | None, *, n_words: int) -> None:
-    if known is not None and len(known) != len(words):
-        raise InvalidInput(f"{len(words)} documents need as many masks, got {len(known)}")
-    for number, document in enumerate(words):
-        if document.ndim != 2 or document.shape[1] != n_words:
+def _check_shapes(
+    packed: Sequence[PackedFeatures], known: Sequence[PackedFeatures] | None, *, n_integers: int
+) -> None:
+    if known is not None and len(known) != len(packed):
+        raise InvalidInput(f"{len(packed)} documents need as many masks, got {len(known)}")
+    for number, document in enumerate(packed):
+        if document.ndim != 2 or document.shape[1] != n_integers:
             raise InvalidInput(
-                f"document {number}: words need shape (frames, {n_words}), got {document.shape}"
+                f"document {number}: words need shape (frames, {n_integers}), got {document.shape}"
             )
         if known is not None and known[number].shape != document.shape:
             raise InvalidInput(

@@ -6,11 +6,11 @@ from motionary.models.library.classes import (
     TOLERANCE,
     ClassLibrary,
     MotionClass,
-    Subclass,
+    Prototype,
 )
 from motionary.models.library.editing import (
     find_clashes,
-    find_subclass,
+    find_prototype,
     merge_libraries,
     remove_class,
     rename_class,
@@ -18,7 +18,7 @@ from motionary.models.library.editing import (
     replace_template,
 )
 from motionary.models.library.examples import Examples, ReadExamples, list_examples, read_examples
-from motionary.models.library.growing import (
+from motionary.models.library.expansion import (
     add_examples,
     join_classes,
     keeps_examples,
@@ -29,29 +29,34 @@ from motionary.models.library.keyframe_classes import class_of_query
 from motionary.models.library.learning import learn
 from motionary.models.library.querying import QueriedLibrary, choose_queries, learn_queries
 from motionary.models.library.storage import load_library, save_library
-from motionary.models.library.teaching import Teaching, learn_classes
-from motionary.models.library.thresholds import Suggestion, apply_suggestions, suggest_thresholds
+from motionary.models.library.thresholds import (
+    Calibration,
+    apply_calibrations,
+    calibrate_thresholds,
+)
+from motionary.models.library.training import TrainingOptions, learn_classes
 
 __all__ = [
     "N_FOLDS",
     "THRESHOLD",
     "TOLERANCE",
     "Advice",
+    "Calibration",
     "ClassLibrary",
     "Examples",
     "MotionClass",
+    "Prototype",
     "QueriedLibrary",
     "ReadExamples",
-    "Subclass",
-    "Suggestion",
-    "Teaching",
+    "TrainingOptions",
     "add_examples",
     "advise",
-    "apply_suggestions",
+    "apply_calibrations",
+    "calibrate_thresholds",
     "choose_queries",
     "class_of_query",
     "find_clashes",
-    "find_subclass",
+    "find_prototype",
     "join_classes",
     "keeps_examples",
     "kept_examples",
@@ -67,5 +72,4 @@ __all__ = [
     "replace_class",
     "replace_template",
     "save_library",
-    "suggest_thresholds",
 ]

@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.features import WORD_HZ, FeatureSequence
+from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.matching import Pattern, concatenate, corpus_distance
 from motionary.models.library.classes import TOLERANCE
 from motionary.models.library.examples import Examples
-from motionary.models.library.teaching import learn_subclass
+from motionary.models.library.training import learn_prototype
 from motionary.models.templates import Learning, MotionTemplate, pattern_of, quantise
 from motionary.packing import full_mask
 
@@ -79,9 +79,9 @@ def advise(examples: Examples, *, tolerance: float = TOLERANCE) -> list[Advice]:
     tolerance : with which the classes are to be matched
     """
     found: list[Advice] = []
-    for name, subclasses in examples.items():
-        for subclass, items in subclasses.items():
-            called = name if subclass == name else f"{name} / {subclass}"
+    for name, prototypes in examples.items():
+        for prototype, items in prototypes.items():
+            called = name if prototype == name else f"{name} / {prototype}"
             found += (Advice(called, *one) for one in _look(list(items), tolerance))
     return found
 
@@ -92,7 +92,7 @@ _Finding = tuple[str, str, tuple[str, ...]]
 def _look(items: Sequence[FeatureSequence], tolerance: float) -> Iterator[_Finding]:
     if len(items) < FEWEST:
         yield "few", _say_few(len(items)), ()
-    short = [item for item in items if len(item) < SHORTEST_S * WORD_HZ]
+    short = [item for item in items if len(item) < SHORTEST_S * SEQUENCE_HZ]
     if short:
         yield "short", f"shorter than {SHORTEST_S} s: {_list(short)}; cut it anew", _names(short)
     usual, unusual, median = _by_length(items)
@@ -103,9 +103,11 @@ def _look(items: Sequence[FeatureSequence], tolerance: float) -> Iterator[_Findi
         halves = _find_halves(usual, distances)
         yield from [halves] if halves else _find_odd(usual, distances)
     if len(items) >= FEWEST:
-        share = _share_fixed(learn_subclass("all", items, learning=_LEARNING).template, tolerance)
-        if share < LEAST_FIXED:
-            yield "loose", _say_loose(share), ()
+        fraction = _fraction_fixed(
+            learn_prototype("all", items, learning=_LEARNING).template, tolerance
+        )
+        if fraction < LEAST_FIXED:
+            yield "loose", _say_loose(fraction), ()
 
 
 def _by_length(
@@ -130,11 +132,14 @@ def _find_odd(items: list[FeatureSequence], distances: Floats) -> Iterator[_Find
         oddest = int(np.argmax(np.nanmedian(among, axis=1)))
         others = [items[i] for i in np.delete(left, oddest)]
         item = items[left[oddest]]
-        template = learn_subclass("others", others, learning=_LEARNING).template
-        cost, dearest = float(_costs(template, [item])[0]), float(_costs(template, others).max())
-        if cost <= ODD_COST or cost - dearest <= ODD_GAP:
+        template = learn_prototype("others", others, learning=_LEARNING).template
+        cost, highest_cost = (
+            float(_costs(template, [item])[0]),
+            float(_costs(template, others).max()),
+        )
+        if cost <= ODD_COST or cost - highest_cost <= ODD_GAP:
             return
-        yield "odd", _say_odd(item, cost, dearest), _names([item])
+        yield "odd", _say_odd(item, cost, highest_cost), _names([item])
         left = np.delete(left, oddest)
 
 
@@ -144,12 +149,13 @@ def _find_halves(items: list[FeatureSequence], distances: Floats) -> _Finding | 
     if len(first) < 2:
         return None
     one, two, both = (
-        learn_subclass("some", part, learning=_LEARNING).template for part in (first, second, items)
+        learn_prototype("some", part, learning=_LEARNING).template
+        for part in (first, second, items)
     )
     across = [np.median(_costs(one, second)), np.median(_costs(two, first))]
-    together = _share_fixed(both, _TOLERANCE)
-    shares = [_share_fixed(template, _TOLERANCE) for template in (one, two)]
-    apart = float(np.average(shares, weights=[len(first), len(second)]))
+    together = _fraction_fixed(both, _TOLERANCE)
+    fractions = [_fraction_fixed(template, _TOLERANCE) for template in (one, two)]
+    apart = float(np.average(fractions, weights=[len(first), len(second)]))
     gain = apart - together
     if min(across) <= APART_COST or gain <= APART_GAIN + GAIN_OF_ONE / len(items):
         return None
@@ -176,7 +182,9 @@ def _split(
 
 def _pairwise(items: Sequence[FeatureSequence]) -> Floats:
     """How well each example is found in each other, shape (n, n); NaN on the diagonal."""
-    distances = np.array([_least(Pattern(i.words, i.known, np.ones(len(i))), items) for i in items])
+    distances = np.array(
+        [_least(Pattern(i.packed, i.known, np.ones(len(i))), items) for i in items]
+    )
     nearest: Floats = np.minimum(distances, distances.T)
     np.fill_diagonal(nearest, np.nan)
     return nearest
@@ -189,12 +197,12 @@ def _costs(template: MotionTemplate, items: Sequence[FeatureSequence]) -> Floats
 def _least(pattern: Pattern, items: Sequence[FeatureSequence]) -> Floats:
     """Smallest cost within each example."""
     full = full_mask(1, len(items[0].feature_set))[0]
-    corpus = concatenate([i.words for i in items], [i.known for i in items], full=full)
+    corpus = concatenate([i.packed for i in items], [i.known for i in items], full=full)
     parts = corpus.split(corpus_distance(pattern, corpus))
     return np.array([min(float(part.min()), _NO_MATCH) for part in parts])
 
 
-def _share_fixed(template: MotionTemplate, tolerance: float) -> float:
+def _fraction_fixed(template: MotionTemplate, tolerance: float) -> float:
     quantised = quantise(template, tolerance=tolerance)
     return quantised.n_fixed / quantised.fixed.size
 
@@ -209,16 +217,16 @@ def _say_few(n_examples: int) -> str:
 
 def _say_length(item: FeatureSequence, median: float) -> str:
     return (
-        f"{_name(item)} lasts {len(item) / WORD_HZ:.1f} s, the usual example "
-        f"{median / WORD_HZ:.1f} s: one template matches from half to double; cut it anew, or "
+        f"{_name(item)} lasts {len(item) / SEQUENCE_HZ:.1f} s, the usual example "
+        f"{median / SEQUENCE_HZ:.1f} s: one template matches from half to double; cut it anew, or "
         "make it a folder of its own"
     )
 
 
-def _say_odd(item: FeatureSequence, cost: float, dearest: float) -> str:
+def _say_odd(item: FeatureSequence, cost: float, highest_cost: float) -> str:
     return (
         f"{_name(item)} does not fit: with the template of the others it costs {cost:.2f}, they "
-        f"at most {dearest:.2f}; is it in the wrong folder?"
+        f"at most {highest_cost:.2f}; is it in the wrong folder?"
     )
 
 
@@ -231,9 +239,9 @@ def _say_two(
     )
 
 
-def _say_loose(share: float) -> str:
+def _say_loose(fraction: float) -> str:
     return (
-        f"its examples have little in common: {100 * share:.0f} % of the template's cells are "
+        f"its examples have little in common: {100 * fraction:.0f} % of the template's cells are "
         "fixed, so that it will match much else"
     )
 

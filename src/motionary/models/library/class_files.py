@@ -21,18 +21,21 @@ from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.models.keyframes import KeyframeQuery, format_queries, parse_queries
-from motionary.models.library.classes import MotionClass, Subclass
+from motionary.models.library.classes import MotionClass, Prototype
 from motionary.models.library.lines import refuse, tell_line
 from motionary.models.library.tables import check_keys, read_toml, to_toml, write_text
 from motionary.models.templates import MotionTemplate
-from motionary.packing import count_words, full_mask
+from motionary.packing import count_integers, full_mask
 
 CLASS_KEYS = {
     "name": str, "threshold": float, "tolerance": float, "background": list, "values": str,
     "templates": list,
 }  # fmt: skip
 _TEMPLATE_KEYS = {"name": str, "examples": int, "columns": int, "provenance": str}
-_PROMISES = ("promised_precision", "promised_recall")
+# Keys of the file and attributes of a class.
+_ESTIMATES = {
+    "promised_precision": "estimated_precision", "promised_recall": "estimated_recall",
+}  # fmt: skip
 
 #: What reading a broken archive of arrays ends in.
 _BROKEN_ARCHIVE = (
@@ -52,29 +55,31 @@ def write_class(
     """Write one class and return its files."""
     arrays: dict[str, NDArray[Any]] = {}
     tables = ""
-    for i, subclass in enumerate(motion_class.subclasses):
-        template = subclass.template
+    for i, prototype in enumerate(motion_class.prototypes):
+        template = prototype.template
         entry: dict[str, Any] = {
-            "name": subclass.name,
+            "name": prototype.name,
             "examples": template.n_examples,
             "columns": template.n_columns,
             "provenance": template.provenance,
         }
-        if subclass.queries:
+        if prototype.queries:
             # Line by line, as a person writes a query.
-            text = format_queries(subclass.queries, vocabulary=feature_set)
-            entry |= {"query": text.splitlines(), "votes": subclass.votes}
+            text = format_queries(prototype.queries, vocabulary=feature_set)
+            entry |= {"query": text.splitlines(), "votes": prototype.votes}
         tables += "\n[[templates]]\n" + to_toml(entry)
         arrays[f"values_{i}"], arrays[f"weights_{i}"] = template.values, template.weights
-        arrays |= _pack_examples(subclass, i)
+        arrays |= _pack_examples(prototype, i)
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
     content = buffer.getvalue()
     values = folder / f"{stem}.{hashlib.sha256(content).hexdigest()[:8]}.npz"
+    attributes = ("name", "threshold", "tolerance", *_ESTIMATES.values(), "background")
+    keys = ("name", "threshold", "tolerance", *_ESTIMATES, "background")
     settings = {
-        key: getattr(motion_class, key)
-        for key in ("name", "threshold", "tolerance", *_PROMISES, "background")
-        if getattr(motion_class, key) is not None
+        key: value
+        for key, attribute in zip(keys, attributes, strict=True)
+        if (value := getattr(motion_class, attribute)) is not None
     }
     path = folder / f"{stem}.toml"
     with write_atomically(values) as beside:
@@ -83,16 +88,16 @@ def write_class(
     return {values, path}
 
 
-def _pack_examples(subclass: Subclass, number: int) -> dict[str, NDArray[Any]]:
+def _pack_examples(prototype: Prototype, number: int) -> dict[str, NDArray[Any]]:
     """Arrays of a template's examples, one behind the other; without their names."""
-    if not subclass.examples:
+    if not prototype.examples:
         return {}
     arrays: dict[str, NDArray[Any]] = {
-        f"lengths_{number}": np.array([len(e) for e in subclass.examples], dtype=np.int64),
-        f"words_{number}": np.concatenate([e.words for e in subclass.examples]),
+        f"lengths_{number}": np.array([len(e) for e in prototype.examples], dtype=np.int64),
+        f"words_{number}": np.concatenate([e.packed for e in prototype.examples]),
     }
-    known = np.concatenate([e.known for e in subclass.examples])
-    if not (known == full_mask(1, len(subclass.examples[0].feature_set))).all():
+    known = np.concatenate([e.known for e in prototype.examples])
+    if not (known == full_mask(1, len(prototype.examples[0].feature_set))).all():
         arrays[f"known_{number}"] = known
     return arrays
 
@@ -115,20 +120,20 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
     if not content["templates"]:
         raise refuse(path, "templates", "must list at least one, got none")
     background = content["background"]
-    if not all(isinstance(share, int | float) for share in background):
+    if not all(isinstance(fraction, int | float) for fraction in background):
         raise refuse(path, "background", f"must be a list of numbers, got {background!r}")
-    for key in _PROMISES:
+    for key in _ESTIMATES:
         if key in content:
             check_keys(path, content, {key: float})
     arrays = _read_values(path, content["values"])
-    subclasses = []
+    prototypes = []
     for i, entry in enumerate(content["templates"]):
         check_keys(path, entry, _TEMPLATE_KEYS, place=f"templates[{i}].")
-        subclasses.append(_read_subclass(path, i, entry, arrays, feature_set))
+        prototypes.append(_read_prototype(path, i, entry, arrays, feature_set))
     try:
         return MotionClass(
-            name, tuple(subclasses), content["threshold"], content["tolerance"], tuple(background),
-            *(content.get(key) for key in _PROMISES),
+            name, tuple(prototypes), content["threshold"], content["tolerance"], tuple(background),
+            *(content.get(key) for key in _ESTIMATES),
         )  # fmt: skip
     except InvalidInput as error:
         raise UnreadableFile(f"{path}: {error}{_line_of(path, str(error))}") from error
@@ -136,14 +141,14 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
 
 def _line_of(path: Path, problem: str, *, place: str = "") -> str:
     """Where the key stands that an error of a class is about."""
-    keys = (*CLASS_KEYS, *_PROMISES, *_TEMPLATE_KEYS, "query", "votes")
+    keys = (*CLASS_KEYS, *_ESTIMATES, *_TEMPLATE_KEYS, "query", "votes")
     named = [key for key in keys if re.search(rf"\b(?:n_)?{key}\b", problem)]
     return next(filter(None, (tell_line(path, key, place=place) for key in named)), "")
 
 
-def _read_subclass(
+def _read_prototype(
     path: Path, number: int, entry: dict[str, Any], arrays: Arrays, feature_set: FeatureSet
-) -> Subclass:
+) -> Prototype:
     place = f"templates[{number}]"
     keys = (f"values_{number}", f"weights_{number}")
     if any(key not in arrays for key in keys):
@@ -168,7 +173,7 @@ def _read_subclass(
         if not isinstance(votes, int):
             raise InvalidInput(f"votes must be a whole number, got {votes!r}")
         examples = _unpack_examples(arrays, number, feature_set)
-        return Subclass(entry["name"], template, queries, votes, examples)
+        return Prototype(entry["name"], template, queries, votes, examples)
     except InvalidInput as error:
         line = _line_of(path, str(error), place=f"{place}.")
         raise UnreadableFile(f"{path}: {place}: {error}{line}") from error
@@ -193,21 +198,21 @@ def _unpack_examples(
         return ()
     lengths = arrays[f"lengths_{number}"]
     full = full_mask(1, len(feature_set))
-    words = arrays.get(f"words_{number}", np.empty(0))
+    packed = arrays.get(f"words_{number}", np.empty(0))
     known = arrays.get(f"known_{number}")
-    known = np.repeat(full, len(words), axis=0) if known is None else known
+    known = np.repeat(full, len(packed), axis=0) if known is None else known
     fits = (
         lengths.ndim == 1
         and lengths.dtype.kind == "i"
         and bool((lengths > 0).all())
-        and words.dtype == known.dtype == np.uint64
-        and words.shape == known.shape == (lengths.sum(), count_words(len(feature_set)))
+        and packed.dtype == known.dtype == np.uint64
+        and packed.shape == known.shape == (lengths.sum(), count_integers(len(feature_set)))
     )
     if not fits:
         raise InvalidInput("the words of its examples, in the .npz beside it, do not fit together")
     known = known & full
     ends = np.cumsum(lengths)[:-1]
-    parts = zip(np.split(words & known, ends), np.split(known, ends), strict=True)
+    parts = zip(np.split(packed & known, ends), np.split(known, ends), strict=True)
     return tuple(FeatureSequence(part, seen, feature_set) for part, seen in parts)
 
 

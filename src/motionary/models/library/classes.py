@@ -23,7 +23,7 @@ TOLERANCE = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Subclass:
+class Prototype:
     """One template of a class, under a name of its own.
 
     Attributes
@@ -74,19 +74,19 @@ class MotionClass:
     """
 
     name: str
-    subclasses: tuple[Subclass, ...]
+    prototypes: tuple[Prototype, ...]
     threshold: float = THRESHOLD
     tolerance: float = TOLERANCE
     background: tuple[float, ...] = ()
-    promised_precision: float | None = None
-    promised_recall: float | None = None
+    estimated_precision: float | None = None
+    estimated_recall: float | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
             raise InvalidInput("a class needs a name, got an empty one")
-        if not self.subclasses:
+        if not self.prototypes:
             raise InvalidInput(f"class {self.name!r} needs at least one template, got none")
-        names = [s.name for s in self.subclasses]
+        names = [s.name for s in self.prototypes]
         if len(set(names)) != len(names):
             raise InvalidInput(f"class {self.name!r}: names of subclasses must be unique")
         if not 0 <= self.threshold <= 1:
@@ -98,19 +98,22 @@ class MotionClass:
                 f"class {self.name!r}: tolerance must be at least 0 and below 0.5, "
                 f"got {self.tolerance}"
             )
-        for key in ("promised_precision", "promised_recall"):
-            share = getattr(self, key)
-            if share is not None and not 0 <= share <= 1:
-                raise InvalidInput(f"class {self.name!r}: {key} must lie in [0, 1], got {share}")
-        n_features = self.subclasses[0].template.n_features
-        shares = tuple(float(share) for share in self.background)
-        if shares and (len(shares) != n_features or not all(0 < s < 1 for s in shares)):
+        estimates = {
+            "promised_precision": self.estimated_precision,
+            "promised_recall": self.estimated_recall,
+        }
+        for key, fraction in estimates.items():
+            if fraction is not None and not 0 <= fraction <= 1:
+                raise InvalidInput(f"class {self.name!r}: {key} must lie in [0, 1], got {fraction}")
+        n_features = self.prototypes[0].template.n_features
+        fractions = tuple(float(fraction) for fraction in self.background)
+        if fractions and (len(fractions) != n_features or not all(0 < s < 1 for s in fractions)):
             raise InvalidInput(
                 f"class {self.name!r}: background needs {n_features} shares between 0 and 1"
             )
         object.__setattr__(self, "threshold", float(self.threshold))
         object.__setattr__(self, "tolerance", float(self.tolerance))
-        object.__setattr__(self, "background", shares)
+        object.__setattr__(self, "background", fractions)
 
     def quantised(self) -> tuple[QuantisedTemplate, ...]:
         """Templates of the subclasses with fixed and free cells.
@@ -120,11 +123,11 @@ class MotionClass:
         InvalidInput
             If one of them is free everywhere: it would match anything at no cost.
         """
-        result = tuple(quantise(s.template, tolerance=self.tolerance) for s in self.subclasses)
-        for subclass, template in zip(self.subclasses, result, strict=True):
+        result = tuple(quantise(s.template, tolerance=self.tolerance) for s in self.prototypes)
+        for prototype, template in zip(self.prototypes, result, strict=True):
             if template.n_fixed == 0:
                 raise InvalidInput(
-                    f"template {subclass.name!r} has no fixed cell at tolerance "
+                    f"template {prototype.name!r} has no fixed cell at tolerance "
                     f"{self.tolerance}, so it would match everything; its examples have "
                     "nothing in common: split the class or raise the tolerance"
                 )
@@ -156,11 +159,11 @@ class ClassLibrary:
         if len(set(self.names)) != len(self.names):
             raise InvalidInput("a library needs unique class names")
         for motion_class in self.classes:
-            for subclass in motion_class.subclasses:
-                if subclass.template.feature_names != self.feature_set.ids:
+            for prototype in motion_class.prototypes:
+                if prototype.template.feature_names != self.feature_set.ids:
                     raise InvalidInput(
-                        f"template {subclass.name!r} has the features of "
-                        f"{subclass.template.feature_set!r}, the library those of "
+                        f"template {prototype.name!r} has the features of "
+                        f"{prototype.template.feature_set!r}, the library those of "
                         f"{self.feature_set.name!r}; learn it again with the library's"
                     )
 

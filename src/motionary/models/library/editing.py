@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Literal
 
 from motionary.errors import InvalidInput
-from motionary.models.library.classes import ClassLibrary, MotionClass, Subclass
-from motionary.models.library.teaching import MIRRORED, mirror_subclass
+from motionary.models.library.classes import ClassLibrary, MotionClass, Prototype
+from motionary.models.library.training import MIRRORED, mirror_prototype
 from motionary.models.templates import MotionTemplate
 
 #: What becomes of a class whose name another library has, too.
@@ -55,11 +55,11 @@ def rename_class(library: ClassLibrary, name: str, new_name: str) -> ClassLibrar
         raise InvalidInput(f"the library has a class {new_name!r} already; choose another name")
     old = library[name]
     names = {name: new_name, name + MIRRORED: new_name + MIRRORED}
-    subclasses = tuple(replace(s, name=names.get(s.name, s.name)) for s in old.subclasses)
-    return replace_class(library, name, replace(old, name=new_name, subclasses=subclasses))
+    prototypes = tuple(replace(s, name=names.get(s.name, s.name)) for s in old.prototypes)
+    return replace_class(library, name, replace(old, name=new_name, prototypes=prototypes))
 
 
-def find_subclass(motion_class: MotionClass, name: str | None = None) -> Subclass:
+def find_prototype(motion_class: MotionClass, name: str | None = None) -> Prototype:
     """The subclass of a name; without one, the only one, or the one that is called as the class.
 
     Raises
@@ -68,16 +68,16 @@ def find_subclass(motion_class: MotionClass, name: str | None = None) -> Subclas
         If there is none of that name, or none is given and several may be meant.
     """
     wanted = motion_class.name if name is None else name
-    for one in motion_class.subclasses:
-        if one.name == wanted or (name is None and len(motion_class.subclasses) == 1):
+    for one in motion_class.prototypes:
+        if one.name == wanted or (name is None and len(motion_class.prototypes) == 1):
             return one
-    names = ", ".join(repr(one.name) for one in motion_class.subclasses)
+    names = ", ".join(repr(one.name) for one in motion_class.prototypes)
     problem = "has several templates, say which" if name is None else f"has no template {name!r}"
     raise InvalidInput(f"class {motion_class.name!r} {problem}: {names}")
 
 
 def replace_template(
-    library: ClassLibrary, name: str, template: MotionTemplate, *, subclass: str | None = None
+    library: ClassLibrary, name: str, template: MotionTemplate, *, prototype: str | None = None
 ) -> ClassLibrary:
     """Library in which a class has another template, and its mirror image with it.
 
@@ -89,13 +89,13 @@ def replace_template(
         If there is no such class or subclass, or the template is over other features or
         fixes nothing.
     """
-    old = find_subclass(library[name], subclass)
+    old = find_prototype(library[name], prototype)
     if template is old.template:
         return library
-    return replace_subclass(library, name, Subclass(old.name, template))
+    return replace_prototype(library, name, Prototype(old.name, template))
 
 
-def replace_subclass(library: ClassLibrary, name: str, changed: Subclass) -> ClassLibrary:
+def replace_prototype(library: ClassLibrary, name: str, changed: Prototype) -> ClassLibrary:
     """Library in which a class has another subclass of the same name, and its mirror image.
 
     Raises
@@ -110,13 +110,13 @@ def replace_subclass(library: ClassLibrary, name: str, changed: Subclass) -> Cla
             f"{library.feature_set.name!r}; both need one feature set"
         )
     new = {changed.name: changed}
-    if any(one.name == changed.name + MIRRORED for one in motion_class.subclasses):
-        new[changed.name + MIRRORED] = mirror_subclass(changed, library.feature_set)
+    if any(one.name == changed.name + MIRRORED for one in motion_class.prototypes):
+        new[changed.name + MIRRORED] = mirror_prototype(changed, library.feature_set)
     replaced = replace(
         motion_class,
-        subclasses=tuple(new.get(one.name, one) for one in motion_class.subclasses),
-        promised_precision=None,
-        promised_recall=None,
+        prototypes=tuple(new.get(one.name, one) for one in motion_class.prototypes),
+        estimated_precision=None,
+        estimated_recall=None,
     )
     replaced.quantised()
     return replace_class(library, name, replaced)
@@ -174,9 +174,9 @@ def find_clashes(libraries: Sequence[ClassLibrary]) -> list[str]:
 
 def _side_by_side(first: MotionClass, second: MotionClass) -> MotionClass:
     """The first class with the templates of the second beside its own."""
-    taken = {one.name for one in first.subclasses}
+    taken = {one.name for one in first.prototypes}
     added = []
-    for one in second.subclasses:
+    for one in second.prototypes:
         name, number = one.name, 2
         while name in taken:
             name, number = f"{one.name}-{number}", number + 1
@@ -184,9 +184,9 @@ def _side_by_side(first: MotionClass, second: MotionClass) -> MotionClass:
         added.append(replace(one, name=name))
     return replace(
         first,
-        subclasses=(*first.subclasses, *added),
-        promised_precision=None,
-        promised_recall=None,
+        prototypes=(*first.prototypes, *added),
+        estimated_precision=None,
+        estimated_recall=None,
     )
 
 

@@ -47,14 +47,14 @@ def read_examples(
     files = list_examples(folder)
     result = ReadExamples()
     named = [(path.relative_to(folder).as_posix(), path) for _, _, path in files]
-    words = read_features(
+    packed = read_features(
         named, reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done
     )
-    for (name, subclass, _), item in zip(files, words, strict=True):
+    for (name, prototype, _), item in zip(files, packed, strict=True):
         if isinstance(item, Failure):
             result.failures.append(item)
         else:
-            result.classes.setdefault(name, {}).setdefault(subclass, []).append(item)
+            result.classes.setdefault(name, {}).setdefault(prototype, []).append(item)
     return result
 
 
@@ -87,8 +87,8 @@ def find_feature_set(examples: Examples) -> FeatureSet:
     """
     sets = {
         item.feature_set.name: item.feature_set
-        for subclasses in examples.values()
-        for items in subclasses.values()
+        for prototypes in examples.values()
+        for items in prototypes.values()
         for item in items
     }
     if len(sets) > 1:

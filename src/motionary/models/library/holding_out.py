@@ -17,7 +17,7 @@ from motionary.errors import InvalidInput
 from motionary.evaluation import Segment
 from motionary.features import FeatureSequence
 from motionary.models.library.examples import Examples
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 
 #: Groups, or examples without groups, are dealt into so many parts at most.
 N_FOLDS = 5
@@ -42,8 +42,8 @@ class Stream(NamedTuple):
     other_frames : frames of recordings that are no examples
     """
 
-    words: Words
-    known: Words
+    packed: PackedFeatures
+    known: PackedFeatures
     truth: Sequence[Segment]
     other_frames: int
 
@@ -68,10 +68,10 @@ def make_folds(examples: Examples, *, groups: str | None, seed: int) -> list[Fol
         If the expression is none, matches some example nowhere, or puts all into one group.
     """
     items = [
-        (name, subclass, item)
-        for name, subclasses in examples.items()
-        for subclass, of_subclass in subclasses.items()
-        for item in of_subclass
+        (name, prototype, item)
+        for name, prototypes in examples.items()
+        for prototype, of_prototype in prototypes.items()
+        for item in of_prototype
     ]
     rng = np.random.default_rng(seed)
     part_of = _deal_groups(items, groups, rng) if groups else _deal(items, rng)
@@ -79,11 +79,11 @@ def make_folds(examples: Examples, *, groups: str | None, seed: int) -> list[Fol
     for part in range(max(part_of, default=-1) + 1):
         learned: dict[str, dict[str, list[FeatureSequence]]] = {}
         held_out = []
-        for (name, subclass, item), own in zip(items, part_of, strict=True):
+        for (name, prototype, item), own in zip(items, part_of, strict=True):
             if own == part:
                 held_out.append((name, item))
             else:
-                learned.setdefault(name, {}).setdefault(subclass, []).append(item)
+                learned.setdefault(name, {}).setdefault(prototype, []).append(item)
         # What was not learned is not to be found.
         folds.append(Fold(learned, [held for held in held_out if held[0] in learned]))
     return [fold for fold in folds if fold.held_out]
@@ -108,21 +108,21 @@ def make_stream(
     n_frames = sum(len(item) for _, item in held_out)
     pieces = _cut(others, int(other_per_frame * n_frames), rng)
     between = np.sort(rng.integers(0, len(held_out) + 1, size=len(pieces)))
-    parts: list[tuple[Words, Words]] = []
+    parts: list[tuple[PackedFeatures, PackedFeatures]] = []
     truth = []
     end = taken = 0
     for place, index in enumerate([*rng.permutation(len(held_out)), -1]):
         while taken < len(pieces) and between[taken] <= place:
-            parts.append((pieces[taken].words, pieces[taken].known))
+            parts.append((pieces[taken].packed, pieces[taken].known))
             end += len(pieces[taken])
             taken += 1
         if index >= 0:
             name, item = held_out[index]
-            parts.append((item.words, item.known))
+            parts.append((item.packed, item.known))
             truth.append(Segment(name, end, end + len(item)))
             end += len(item)
-    words, known = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return Stream(words, known, truth, len(words) - n_frames)
+    packed, known = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return Stream(packed, known, truth, len(packed) - n_frames)
 
 
 def _deal_groups(
@@ -154,8 +154,8 @@ def _deal_groups(
 def _deal(items: Sequence[tuple[str, str, FeatureSequence]], rng: np.random.Generator) -> list[int]:
     """Parts of examples, those of each subclass spread evenly; a lone one is never held out."""
     places: dict[tuple[str, str], list[int]] = {}
-    for i, (name, subclass, _) in enumerate(items):
-        places.setdefault((name, subclass), []).append(i)
+    for i, (name, prototype, _) in enumerate(items):
+        places.setdefault((name, prototype), []).append(i)
     part_of = [N_FOLDS] * len(items)
     next_part = 0
     for own in places.values():

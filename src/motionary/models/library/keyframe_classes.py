@@ -8,7 +8,7 @@ tempo.
 import numpy as np
 
 from motionary.models.keyframes import KeyframeQuery, columns_of_query, template_of_query
-from motionary.models.library.classes import THRESHOLD, MotionClass, Subclass
+from motionary.models.library.classes import THRESHOLD, MotionClass, Prototype
 from motionary.models.templates import MotionTemplate
 
 _FREE = 0.5
@@ -40,4 +40,4 @@ def class_of_query(name: str, query: KeyframeQuery, *, threshold: float = THRESH
         query.values, query.fixed, query.gaps, query.feature_set, query.feature_ids,
         tuple(columns_of_query(query)),
     )  # fmt: skip
-    return MotionClass(name, (Subclass(name, template, (placed,)),), threshold)
+    return MotionClass(name, (Prototype(name, template, (placed,)),), threshold)

@@ -14,8 +14,8 @@ from motionary.features import (
 )
 from motionary.models.library.classes import ClassLibrary
 from motionary.models.library.examples import read_examples
-from motionary.models.library.teaching import Teaching, learn_classes
-from motionary.models.library.thresholds import apply_suggestions, suggest_thresholds
+from motionary.models.library.thresholds import apply_calibrations, calibrate_thresholds
+from motionary.models.library.training import TrainingOptions, learn_classes
 from motionary.motion import Motion
 
 
@@ -23,8 +23,8 @@ def learn(
     examples: str | Path | Mapping[str, Sequence[Motion | FeatureSequence]],
     *,
     mirror: bool = False,
-    suggest: bool = False,
-    teaching: Teaching | None = None,
+    calibrate: bool = False,
+    training: TrainingOptions | None = None,
     reading: Reading | None = None,
     feature_set: FeatureSet = FULL_BODY,
     jobs: int = 1,
@@ -49,22 +49,22 @@ def learn(
         If there are no examples, examples of a class have nothing in common, or one of
         them cannot be read.
     """
-    settings = teaching or Teaching()
+    settings = training or TrainingOptions()
     if mirror:
         settings = replace(settings, mirror=True)
     if isinstance(examples, str | Path):
         read = read_examples(Path(examples), reading=reading, feature_set=feature_set, jobs=jobs)
         if read.failures:
             raise read.failures[0].error
-        nested = {name: dict(subclasses) for name, subclasses in read.classes.items()}
+        nested = {name: dict(prototypes) for name, prototypes in read.classes.items()}
     else:
         nested = {name: {name: _sequences(items, feature_set)} for name, items in examples.items()}
     if not nested:
         raise InvalidInput("there are no examples to learn from; give at least one class")
-    library = learn_classes(nested, teaching=settings)
-    if suggest:
-        suggestions = suggest_thresholds(nested, teaching=settings, jobs=jobs)
-        library = apply_suggestions(library, suggestions)
+    library = learn_classes(nested, training=settings)
+    if calibrate:
+        calibrations = calibrate_thresholds(nested, training=settings, jobs=jobs)
+        library = apply_calibrations(library, calibrations)
     return library
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.models.keyframes import Choosing, choose_query, mirror_query
-from motionary.models.library.classes import ClassLibrary, Subclass
+from motionary.models.library.classes import ClassLibrary, Prototype
 from motionary.models.library.examples import Examples
 from motionary.models.query_learning import (
     RUNS,
@@ -30,7 +30,7 @@ _LEAST_EXAMPLES = 2
 #: docs/evidence/keyframe_choice.md, "Which settings".
 _CHOOSING = Choosing(frames_left=0.05)
 #: A subclass with queries: of itself, its examples, and counter-examples.
-_Query = Callable[[Subclass, Sequence[FeatureSequence], Sequence[FeatureSequence]], Subclass]
+_Query = Callable[[Prototype, Sequence[FeatureSequence], Sequence[FeatureSequence]], Prototype]
 
 
 class QueriedLibrary(NamedTuple):
@@ -102,26 +102,26 @@ def _query_all(
     classes, without = [], {}
     for motion_class in library:
         negatives = _of_others(examples, motion_class.name)
-        queried: dict[str, Subclass] = {}
-        for subclass in motion_class.subclasses:
-            name = subclass.name
+        queried: dict[str, Prototype] = {}
+        for prototype in motion_class.prototypes:
+            name = prototype.name
             positives = examples.get(motion_class.name, {}).get(name, ())
             original = queried.get(name.removesuffix("Mirrored"))
             try:
                 if not positives and original is not None:
-                    queried[name] = _mirror(subclass, original, library.feature_set)
+                    queried[name] = _mirror(prototype, original, library.feature_set)
                 else:
-                    queried[name] = query(subclass, positives, negatives)
+                    queried[name] = query(prototype, positives, negatives)
             except InvalidInput as error:
-                queried[name], without[name] = subclass, str(error)
-        classes.append(replace(motion_class, subclasses=tuple(queried.values())))
+                queried[name], without[name] = prototype, str(error)
+        classes.append(replace(motion_class, prototypes=tuple(queried.values())))
         if on_done:
             on_done()
     return QueriedLibrary(replace(library, classes=tuple(classes)), without)
 
 
 def _breed(
-    subclass: Subclass,
+    prototype: Prototype,
     positives: Sequence[FeatureSequence],
     negatives: Sequence[FeatureSequence],
     *,
@@ -129,43 +129,43 @@ def _breed(
     seed: int,
     runs: int,
     jobs: int,
-) -> Subclass:
+) -> Prototype:
     """The subclass with queries that tell its examples from others."""
     problem = state_problem(
-        positives, negatives, breeding=breeding, seed=seed, template=subclass.template
+        positives, negatives, breeding=breeding, seed=seed, template=prototype.template
     )
     done = tuple(breed_runs(problem, range(runs), jobs=jobs))
     learned = LearnedQueries(problem, done, votes=default_votes(runs))
-    return replace(subclass, queries=learned.queries, votes=learned.votes)
+    return replace(prototype, queries=learned.queries, votes=learned.votes)
 
 
 def _choose(
-    subclass: Subclass,
+    prototype: Prototype,
     positives: Sequence[FeatureSequence],
     negatives: Sequence[FeatureSequence],
     *,
     choosing: Choosing,
-) -> Subclass:
+) -> Prototype:
     """The subclass with the query that finds its examples and leaves little of others."""
     if len(positives) < _LEAST_EXAMPLES:
         raise InvalidInput(
             f"choosing keyframes needs at least {_LEAST_EXAMPLES} examples, got {len(positives)}; "
             "give more, of different people if possible"
         )
-    chosen = choose_query(subclass.template, positives, negatives, choosing=choosing)
-    return replace(subclass, queries=(chosen.query,), votes=1)
+    chosen = choose_query(prototype.template, positives, negatives, choosing=choosing)
+    return replace(prototype, queries=(chosen.query,), votes=1)
 
 
-def _mirror(subclass: Subclass, original: Subclass, feature_set: FeatureSet) -> Subclass:
+def _mirror(prototype: Prototype, original: Prototype, feature_set: FeatureSet) -> Prototype:
     queries = tuple(mirror_query(query, feature_set) for query in original.queries)
-    return replace(subclass, queries=queries, votes=original.votes)
+    return replace(prototype, queries=queries, votes=original.votes)
 
 
 def _of_others(examples: Examples, name: str) -> list[FeatureSequence]:
     return [
         clip
-        for other, subclasses in examples.items()
+        for other, prototypes in examples.items()
         if other != name
-        for clips in subclasses.values()
+        for clips in prototypes.values()
         for clip in clips
     ]

@@ -185,7 +185,7 @@ def _find_feature_set(path: Path, index: dict[str, Any], given: Sequence[Feature
     name, ids = index["feature_set"], tuple(index["features"])
     sets = {**known_sets(), **{one.name: one for one in given}}
     if "relations" in index and name not in sets:
-        sets[name] = _read_relations(path, name, index["relations"])
+        sets[name] = _read_features(path, name, index["relations"])
     found = sets.get(name)
     if found is None:
         raise refuse(
@@ -199,7 +199,7 @@ def _find_feature_set(path: Path, index: dict[str, Any], given: Sequence[Feature
     return found
 
 
-def _read_relations(path: Path, name: str, rows: Any) -> FeatureSet:
+def _read_features(path: Path, name: str, rows: Any) -> FeatureSet:
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise refuse(path, "relations", "must be tables of relations")
     try:

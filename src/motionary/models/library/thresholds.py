@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from motionary.batch import Failure, map_ordered
 from motionary.evaluation import Counts, pool_counts
-from motionary.features import WORD_HZ, FeatureSequence
+from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.models.library.classes import ClassLibrary
 from motionary.models.library.examples import Examples
 from motionary.models.library.holding_out import Fold, make_folds
-from motionary.models.library.teaching import Teaching
+from motionary.models.library.training import TrainingOptions
 from motionary.models.library.trials import Trial, count_alone, count_together, run_trial
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ OTHER_PER_FRAME = 3.0
 COMMON_WEIGHS = 20.0
 
 
-class Suggestion(NamedTuple):
+class Calibration(NamedTuple):
     """A threshold, and what to expect of it on examples that were not learned.
 
     Attributes
@@ -58,16 +58,16 @@ class Suggestion(NamedTuple):
     negative_minutes: float
 
 
-def suggest_thresholds(
+def calibrate_thresholds(
     examples: Examples,
     *,
     groups: str | None = None,
     negatives: Sequence[FeatureSequence] = (),
-    teaching: Teaching | None = None,
+    training: TrainingOptions | None = None,
     seed: int = 0,
     jobs: int = 1,
     on_done: Callable[[tuple[int, Fold]], None] | None = None,
-) -> dict[str, Suggestion]:
+) -> dict[str, Calibration]:
     """Threshold for each class of which examples can be held out.
 
     Parameters
@@ -98,7 +98,7 @@ def suggest_thresholds(
         run_trial,
         others=negatives,
         other_per_frame=OTHER_PER_FRAME,
-        teaching=teaching or Teaching(),
+        training=training or TrainingOptions(),
         most_cost=TRIED[-1],
         seed=seed,
     )
@@ -116,28 +116,30 @@ def suggest_thresholds(
     chosen = dict(zip(names, _choose(counts, weight), strict=True))
     promised = _promise(trials, names, counts, weight)
     return {
-        name: Suggestion(
+        name: Calibration(
             chosen[name],
             _cautious(seen.correct, weight * (seen.predicted - seen.correct), weight),
             _cautious(seen.found, seen.true - seen.found, 1.0),
             seen.true,
-            told_from[name] / WORD_HZ / 60,
+            told_from[name] / SEQUENCE_HZ / 60,
         )
         for name, seen in promised.items()
     }
 
 
-def apply_suggestions(library: ClassLibrary, suggestions: Mapping[str, Suggestion]) -> ClassLibrary:
+def apply_calibrations(
+    library: ClassLibrary, calibrations: Mapping[str, Calibration]
+) -> ClassLibrary:
     """Library whose classes have the suggested thresholds, and promise what was measured."""
     classes = []
     for one in library:
-        if one.name in suggestions:
-            suggested = suggestions[one.name]
+        if one.name in calibrations:
+            calibrated = calibrations[one.name]
             one = replace(
                 one,
-                threshold=suggested.threshold,
-                promised_precision=round(suggested.precision, 3),
-                promised_recall=round(suggested.recall, 3),
+                threshold=calibrated.threshold,
+                estimated_precision=round(calibrated.precision, 3),
+                estimated_recall=round(calibrated.recall, 3),
             )
         classes.append(one)
     return replace(library, classes=tuple(classes))

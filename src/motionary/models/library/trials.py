@@ -26,7 +26,7 @@ from motionary.matching import (
 from motionary.models.library.classes import MotionClass
 from motionary.models.library.examples import find_feature_set
 from motionary.models.library.holding_out import Fold, Stream, make_stream
-from motionary.models.library.teaching import Teaching, learn_class, measure_background
+from motionary.models.library.training import TrainingOptions, learn_class, measure_background
 from motionary.models.templates import Learning
 
 _NOTHING = Counts(0, 0, 0, 0)
@@ -64,7 +64,7 @@ def run_trial(
     *,
     others: Sequence[FeatureSequence],
     other_per_frame: float,
-    teaching: Teaching,
+    training: TrainingOptions,
     most_cost: float,
     seed: int,
 ) -> Trial:
@@ -81,20 +81,20 @@ def run_trial(
     rng = np.random.default_rng([seed, number])
     stream = make_stream(fold.held_out, others, other_per_frame=other_per_frame, rng=rng)
     background: tuple[float, ...] = ()
-    if teaching.by_surprise:
+    if training.by_self_information:
         feature_set = find_feature_set(fold.learned)
-        background = measure_background(fold.learned, feature_set, mirror=teaching.mirror)
+        background = measure_background(fold.learned, feature_set, mirror=training.mirror)
     matches = {}
-    for name, subclasses in fold.learned.items():
+    for name, prototypes in fold.learned.items():
         try:
             motion_class = learn_class(
-                name, subclasses, background=background, teaching=teaching, learning=_LEARNING
+                name, prototypes, background=background, training=training, learning=_LEARNING
             )
         except InvalidInput:
             # Nothing in common: told where the class is learned in earnest.
             continue
         matches[name] = _match(motion_class, stream, most_cost)
-    return Trial(len(stream.words), stream.other_frames, stream.truth, matches)
+    return Trial(len(stream.packed), stream.other_frames, stream.truth, matches)
 
 
 def count_alone(trial: Trial, name: str, thresholds: Sequence[float]) -> list[Counts]:
@@ -120,11 +120,11 @@ def count_together(trial: Trial, thresholds: Mapping[str, float]) -> dict[str, C
 
 
 def _match(motion_class: MotionClass, stream: Stream, most_cost: float) -> list[Alignment]:
-    words, known = stream.words, stream.known
+    packed, known = stream.packed, stream.known
     matches = []
     for _, pattern in motion_class.sought():
-        distance = distance_function(pattern, words, known)
-        matches += align(pattern, words, known, local_minima(distance, threshold=most_cost))
+        distance = distance_function(pattern, packed, known)
+        matches += align(pattern, packed, known, local_minima(distance, threshold=most_cost))
     return matches
 
 

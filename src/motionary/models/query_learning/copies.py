@@ -44,13 +44,13 @@ class Copying:
 
 def vary_clip(clip: FeatureSequence, copying: Copying, rng: np.random.Generator) -> FeatureSequence:
     """A copy of a clip at another tempo, its relations shifted against each other."""
-    relations, known = clip.features.view(np.bool_), clip.known_features.view(np.bool_)
-    relations, known = vary(relations, known, copying, rng)
-    return FeatureSequence(pack(relations), pack(known), clip.feature_set, clip.source)
+    features, known = clip.features.view(np.bool_), clip.known_features.view(np.bool_)
+    features, known = vary(features, known, copying, rng)
+    return FeatureSequence(pack(features), pack(known), clip.feature_set, clip.source)
 
 
 def vary(
-    relations: Bits, known: Bits, copying: Copying, rng: np.random.Generator
+    features: Bits, known: Bits, copying: Copying, rng: np.random.Generator
 ) -> tuple[Bits, Bits]:
     """A copy at another tempo, relations shifted against each other.
 
@@ -64,11 +64,11 @@ def vary(
     -------
     relations, known : arrays, shape (other frames, features); the ends are held
     """
-    n_frames, n_features = relations.shape
+    n_frames, n_features = features.shape
     speed = copying.tempo ** rng.uniform(-1.0, 1.0)
     n_copied = max(1, round(n_frames / speed))
     times = np.minimum((np.arange(n_copied) * speed).astype(np.intp), n_frames - 1)
     shifts = rng.integers(-copying.shift, copying.shift, size=n_features, endpoint=True)
     at = np.clip(times[:, None] + shifts, 0, n_frames - 1)
-    features = np.arange(n_features)
-    return relations[at, features], known[at, features]
+    columns = np.arange(n_features)
+    return features[at, columns], known[at, columns]

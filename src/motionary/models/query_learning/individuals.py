@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from motionary.models.keyframes import Gap, KeyframeQuery
-from motionary.packing import Words, count_words
+from motionary.packing import PackedFeatures, count_integers
 
 Numbers = tuple[int, ...]
 
@@ -46,11 +46,11 @@ def to_query(
     individual: Individual, feature_set: str, feature_ids: tuple[str, ...]
 ) -> KeyframeQuery:
     """The individual as a query over a set of features."""
-    n_words = count_words(len(feature_ids))
+    n_integers = count_integers(len(feature_ids))
     gaps = tuple(Gap(*gap) for gap in zip(individual.least, individual.most, strict=True))
     return KeyframeQuery(
-        _to_words(individual.values, n_words),
-        _to_words(individual.fixed, n_words),
+        _to_words(individual.values, n_integers),
+        _to_words(individual.fixed, n_integers),
         gaps,
         feature_set,
         feature_ids,
@@ -58,9 +58,11 @@ def to_query(
     )
 
 
-def to_numbers(words: Words) -> Numbers:
+def to_numbers(packed: PackedFeatures) -> Numbers:
     """Words as numbers with a bit per relation, one per row."""
-    return tuple(int.from_bytes(row.tobytes(), "little") for row in words.astype("<u8", copy=False))
+    return tuple(
+        int.from_bytes(row.tobytes(), "little") for row in packed.astype("<u8", copy=False)
+    )
 
 
 def free_entry(individual: Individual, k: int, bit: int) -> Individual:
@@ -98,6 +100,6 @@ def _without_gap(bounds: Numbers, k: int) -> Numbers:
     return (*bounds[: max(k - 1, 0)], *between, *bounds[k + 1 :])
 
 
-def _to_words(numbers: Numbers, n_words: int) -> Words:
-    raw = b"".join(number.to_bytes(n_words * 8, "little") for number in numbers)
-    return np.frombuffer(raw, dtype="<u8").reshape(-1, n_words).astype(np.uint64)
+def _to_words(numbers: Numbers, n_integers: int) -> PackedFeatures:
+    raw = b"".join(number.to_bytes(n_integers * 8, "little") for number in numbers)
+    return np.frombuffer(raw, dtype="<u8").reshape(-1, n_integers).astype(np.uint64)

@@ -20,7 +20,7 @@ from motionary.models.keyframes import (
     KeyframeQuery,
     WordIndex,
     check_votes,
-    index_words,
+    index_packed,
     search_query,
     select_in_index,
 )
@@ -116,8 +116,8 @@ def judge_clips(
     clips = [*positives, *negatives]
     feature_set = positives[0].feature_set
     every = all(bool(clip.known_features.all()) for clip in clips)
-    index = index_words(
-        [clip.words for clip in clips],
+    index = index_packed(
+        [clip.packed for clip in clips],
         None if every else [clip.known for clip in clips],
         feature_set=feature_set.name,
         feature_ids=feature_set.ids,

@@ -58,8 +58,8 @@ class GenePool:
 def gene_pool(template: MotionTemplate, quantised: QuantisedTemplate) -> GenePool:
     """Columns of a template, as it is and quantised."""
     return GenePool(
-        to_numbers(quantised.value_words),
-        to_numbers(quantised.fixed_words),
+        to_numbers(quantised.packed_values),
+        to_numbers(quantised.packed_fixed),
         to_numbers(pack(template.values >= 0.5)),
         template.n_features,
     )

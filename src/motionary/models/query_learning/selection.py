@@ -18,12 +18,12 @@ def sample_universally(fitness: Sequence[float], count: int, rng: np.random.Gene
     count : pointers
     rng : source of the one throw
     """
-    shares = np.asarray(fitness, dtype=np.float64)
-    if shares.sum() <= 0.0:
-        shares = np.ones(len(shares))
-    ends = np.cumsum(shares)
+    fractions = np.asarray(fitness, dtype=np.float64)
+    if fractions.sum() <= 0.0:
+        fractions = np.ones(len(fractions))
+    ends = np.cumsum(fractions)
     pointers = (np.arange(count) + rng.random()) * (ends[-1] / count)
     chosen = np.searchsorted(ends, pointers, side="right")
     # Rounding may put the last pointer on the end itself.
-    last = int(np.flatnonzero(shares)[-1])
+    last = int(np.flatnonzero(fractions)[-1])
     return [min(int(number), last) for number in chosen]

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import FeatureSet, find_relation
+from motionary.features import FeatureSet, find_feature
 from motionary.models.templates.alignment import align_batched
 from motionary.models.templates.averaging import Stack
 from motionary.models.templates.learning import Learning, repeat_passes
-from motionary.models.templates.stretches import count_columns, fit_columns, show_seconds
+from motionary.models.templates.segments import count_columns, fit_columns, show_seconds
 from motionary.models.templates.template import MotionTemplate
 from motionary.models.templates.text import find_set
 
@@ -43,7 +43,7 @@ class Pause(NamedTuple):
 
 
 def restrict(
-    template: MotionTemplate, relations: Collection[str], *, feature_set: FeatureSet | None = None
+    template: MotionTemplate, features: Collection[str], *, feature_set: FeatureSet | None = None
 ) -> MotionTemplate:
     """Template that asks for some relations only; all others are free.
 
@@ -52,7 +52,7 @@ def restrict(
     InvalidInput
         If a relation is unknown, or none is given.
     """
-    kept = _numbers(template, relations, feature_set)
+    kept = _numbers(template, features, feature_set)
     if not kept:
         raise InvalidInput("restricting needs at least one relation to keep, got none")
     values = np.full(template.values.shape, _FREE)
@@ -62,7 +62,7 @@ def restrict(
 
 def free(
     template: MotionTemplate,
-    relations: Collection[str] | None = None,
+    features: Collection[str] | None = None,
     *,
     start_s: float = 0.0,
     end_s: float | None = None,
@@ -79,8 +79,8 @@ def free(
     part = _part(template, start_s, end_s)
     chosen = (
         range(template.n_features)
-        if relations is None
-        else _numbers(template, relations, feature_set)
+        if features is None
+        else _numbers(template, features, feature_set)
     )
     values[part, list(chosen)] = _FREE
     return _changed(template, values, "loosened by hand")
@@ -88,7 +88,7 @@ def free(
 
 def fix(
     template: MotionTemplate,
-    relations: Mapping[str, bool],
+    features: Mapping[str, bool],
     *,
     start_s: float = 0.0,
     end_s: float | None = None,
@@ -103,7 +103,7 @@ def fix(
     """
     values = template.values.copy()
     part = _part(template, start_s, end_s)
-    for name, holds in relations.items():
+    for name, holds in features.items():
         values[part, _numbers(template, [name], feature_set)] = float(holds)
     return _changed(template, values, "fixed by hand")
 
@@ -139,9 +139,9 @@ def join(
     """
     _check_same_features([first, second])
     n_examples = first.n_examples + second.n_examples
-    share = Fraction(first.n_examples, n_examples).limit_denominator(_MOST_COPIES)
-    share = min(max(share, Fraction(1, _MOST_COPIES)), 1 - Fraction(1, _MOST_COPIES))
-    copies = [first] * share.numerator + [second] * (share.denominator - share.numerator)
+    fraction = Fraction(first.n_examples, n_examples).limit_denominator(_MOST_COPIES)
+    fraction = min(max(fraction, Fraction(1, _MOST_COPIES)), 1 - Fraction(1, _MOST_COPIES))
+    copies = [first] * fraction.numerator + [second] * (fraction.denominator - fraction.numerator)
     offsets = np.cumsum([0] + [t.n_columns for t in copies]).astype(np.intp)
     stack = Stack(
         np.concatenate([t.values for t in copies]),
@@ -197,12 +197,12 @@ def concatenate(parts: Sequence[MotionTemplate | Pause]) -> MotionTemplate:
 
 
 def _numbers(
-    template: MotionTemplate, relations: Collection[str], feature_set: FeatureSet | None
+    template: MotionTemplate, features: Collection[str], feature_set: FeatureSet | None
 ) -> list[int]:
     known = find_set(template, feature_set=feature_set)
     # A string is a collection of letters, and would be taken for as many relations.
-    names = [relations] if isinstance(relations, str) else relations
-    return [find_relation(name, known) for name in names]
+    names = [features] if isinstance(features, str) else features
+    return [find_feature(name, known) for name in names]
 
 
 def _part(template: MotionTemplate, start_s: float, end_s: float | None) -> slice:

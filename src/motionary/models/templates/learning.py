@@ -94,7 +94,7 @@ def learn_template(
     settings = learning or Learning()
     examples = _check_examples(matrices)
     n_features = examples[0].shape[1]
-    columns = examples if known is None else _with_shares(examples, known)
+    columns = examples if known is None else _with_fractions(examples, known)
     offsets = np.cumsum([0] + [len(example) for example in examples]).astype(np.intp)
     stack = Stack(np.concatenate(columns), np.ones(offsets[-1]), offsets)
     stack = repeat_passes(stack, n_features, settings, _choose_engine(engine, stack))
@@ -152,9 +152,9 @@ def _values(columns: Floats, n_features: int) -> Floats:
     """Values of columns that may carry the share known beside them."""
     if columns.shape[1] == n_features:
         return columns
-    weighted, share = columns[:, :n_features], columns[:, n_features:]
+    weighted, fraction = columns[:, :n_features], columns[:, n_features:]
     values = np.full(weighted.shape, 0.5)
-    np.divide(weighted, share, out=values, where=share > 0.0)
+    np.divide(weighted, fraction, out=values, where=fraction > 0.0)
     return values
 
 
@@ -171,7 +171,7 @@ def _check_examples(matrices: Sequence[ArrayLike]) -> list[Floats]:
     return examples
 
 
-def _with_shares(examples: list[Floats], known: Sequence[ArrayLike]) -> list[Floats]:
+def _with_fractions(examples: list[Floats], known: Sequence[ArrayLike]) -> list[Floats]:
     masks: list[NDArray[np.bool_]] = [np.asarray(mask, dtype=np.bool_) for mask in known]
     shapes = [example.shape for example in examples]
     if [mask.shape for mask in masks] != shapes:

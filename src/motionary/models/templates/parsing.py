@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import FeatureSet, find_relation
-from motionary.models.templates.stretches import count_columns, fit_columns, show_seconds
+from motionary.features import FeatureSet, find_feature
+from motionary.models.templates.segments import count_columns, fit_columns, show_seconds
 
 States = NDArray[np.int8]
 
@@ -39,7 +39,7 @@ class _Piece(NamedTuple):
     """Words of one line, without comment and needless spaces."""
 
     line: int
-    words: str
+    packed: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class _Stretch:
     line: int
     start: int
     stop: int | None
-    relations: tuple[_Piece, ...]
+    features: tuple[_Piece, ...]
 
 
 def parse_states(text: str, feature_set: FeatureSet) -> States:
@@ -60,43 +60,43 @@ def parse_states(text: str, feature_set: FeatureSet) -> States:
     InvalidInput
         If a line is not understood, names an unknown relation or contradicts another one.
     """
-    stretches: list[_Stretch] = []
+    segments: list[_Stretch] = []
     length: int | None = None
     end = 0
     for number, pieces in enumerate(_logical_lines(text)):
-        line, words = pieces[0]
+        line, packed = pieces[0]
         try:
-            if _is_header(words, feature_set, first=number == 0):
+            if _is_header(packed, feature_set, first=number == 0):
                 continue
-            if found := _LASTS.fullmatch(words.casefold()):
+            if found := _LASTS.fullmatch(packed.casefold()):
                 length = _read_length(found[1], length)
                 continue
-            stretch, end = _read_stretch(pieces, end)
+            segment, end = _read_segment(pieces, end)
         except InvalidInput as error:
             raise InvalidInput(f"line {line}: {error}") from None
-        stretches.append(stretch)
-    return _fill(stretches, _check_length(length, stretches), feature_set)
+        segments.append(segment)
+    return _fill(segments, _check_length(length, segments), feature_set)
 
 
 def _logical_lines(text: str) -> Iterator[list[_Piece]]:
     """Lines that say something, those that end in a comma with their continuation."""
     pieces: list[_Piece] = []
     for number, line in enumerate(text.splitlines(), start=1):
-        words = " ".join(line.split("#")[0].split())
-        if not words:
+        packed = " ".join(line.split("#")[0].split())
+        if not packed:
             continue
-        if pieces and ":" in words:
+        if pieces and ":" in packed:
             raise InvalidInput(f"line {pieces[-1].line}: ends in a comma, and a new line begins")
-        pieces.append(_Piece(number, words.removesuffix(",")))
-        if not words.endswith(","):
+        pieces.append(_Piece(number, packed.removesuffix(",")))
+        if not packed.endswith(","):
             yield pieces
             pieces = []
     if pieces:
         raise InvalidInput(f"line {pieces[-1].line}: ends in a comma, and nothing follows")
 
 
-def _is_header(words: str, feature_set: FeatureSet, *, first: bool) -> bool:
-    head, colon, name = words.partition(":")
+def _is_header(packed: str, feature_set: FeatureSet, *, first: bool) -> bool:
+    head, colon, name = packed.partition(":")
     if not colon or head.strip().casefold() != "features":
         return False
     if not first:
@@ -115,32 +115,32 @@ def _read_length(seconds: str, before: int | None) -> int:
     return count_columns(float(seconds))
 
 
-def _read_stretch(pieces: list[_Piece], end: int) -> tuple[_Stretch, int]:
+def _read_segment(pieces: list[_Piece], end: int) -> tuple[_Stretch, int]:
     """What a line says, and where a stretch that follows begins."""
-    line, words = pieces[0]
-    head, colon, rest = words.partition(":")
-    relations = (_Piece(line, rest), *pieces[1:])
+    line, packed = pieces[0]
+    head, colon, rest = packed.partition(":")
+    features = (_Piece(line, rest), *pieces[1:])
     when = head.strip().casefold()
     if colon and when == "throughout":
-        return _Stretch(line, 0, None, relations), end
+        return _Stretch(line, 0, None, features), end
     if colon and (found := _FOR.fullmatch(when)):
         stop = end + count_columns(float(found[1]))
-        return _Stretch(line, end, stop, relations), stop
+        return _Stretch(line, end, stop, features), stop
     if colon and (found := _FOR_RANGE.fullmatch(when)):
         stop = end + fit_columns(float(found[1]), float(found[2]))
-        return _Stretch(line, end, stop, relations), stop
+        return _Stretch(line, end, stop, features), stop
     if colon and (found := _FROM.fullmatch(when)):
         start, stop = count_columns(float(found[1]), least=0), count_columns(float(found[2]))
         if stop <= start:
             raise InvalidInput(f"must end after its start, got {found[1]} to {found[2]} s")
-        return _Stretch(line, start, stop, relations), end
-    raise InvalidInput(f"not understood: {words if not colon else head!r}; expected {_FORMS}")
+        return _Stretch(line, start, stop, features), end
+    raise InvalidInput(f"not understood: {packed if not colon else head!r}; expected {_FORMS}")
 
 
-def _check_length(length: int | None, stretches: list[_Stretch]) -> int:
+def _check_length(length: int | None, segments: list[_Stretch]) -> int:
     """Columns of the template."""
-    ends = [(s.stop, s.line) for s in stretches if s.stop is not None]
-    longest, line = max(ends, default=(0, stretches[0].line if stretches else 1))
+    ends = [(s.stop, s.line) for s in segments if s.stop is not None]
+    longest, line = max(ends, default=(0, segments[0].line if segments else 1))
     if length is None and longest == 0:
         raise InvalidInput(f"line {line}: the text tells no length; expected {_FORMS}")
     if length is not None and longest > length:
@@ -151,46 +151,48 @@ def _check_length(length: int | None, stretches: list[_Stretch]) -> int:
     return length or longest
 
 
-def _fill(stretches: list[_Stretch], n_columns: int, feature_set: FeatureSet) -> States:
+def _fill(segments: list[_Stretch], n_columns: int, feature_set: FeatureSet) -> States:
     states = np.full((n_columns, len(feature_set)), FREE, dtype=np.int8)
     told_in = np.zeros(states.shape, dtype=np.intp)
-    for stretch in stretches:
-        part = slice(stretch.start, stretch.stop)
-        for line, relation, holds in _read_relations(stretch, feature_set):
-            cells, lines = states[part, relation], told_in[part, relation]
+    for segment in segments:
+        part = slice(segment.start, segment.stop)
+        for line, feature, holds in _read_features(segment, feature_set):
+            cells, lines = states[part, feature], told_in[part, feature]
             against = np.flatnonzero(cells == 1 - holds)
             if len(against):
-                first, stop = stretch.start + against[0], stretch.start + against[-1] + 1
+                first, stop = segment.start + against[0], segment.start + against[-1] + 1
                 raise InvalidInput(
-                    f"line {line}: {_said(relation, holds, feature_set)!r} contradicts "
-                    f"{_said(relation, 1 - holds, feature_set)!r} of line {lines[against[0]]}, "
+                    f"line {line}: {_said(feature, holds, feature_set)!r} contradicts "
+                    f"{_said(feature, 1 - holds, feature_set)!r} of line {lines[against[0]]}, "
                     f"from {show_seconds(first)} to {show_seconds(stop)} s"
                 )
             cells[:], lines[:] = holds, line
     return states
 
 
-def _said(relation: int, holds: int, feature_set: FeatureSet) -> str:
-    return ("" if holds else "not ") + feature_set.names[relation]
+def _said(feature: int, holds: int, feature_set: FeatureSet) -> str:
+    return ("" if holds else "not ") + feature_set.names[feature]
 
 
-def _read_relations(stretch: _Stretch, feature_set: FeatureSet) -> Iterator[tuple[int, int, int]]:
+def _read_features(segment: _Stretch, feature_set: FeatureSet) -> Iterator[tuple[int, int, int]]:
     """Line, number of the relation, and 1 if it must hold, else 0."""
-    names = [(line, name.strip()) for line, words in stretch.relations for name in words.split(",")]
+    names = [
+        (line, name.strip()) for line, packed in segment.features for name in packed.split(",")
+    ]
     if len(names) == 1 and names[0][1].casefold() == ANYTHING:
         return
     for line, name in names:
         try:
-            yield line, *_read_relation(name, feature_set)
+            yield line, *_read_feature(name, feature_set)
         except InvalidInput as error:
             raise InvalidInput(f"line {line}: {error}") from None
 
 
-def _read_relation(name: str, feature_set: FeatureSet) -> tuple[int, int]:
+def _read_feature(name: str, feature_set: FeatureSet) -> tuple[int, int]:
     if not name:
         raise InvalidInput(f"a relation is missing; {ANYTHING!r} stands for none")
     if name.casefold() == ANYTHING:
         raise InvalidInput(f"{ANYTHING!r} stands alone: what is not mentioned is free")
     if name.casefold().startswith("not "):
-        return find_relation(name[4:], feature_set), 0
-    return find_relation(name, feature_set), 1
+        return find_feature(name[4:], feature_set), 0
+    return find_feature(name, feature_set), 1

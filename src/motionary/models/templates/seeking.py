@@ -7,7 +7,7 @@ or each weighed by its surprise.
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.matching import Pattern, surprise
+from motionary.matching import Pattern, self_information
 from motionary.models.templates.template import QuantisedTemplate
 
 
@@ -22,10 +22,10 @@ def pattern_of(template: QuantisedTemplate, *, ones: NDArray[np.float64] | None 
         entries weigh their surprise, and columns the sum of theirs over the mean.
     """
     if ones is None:
-        return Pattern(template.value_words, template.fixed_words, template.weights)
-    entries = surprise(template.values, ones)
+        return Pattern(template.packed_values, template.packed_fixed, template.weights)
+    entries = self_information(template.values, ones)
     totals = (entries * template.fixed).sum(axis=1)
     mean = totals.mean()
     # A column that tells nothing still takes time: its weight stays above zero.
     weights = np.maximum(totals / mean, 1e-6) if mean > 0 else np.ones(len(totals))
-    return Pattern(template.value_words, template.fixed_words, weights, entries)
+    return Pattern(template.packed_values, template.packed_fixed, weights, entries)

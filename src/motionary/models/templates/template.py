@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
-from motionary.packing import Words, pack
+from motionary.packing import PackedFeatures, pack
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -96,7 +96,7 @@ class QuantisedTemplate:
         Which cells are fixed; read-only.
     weights : array, shape (columns,), float64, positive
     feature_names, feature_set : as in `MotionTemplate`
-    value_words, fixed_words : array, shape (columns, n_words), uint64
+    packed_values, packed_fixed : array, shape (columns, n_words), uint64
         `values` and `fixed`, packed.
     """
 
@@ -105,8 +105,8 @@ class QuantisedTemplate:
     weights: NDArray[np.float64]
     feature_names: tuple[str, ...]
     feature_set: str
-    value_words: Words = field(init=False, repr=False)
-    fixed_words: Words = field(init=False, repr=False)
+    packed_values: PackedFeatures = field(init=False, repr=False)
+    packed_fixed: PackedFeatures = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         fixed = np.array(self.fixed, dtype=np.bool_)
@@ -122,8 +122,8 @@ class QuantisedTemplate:
         object.__setattr__(self, "fixed", _read_only(fixed))
         object.__setattr__(self, "weights", _check_weights(self.weights, n_columns=len(values)))
         object.__setattr__(self, "feature_names", names)
-        object.__setattr__(self, "value_words", _read_only(pack(values)))
-        object.__setattr__(self, "fixed_words", _read_only(pack(fixed)))
+        object.__setattr__(self, "packed_values", _read_only(pack(values)))
+        object.__setattr__(self, "packed_fixed", _read_only(pack(fixed)))
 
     @property
     def n_columns(self) -> int:

@@ -85,10 +85,10 @@ def template_to_text(
     InvalidInput
         If the tolerance is out of range, or the set unknown or another one.
     """
-    relations = find_set(template, feature_set=feature_set)
+    features = find_set(template, feature_set=feature_set)
     lines = [f"# {' '.join(template.provenance.split())}"] if template.provenance else []
-    lines.append(f"features: {relations.name}")
-    lines += write_states(_states(template, tolerance), relations)
+    lines.append(f"features: {features.name}")
+    lines += write_states(_states(template, tolerance), features)
     return "\n".join(lines) + "\n"
 
 
@@ -116,13 +116,13 @@ def revise_template(
     InvalidInput
         As in `template_from_text`.
     """
-    relations = find_set(template, feature_set=feature_set)
+    features = find_set(template, feature_set=feature_set)
     provenance = template.provenance or "a template"
     if not provenance.endswith(_BY_HAND):
         provenance += f", edited {_BY_HAND}"
-    states = parse_states(text, relations)
+    states = parse_states(text, features)
     if len(states) != template.n_columns:
-        new = template_from_text(text, feature_set=relations)
+        new = template_from_text(text, feature_set=features)
         return replace(new, provenance=provenance)
     changed = states != _states(template, tolerance)
     if not changed.any():
@@ -139,17 +139,17 @@ def find_set(template: MotionTemplate, *, feature_set: FeatureSet | None = None)
     InvalidInput
         If it is not known, or not the template's.
     """
-    relations = feature_set or known_sets().get(template.feature_set)
-    if relations is None:
+    features = feature_set or known_sets().get(template.feature_set)
+    if features is None:
         raise InvalidInput(
             f"the feature set {template.feature_set!r} is not known; pass feature_set=..."
         )
-    if relations.ids != template.feature_names:
+    if features.ids != template.feature_names:
         raise InvalidInput(
             f"the template has the features of {template.feature_set!r}, not those of "
-            f"{relations.name!r}; pass feature_set=... of the template"
+            f"{features.name!r}; pass feature_set=... of the template"
         )
-    return relations
+    return features
 
 
 def _states(template: MotionTemplate, tolerance: float) -> States:

@@ -13,7 +13,7 @@ import numpy as np
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSet
 from motionary.models.templates.parsing import ANYTHING, FREE, States
-from motionary.models.templates.stretches import find_stretches, show_seconds
+from motionary.models.templates.segments import find_segments, show_seconds
 
 _FEW_STRETCHES = 4
 _LINE_WIDTH = 96
@@ -24,7 +24,7 @@ _MISLEADING = re.compile(rf"[,:#]|^not |^{ANYTHING}$|^$")
 def write_states(states: States, feature_set: FeatureSet) -> list[str]:
     """Lines that `parse_states` reads back to the same states."""
     phrases = _phrases(feature_set)
-    if len(find_stretches(states)) <= _FEW_STRETCHES:
+    if len(find_segments(states)) <= _FEW_STRETCHES:
         return _write_in_turn(states, phrases)
     return _write_by_time(states, phrases)
 
@@ -34,20 +34,20 @@ def _phrases(feature_set: FeatureSet) -> list[str]:
     names = [" ".join(name.split()).casefold() for name in feature_set.names]
     ids = [id_.casefold() for id_ in feature_set.ids]
     phrases = []
-    for relation, name, id_ in zip(feature_set.relations, names, ids, strict=True):
+    for feature, name, id_ in zip(feature_set.features, names, ids, strict=True):
         readable = names.count(name) == 1 and name not in ids and not _MISLEADING.search(name)
         if not readable and (_MISLEADING.search(id_) or ids.count(id_) > 1):
             raise InvalidInput(
-                f"relation {relation.id!r} of {feature_set.name!r} has no name that reads back; "
+                f"relation {feature.id!r} of {feature_set.name!r} has no name that reads back; "
                 "give it an id of letters and digits"
             )
-        phrases.append(relation.name if readable else relation.id)
+        phrases.append(feature.name if readable else feature.id)
     return phrases
 
 
 def _write_in_turn(states: States, phrases: list[str]) -> list[str]:
     lines = []
-    for start, stop in find_stretches(states):
+    for start, stop in find_segments(states):
         said = [_said(phrases[i], states[start, i]) for i in np.flatnonzero(states[start] != FREE)]
         lines += _fold(f"for {show_seconds(stop - start)} s", said or [ANYTHING])
     return lines
@@ -57,7 +57,7 @@ def _write_by_time(states: States, phrases: list[str]) -> list[str]:
     """Each run of each relation, those of the same time together, in the order of time."""
     runs: dict[tuple[int, int], list[str]] = {}
     for i, phrase in enumerate(phrases):
-        for start, stop in find_stretches(states[:, i]):
+        for start, stop in find_segments(states[:, i]):
             if states[start, i] != FREE:
                 runs.setdefault((start, stop), []).append(_said(phrase, states[start, i]))
     lines = [f"lasts {show_seconds(len(states))} s"]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from motionary.batch import Failure
 from motionary.errors import InvalidInput, MotionaryError
-from motionary.features import WORD_HZ, FeatureSequence
+from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.motion import Motion
 from motionary.retrieval.duplicates.curves import MIRROR_ORDER, RATE_HZ, agreement, curves_of
 from motionary.retrieval.duplicates.evidence import Evidence, Signs, rates_of, weigh
@@ -159,11 +159,11 @@ class _Sides:
         self.left = list(left.sequences)
         self.right = self.left if right is None else list(right.sequences)
         feature_set = left.feature_set
-        self.n_relations = len(feature_set)
+        self.n_features = len(feature_set)
         self.mirror_order = feature_set.mirror_order
         self.left_changes = self._changes(self.left)
         self.right_changes = self.left_changes if self.is_one else self._changes(self.right)
-        counts = np.zeros(2 * self.n_relations, dtype=np.int64)
+        counts = np.zeros(2 * self.n_features, dtype=np.int64)
         for changes in (self.left_changes, self.right_changes):
             counts += np.bincount(changes.symbols, minlength=len(counts))
         n_frames = sum(map(len, self.left)) + sum(map(len, self.right))
@@ -172,8 +172,8 @@ class _Sides:
     def _changes(self, sequences: Sequence[FeatureSequence]) -> Changes:
         if not sequences:
             raise InvalidInput("there is no readable recording to compare")
-        words, known = [s.words for s in sequences], [s.known for s in sequences]
-        return changes_of(words, known, self.n_relations)
+        packed, known = [s.packed for s in sequences], [s.known for s in sequences]
+        return changes_of(packed, known, self.n_features)
 
     def names(self, pair: _Pair) -> tuple[str, str]:
         return self.left[pair.left].source, self.right[pair.right].source
@@ -188,7 +188,7 @@ class _Sides:
             found = find_candidates(
                 self.left_changes,
                 right,
-                n_relations=self.n_relations,
+                n_features=self.n_features,
                 n_right=len(self.right),
                 least_votes=settings.least_votes,
             )
@@ -200,7 +200,7 @@ class _Sides:
             pair
             for pair in best.values()
             if pair.evidence.bits >= settings.least_bits
-            and pair.evidence.stop - pair.evidence.start >= settings.least_s * WORD_HZ
+            and pair.evidence.stop - pair.evidence.start >= settings.least_s * SEQUENCE_HZ
         ]
         return sorted(enough, key=lambda p: (-p.evidence.bits, p.left, p.right))
 
@@ -241,11 +241,11 @@ class _Sides:
         """Changes of one document as a matrix of signs."""
         first, stop = np.searchsorted(changes.documents, [document, document + 1])
         symbols = changes.symbols[first:stop]
-        relations = symbols // 2
+        features = symbols // 2
         if flip:
-            relations = self.mirror_order[relations]
-        signs = np.zeros((len(sequences[document]), self.n_relations), dtype=np.int8)
-        signs[changes.frames[first:stop], relations] = np.where(symbols % 2, 1, -1)
+            features = self.mirror_order[features]
+        signs = np.zeros((len(sequences[document]), self.n_features), dtype=np.int8)
+        signs[changes.frames[first:stop], features] = np.where(symbols % 2, 1, -1)
         return signs
 
 
@@ -253,19 +253,19 @@ def _compare(
     pair: _Pair, sides: _Sides, left: NDArray[np.float64], right: NDArray[np.float64]
 ) -> Duplicate:
     """Compare the files of a pair where their words agree."""
-    per_word = round(RATE_HZ / WORD_HZ)
+    per_integer = round(RATE_HZ / SEQUENCE_HZ)
     start, stop = pair.evidence.start, pair.evidence.stop + 1
     if pair.is_mirrored:
         right = right[:, MIRROR_ORDER]
     value, at = agreement(
-        left[start * per_word : stop * per_word],
+        left[start * per_integer : stop * per_integer],
         right,
-        (pair.offset - start) * per_word,
-        within=2 * per_word,
+        (pair.offset - start) * per_integer,
+        within=2 * per_integer,
     )
-    shift_s = start / WORD_HZ + at / RATE_HZ
+    shift_s = start / SEQUENCE_HZ + at / RATE_HZ
     names = sides.names(pair)
-    start_s, end_s = start / WORD_HZ, stop / WORD_HZ
+    start_s, end_s = start / SEQUENCE_HZ, stop / SEQUENCE_HZ
     return Duplicate(
         Stretch(names[0], start_s, end_s),
         Stretch(names[1], max(start_s - shift_s, 0.0), end_s - shift_s),

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.packing import Words, unpack
+from motionary.packing import PackedFeatures, unpack
 
 Integers = NDArray[np.int64]
 
@@ -58,30 +58,32 @@ class Candidates(NamedTuple):
     votes: Integers
 
 
-def changes_of(words: Sequence[Words], known: Sequence[Words], n_relations: int) -> Changes:
+def changes_of(
+    packed: Sequence[PackedFeatures], known: Sequence[PackedFeatures], n_features: int
+) -> Changes:
     """Changes of known relations in documents."""
     documents, frames, symbols = [], [], []
-    for number, (word, mask) in enumerate(zip(words, known, strict=True)):
+    for number, (word, mask) in enumerate(zip(packed, known, strict=True)):
         changed = (word[1:] ^ word[:-1]) & mask[1:] & mask[:-1]
         at = np.flatnonzero(changed.any(axis=1))
-        frame, relation = np.nonzero(unpack(changed[at], n_relations))
-        holds = unpack(word[at + 1], n_relations)[frame, relation]
+        frame, feature = np.nonzero(unpack(changed[at], n_features))
+        holds = unpack(word[at + 1], n_features)[frame, feature]
         documents.append(np.full(len(frame), number))
         frames.append(at[frame])
-        symbols.append(2 * relation + holds)
+        symbols.append(2 * feature + holds)
     return Changes(*(np.concatenate(column) for column in (documents, frames, symbols)))
 
 
 def mirrored(changes: Changes, mirror_order: NDArray[np.intp]) -> Changes:
     """Changes of the mirrored motions."""
-    relation, begins = changes.symbols // 2, changes.symbols % 2
-    symbols = 2 * mirror_order[relation] + begins
+    feature, begins = changes.symbols // 2, changes.symbols % 2
+    symbols = 2 * mirror_order[feature] + begins
     order = np.lexsort((symbols, changes.frames, changes.documents))
     return Changes(changes.documents[order], changes.frames[order], symbols[order])
 
 
 def find_candidates(
-    left: Changes, right: Changes, *, n_relations: int, n_right: int, least_votes: int
+    left: Changes, right: Changes, *, n_features: int, n_right: int, least_votes: int
 ) -> Candidates:
     """Pairs of documents that share landmarks.
 
@@ -92,10 +94,10 @@ def find_candidates(
     n_right : documents of the right side
     least_votes : landmarks that must agree
     """
-    kinds, places, owners = _landmarks(left, n_relations)
+    kinds, places, owners = _landmarks(left, n_features)
     order = np.argsort(kinds, kind="stable")
     kinds, places, owners = kinds[order], places[order], owners[order]
-    their_kinds, their_places, their_owners = _landmarks(right, n_relations)
+    their_kinds, their_places, their_owners = _landmarks(right, n_features)
     by_owner = np.argsort(their_owners, kind="stable")
     borders = np.searchsorted(their_owners[by_owner], np.arange(0, n_right + _PORTION, _PORTION))
     found = [np.empty((0, 4), dtype=np.int64)]
@@ -108,14 +110,14 @@ def find_candidates(
     return Candidates(*np.concatenate(found).T)
 
 
-def _landmarks(changes: Changes, n_relations: int) -> tuple[Integers, Integers, Integers]:
+def _landmarks(changes: Changes, n_features: int) -> tuple[Integers, Integers, Integers]:
     """Kind, frame and document of each landmark."""
     documents, frames, symbols = changes
     kinds, at = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for step in range(1, _FOLLOWING + 1):
         gap = frames[step:] - frames[:-step]
         near = np.flatnonzero((documents[step:] == documents[:-step]) & (gap <= _WITHIN))
-        pair = symbols[near] * (2 * n_relations) + symbols[near + step]
+        pair = symbols[near] * (2 * n_features) + symbols[near + step]
         kinds.append(pair * (_WITHIN + 1) + gap[near])
         at.append(near)
     places = np.concatenate(at)

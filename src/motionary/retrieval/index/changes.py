@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from motionary.features import Reading
-from motionary.io import Companions, FileState, has_companion, scan_folder
+from motionary.io import FileState, Sidecars, has_sidecar, scan_folder
 
 
 class Changes(NamedTuple):
@@ -28,8 +28,8 @@ class Changes(NamedTuple):
     changed: tuple[str, ...]
     gone: tuple[str, ...]
     states: dict[str, FileState]
-    companions: dict[str, int]
-    surroundings: dict[str, int]
+    sidecars: dict[str, int]
+    dependency_digest: dict[str, int]
 
     @property
     def to_read(self) -> list[str]:
@@ -42,12 +42,12 @@ class Seen(NamedTuple):
 
     mtime_ns: int
     size: int
-    companion: int
+    sidecar: int
     ctime_ns: int | None = None
 
 
 def find_changes(
-    folder: Path, seen: Mapping[str, Seen], surroundings: Mapping[str, int], reading: Reading
+    folder: Path, seen: Mapping[str, Seen], dependency_digest: Mapping[str, int], reading: Reading
 ) -> Changes:
     """Recordings of a folder that differ from what was seen of them.
 
@@ -64,21 +64,21 @@ def find_changes(
         If the folder is missing, or may not be read.
     """
     states = scan_folder(folder)
-    companions = Companions(named_skeleton(reading))
-    around = {place: companions.surroundings(folder / place) for place in _places(states)}
-    moved = {place for place, state in around.items() if surroundings.get(place) != state}
+    sidecars = Sidecars(named_skeleton(reading))
+    around = {place: sidecars.dependency_digest(folder / place) for place in _places(states)}
+    moved = {place for place, state in around.items() if dependency_digest.get(place) != state}
     new, changed, read_with = [], [], {}
     for name, state in states.items():
         before = seen.get(name)
         if before is None:
             new.append(name)
         elif _is_other(state, before) or (
-            _place(name) in moved and companions.state(folder / name) != before.companion
+            _place(name) in moved and sidecars.state(folder / name) != before.sidecar
         ):
             changed.append(name)
         else:
             continue
-        read_with[name] = companions.state(folder / name)
+        read_with[name] = sidecars.state(folder / name)
     gone = sorted(seen.keys() - states.keys())
     return Changes(tuple(new), tuple(changed), tuple(gone), states, read_with, around)
 
@@ -99,7 +99,7 @@ def _is_other(state: FileState, before: Seen) -> bool:
 
 
 def _places(names: Iterable[str]) -> set[str]:
-    return {_place(name) for name in names if has_companion(name)}
+    return {_place(name) for name in names if has_sidecar(name)}
 
 
 def _place(name: str) -> str:

@@ -21,7 +21,7 @@ from motionary.features import (
     read_features,
 )
 from motionary.io import name_recordings
-from motionary.matching import share_of_counts
+from motionary.matching import prior_of_counts
 from motionary.motion import Motion
 from motionary.retrieval.index.shard import Shard, make_shard, select
 
@@ -109,10 +109,10 @@ class Collection:
         return sum(part.shard.n_frames for part in self.parts) if len(self) else 0
 
     @cached_property
-    def share_of_ones(self) -> NDArray[np.float64]:
-        """Share of known frames in which each relation holds; see `matching.rarity`."""
+    def feature_prior(self) -> NDArray[np.float64]:
+        """Share of known frames in which each relation holds; see `matching.self_information`."""
         counts = np.sum([part.shard.word_index.counts for part in self.parts], axis=0)
-        return share_of_counts(counts[1:-1:2], counts[0:-1:2] + counts[1:-1:2])
+        return prior_of_counts(counts[1:-1:2], counts[0:-1:2] + counts[1:-1:2])
 
 
 class _Documents(Sequence[FeatureSequence]):
@@ -167,9 +167,9 @@ def collect(
     """
     given = [recordings] if isinstance(recordings, str | Path) else list(recordings)
     paths = [g for g in given if isinstance(g, str | Path)]
-    words = [_words(g, feature_set) for g in given if isinstance(g, Motion | FeatureSequence)]
+    packed = [_words(g, feature_set) for g in given if isinstance(g, Motion | FeatureSequence)]
     if not paths:
-        return Collection(tuple(words), feature_set)
+        return Collection(tuple(packed), feature_set)
     read = read_collection(
         name_recordings(paths).items(),
         reading=reading,
@@ -177,7 +177,7 @@ def collect(
         jobs=jobs,
         on_done=on_done,
     )
-    return replace(read, sequences=(*words, *read.sequences))
+    return replace(read, sequences=(*packed, *read.sequences))
 
 
 def read_collection(

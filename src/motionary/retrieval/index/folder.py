@@ -149,7 +149,7 @@ class Index:
             If the folder is missing, or may not be read.
         """
         seen = {
-            name: Seen(f.state.mtime_ns, f.state.size, f.companion, f.state.ctime_ns)
+            name: Seen(f.state.mtime_ns, f.state.size, f.sidecar, f.state.ctime_ns)
             for name, f in self._manifest.failures.items()
         }
         for shard in self._shards:
@@ -158,7 +158,7 @@ class Index:
         if self._manifest.written_by != __version__:
             # Another version may read files otherwise.
             seen = dict.fromkeys(seen, Seen(-1, -1, 0))
-        return find_changes(self.folder, seen, self._manifest.surroundings, self._reading)
+        return find_changes(self.folder, seen, self._manifest.dependency_digest, self._reading)
 
     def update(
         self,
@@ -194,7 +194,7 @@ class Index:
         try:
             for (name, _), item in zip(files, items, strict=True):
                 ready.append((name, item))
-                if len(ready) == _PORTION or _count_words(ready) >= _PORTION_WORDS:
+                if len(ready) == _PORTION or _count_integers(ready) >= _PORTION_WORDS:
                     self._keep(ready, changes)
                     ready = []
         finally:
@@ -243,7 +243,7 @@ class Index:
             self._manifest,
             shards=tuple(names),
             failures=failures,
-            surroundings=changes.surroundings,
+            dependency_digest=changes.dependency_digest,
             written_by=__version__,
         )
         self._commit(manifest, shards)
@@ -256,12 +256,12 @@ class Index:
         read: list[FeatureSequence] = []
         states = []
         for name, item in portion:
-            state, companion = changes.states[name], changes.companions[name]
+            state, sidecar = changes.states[name], changes.sidecars[name]
             if isinstance(item, Failure):
-                failures[name] = FailedFile(state, companion, _problem(item))
+                failures[name] = FailedFile(state, sidecar, _problem(item))
             else:
                 read.append(item)
-                states.append((0, 0, 0, 0.0, state.mtime_ns, state.size, companion))
+                states.append((0, 0, 0, 0.0, state.mtime_ns, state.size, sidecar))
         manifest, shards = replace(self._manifest, failures=failures), list(self._shards)
         if read:
             table = np.array(states, dtype=DOCUMENT)
@@ -343,5 +343,5 @@ def _problem(failure: Failure[NamedFile]) -> str:
     return f": {text}"
 
 
-def _count_words(portion: Sequence[tuple[str, FeatureSequence | Failure[NamedFile]]]) -> int:
+def _count_integers(portion: Sequence[tuple[str, FeatureSequence | Failure[NamedFile]]]) -> int:
     return sum(len(item) for _, item in portion if not isinstance(item, Failure))

@@ -31,7 +31,7 @@ class FailedFile(NamedTuple):
     """Why a file could not be read, and the state in which it could not."""
 
     state: FileState
-    companion: int
+    sidecar: int
     problem: str
 
 
@@ -72,7 +72,7 @@ class Manifest:
     making: Making
     shards: tuple[str, ...] = ()
     failures: dict[str, FailedFile] = field(default_factory=dict)
-    surroundings: dict[str, int] = field(default_factory=dict)
+    dependency_digest: dict[str, int] = field(default_factory=dict)
     written_by: str = __version__
 
 
@@ -93,9 +93,9 @@ def write_manifest(manifest: Manifest, folder: Path) -> None:
         "reading": making.reading,
         "shards": manifest.shards,
         "failures": {
-            name: [*f.state, f.companion, f.problem] for name, f in manifest.failures.items()
+            name: [*f.state, f.sidecar, f.problem] for name, f in manifest.failures.items()
         },
-        "surroundings": manifest.surroundings,
+        "surroundings": manifest.dependency_digest,
     }
     with write_atomically(folder / FILE) as beside:
         beside.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
@@ -159,9 +159,9 @@ def check_making(wanted: Making, found: Making, folder: Path) -> None:
 
 def _parse(content: dict[str, Any]) -> Manifest:
     failures = {}
-    for name, (mtime_ns, size, ctime_ns, companion, problem) in content["failures"].items():
+    for name, (mtime_ns, size, ctime_ns, sidecar, problem) in content["failures"].items():
         state = FileState(int(mtime_ns), int(size), int(ctime_ns))
-        failures[name] = FailedFile(state, int(companion), str(problem))
+        failures[name] = FailedFile(state, int(sidecar), str(problem))
     shards = tuple(content["shards"])
     if not all(isinstance(name, str) and Path(name).name == name for name in shards):
         raise ValueError("a shard needs the name of a folder")

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.matching import PADDING, Corpus, concatenate
-from motionary.models.keyframes import HitRanges, WordIndex, index_words
-from motionary.packing import Words, full_mask
+from motionary.models.keyframes import HitRanges, WordIndex, index_packed
+from motionary.packing import PackedFeatures, full_mask
 
 #: What is known of a document beside its words. `mtime_ns`, `size` and `companion` tell the
 #: state of the file that it was read from; they are 0 where there is none.
@@ -53,19 +53,20 @@ class Shard:
 
     names: tuple[str, ...]
     table: NDArray[np.void]
-    words: Words
-    masks: Words
+    packed: PackedFeatures
+    masks: PackedFeatures
     feature_set: FeatureSet
-    planes: Words | None = None
+    planes: PackedFeatures | None = None
 
     def __post_init__(self) -> None:
-        n_words = full_mask(1, len(self.feature_set)).shape[1]
+        n_integers = full_mask(1, len(self.feature_set)).shape[1]
         n_positions = int(self.starts[-1] + self.lengths[-1]) if len(self) else 0
-        shapes = self.words.shape, self.masks.shape[1:], len(self.names)
-        if shapes != ((n_positions, n_words), (1 + n_words,), len(self.table)):
+        shapes = self.packed.shape, self.masks.shape[1:], len(self.names)
+        if shapes != ((n_positions, n_integers), (1 + n_integers,), len(self.table)):
             raise InvalidInput(
                 f"a shard of {len(self.table)} documents needs words of shape "
-                f"({n_positions}, {n_words}), got {len(self.names)} names and {self.words.shape}"
+                f"({n_positions}, {n_integers}), got {len(self.names)} names and "
+                f"{self.packed.shape}"
             )
 
     def __len__(self) -> int:
@@ -90,10 +91,10 @@ class Shard:
     @cached_property
     def corpus(self) -> Corpus:
         """What the matcher takes; words are not copied."""
-        blocked = np.ones(len(self.words), dtype=np.bool_)
+        blocked = np.ones(len(self.packed), dtype=np.bool_)
         blocked[_inside(self.starts, self.lengths)] = False
-        known = self._known(0, len(self.words))
-        return Corpus(self.words, known, self.starts, self.lengths, np.flatnonzero(blocked))
+        known = self._known(0, len(self.packed))
+        return Corpus(self.packed, known, self.starts, self.lengths, np.flatnonzero(blocked))
 
     @cached_property
     def word_index(self) -> WordIndex:
@@ -102,8 +103,8 @@ class Shard:
         if self.planes is not None:
             return WordIndex(self.planes, self.lengths, name, ids)
         parts = [self.words_of(i) for i in range(len(self))]
-        return index_words(
-            [words for words, _ in parts],
+        return index_packed(
+            [packed for packed, _ in parts],
             [known for _, known in parts],
             feature_set=name,
             feature_ids=ids,
@@ -117,26 +118,26 @@ class Shard:
         inside = _inside(starts, lengths)
         begins = self.starts[ranges.documents] + ranges.starts
         source = _inside(begins, lengths)
-        words = np.zeros((n_positions, self.words.shape[1]), dtype=np.uint64)
-        words[inside] = self.words[source]
+        packed = np.zeros((n_positions, self.packed.shape[1]), dtype=np.uint64)
+        packed[inside] = self.packed[source]
         run = np.zeros(n_positions, dtype=np.intp)
         run[inside] = np.searchsorted(self.masks[:, 0].astype(np.int64), source, side="right")
         blocked = np.ones(n_positions, dtype=np.bool_)
         blocked[inside] = False
-        return Corpus(words, self.masks[run, 1:], starts, lengths, np.flatnonzero(blocked))
+        return Corpus(packed, self.masks[run, 1:], starts, lengths, np.flatnonzero(blocked))
 
-    def words_of(self, number: int) -> tuple[Words, Words]:
+    def words_of(self, number: int) -> tuple[PackedFeatures, PackedFeatures]:
         """Words and mask of a document."""
         start = int(self.starts[number])
         stop = start + int(self.table["length"][number])
-        return self.words[start:stop], self._known(start, stop)
+        return self.packed[start:stop], self._known(start, stop)
 
     def sequence(self, number: int) -> FeatureSequence:
         """A document."""
-        words, known = self.words_of(number)
+        packed, known = self.words_of(number)
         row = self.table[number]
         return FeatureSequence(
-            words,
+            packed,
             known,
             self.feature_set,
             source=self.names[number],
@@ -145,7 +146,7 @@ class Shard:
             first_frame=int(row["first_frame"]),
         )
 
-    def _known(self, start: int, stop: int) -> Words:
+    def _known(self, start: int, stop: int) -> PackedFeatures:
         stops = self.masks[:, 0].astype(np.int64)
         first, last = np.searchsorted(stops, [start, max(stop - 1, start)], side="right")
         if first == last:
@@ -183,14 +184,14 @@ def make_shard(
     table["first_frame"] = [s.first_frame for s in sequences]
     table["rate_hz"] = [s.file_rate_hz for s in sequences]
     full = full_mask(1, len(feature_set))[0]
-    corpus = concatenate([s.words for s in sequences], [s.known for s in sequences], full=full)
+    corpus = concatenate([s.packed for s in sequences], [s.known for s in sequences], full=full)
     # What stands between documents does not count: the same as before it, runs are fewest.
     known = corpus.known.copy()
     for back in range(PADDING):
         between = corpus.blocked[back::PADDING]
         known[between] = known[np.maximum(between - 1, 0)]
     names = tuple(s.source for s in sequences)
-    return Shard(names, table, corpus.words, _runs(known), feature_set)
+    return Shard(names, table, corpus.packed, _runs(known), feature_set)
 
 
 def join_shards(shards: Sequence[Shard]) -> Shard:
@@ -212,7 +213,7 @@ def _inside(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np
     return np.repeat(starts - before, lengths) + np.arange(lengths.sum())
 
 
-def _runs(known: Words) -> Words:
+def _runs(known: PackedFeatures) -> PackedFeatures:
     """Masks as runs: one past the last position, and the mask."""
     change = np.flatnonzero((known[1:] != known[:-1]).any(axis=1)) + 1
     stops = np.concatenate([change, [len(known)]])

@@ -39,7 +39,7 @@ def write_shard(shard: Shard, folder: Path) -> str:
     except OSError as error:
         raise _unwritable(folder, error) from error
     try:
-        arrays = {"table": shard.table, "words": shard.words, "masks": shard.masks}
+        arrays = {"table": shard.table, "words": shard.packed, "masks": shard.masks}
         for name, array in (arrays | {"planes": shard.word_index.planes}).items():
             with (beside / f"{name}{_ARRAY}").open("wb") as file:
                 np.save(file, array)

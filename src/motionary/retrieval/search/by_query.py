@@ -45,7 +45,7 @@ class _Piece(NamedTuple):
 
     query: int
     frames: Integers
-    misfits: NDArray[np.float64]
+    gap_costs: NDArray[np.float64]
     numbers: Integers
 
 
@@ -80,8 +80,8 @@ def rank_queries(
         if len(columns) == 1:
             frames = np.arange(frames[0], frames[-1] + 1)
         path = np.column_stack([np.broadcast_to(columns, frames.shape), frames])
-        misfit = float(piece.misfits[row])
-        alignment = Alignment(int(frames[0]), int(frames[-1]), misfit, path)
+        gap_cost = float(piece.gap_costs[row])
+        alignment = Alignment(int(frames[0]), int(frames[-1]), gap_cost, path)
         sequence = collection.sequences[int(piece.numbers[row])]
         hits.append(hit_of(Evidence(NAME, templates[query], patterns[query], sequence, alignment)))
     return hits
@@ -99,8 +99,8 @@ def explain_absence(queries: Sequence[KeyframeQuery], collection: Collection) ->
         counts.append(sum(ranges.n_frames for ranges in found))
     if 0 in counts:
         k = counts.index(0)
-        relations = _phrase(query, k, collection.feature_set)
-        return f"no frame shows keyframe {k + 1} of {len(query)} ({relations})"
+        features = _phrase(query, k, collection.feature_set)
+        return f"no frame shows keyframe {k + 1} of {len(query)} ({features})"
     seen = ", ".join(f"{k} in {n} frames" for k, n in enumerate(counts, start=1))
     return f"each keyframe is shown ({seen}), but never one after the other as asked for"
 
@@ -117,7 +117,7 @@ def _find(query: KeyframeQuery, number: int, part: Part) -> _Piece | None:
     fitted = fit_hits(query, windows)
     at = np.searchsorted(windows.starts, fitted.frames[:, 0], side="right") - 1
     frames = fitted.frames + (ranges.starts - windows.starts)[at, np.newaxis]
-    return _Piece(number, frames, fitted.misfits, part.numbers[ranges.documents[at]])
+    return _Piece(number, frames, fitted.gap_costs, part.numbers[ranges.documents[at]])
 
 
 def _apart(
@@ -126,14 +126,14 @@ def _apart(
     """Hits of which none overlaps a better one, best first; each by its piece and row."""
     if not pieces:
         return
-    piece = np.concatenate([np.full(len(p.misfits), i) for i, p in enumerate(pieces)])
-    row = np.concatenate([np.arange(len(p.misfits)) for p in pieces])
-    misfits, numbers = (np.concatenate(x) for x in zip(*(p[2:] for p in pieces), strict=True))
+    piece = np.concatenate([np.full(len(p.gap_costs), i) for i, p in enumerate(pieces)])
+    row = np.concatenate([np.arange(len(p.gap_costs)) for p in pieces])
+    gap_costs, numbers = (np.concatenate(x) for x in zip(*(p[2:] for p in pieces), strict=True))
     first, last = (np.concatenate([p.frames[:, end] for p in pieces]) for end in (0, -1))
     taken: dict[int, list[tuple[int, int]]] = {}
     n_kept = 0
-    for i in np.lexsort((piece, last, first, numbers, misfits)):
-        if misfits[i] > threshold or n_kept == limit:
+    for i in np.lexsort((piece, last, first, numbers, gap_costs)):
+        if gap_costs[i] > threshold or n_kept == limit:
             return
         spans = taken.setdefault(int(numbers[i]), [])
         if all(last[i] < start or stop < first[i] for start, stop in spans):

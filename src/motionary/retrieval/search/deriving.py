@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.matching import surprise
+from motionary.matching import self_information
 from motionary.models.keyframes import KeyframeQuery, gap_of, select_in_index
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, quantise
 from motionary.packing import pack
@@ -39,7 +39,7 @@ class Deriving:
     queries: int = 4
     frames_left: float = 0.12
     keyframes: int = 2
-    relations: int = 4
+    features: int = 4
     stiffness: float = 0.5
     apart: int = 6
     shortest: int = 3
@@ -50,7 +50,7 @@ class _Stretch(NamedTuple):
     """Columns, half-open, in which a template fixes a relation to one value."""
 
     worth: float
-    relation: int
+    feature: int
     value: bool
     start: int
     stop: int
@@ -66,20 +66,20 @@ class _Draft:
 
     keyframes: dict[int, dict[int, bool]] = field(default_factory=dict)
 
-    def add(self, stretch: _Stretch, deriving: Deriving) -> bool:
+    def add(self, segment: _Stretch, deriving: Deriving) -> bool:
         """Whether a stretch found a place, in a keyframe within it or in a new one."""
-        inside = [c for c in self.keyframes if stretch.start <= c < stretch.stop]
+        inside = [c for c in self.keyframes if segment.start <= c < segment.stop]
         if inside:
-            nearest = min(inside, key=lambda column: abs(column - stretch.middle))
-            relations = self.keyframes[nearest]
-            if len(relations) == deriving.relations or stretch.relation in relations:
+            nearest = min(inside, key=lambda column: abs(column - segment.middle))
+            features = self.keyframes[nearest]
+            if len(features) == deriving.features or segment.feature in features:
                 return False
-            relations[stretch.relation] = stretch.value
+            features[segment.feature] = segment.value
             return True
-        near = any(abs(c - stretch.middle) < deriving.apart for c in self.keyframes)
+        near = any(abs(c - segment.middle) < deriving.apart for c in self.keyframes)
         if near or len(self.keyframes) == deriving.keyframes:
             return False
-        self.keyframes[stretch.middle] = {stretch.relation: stretch.value}
+        self.keyframes[segment.middle] = {segment.feature: segment.value}
         return True
 
     def query(self, template: QuantisedTemplate, stiffness: float) -> KeyframeQuery:
@@ -88,8 +88,8 @@ class _Draft:
         shape = (len(columns), template.n_features)
         values, fixed = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
         for k, column in enumerate(columns):
-            for relation, value in self.keyframes[column].items():
-                values[k, relation], fixed[k, relation] = value, True
+            for feature, value in self.keyframes[column].items():
+                values[k, feature], fixed[k, feature] = value, True
         gaps = tuple(gap_of(int(d), stiffness) for d in np.diff(columns))
         return KeyframeQuery(
             pack(values), pack(fixed), gaps, template.feature_set, template.feature_names,
@@ -117,44 +117,44 @@ def derive_queries(
     deriving : settings
     """
     quantised = quantise(template, tolerance=deriving.tolerance)
-    left = _stretches(quantised, collection.share_of_ones, deriving.shortest)
+    left = _segments(quantised, collection.feature_prior, deriving.shortest)
     queries: list[KeyframeQuery] = []
     while left and len(queries) < deriving.queries:
-        draft, used, query, share = _Draft(), set(), None, 1.0
-        for stretch in left:
-            if not draft.add(stretch, deriving):
+        draft, used, query, fraction = _Draft(), set(), None, 1.0
+        for segment in left:
+            if not draft.add(segment, deriving):
                 continue
-            used.add(stretch)
+            used.add(segment)
             query = draft.query(quantised, deriving.stiffness)
-            share = _share_left(query, template.n_columns, collection)
-            if share <= deriving.frames_left:
+            fraction = _fraction_left(query, template.n_columns, collection)
+            if fraction <= deriving.frames_left:
                 break
-        if query is None or share > _STILL_OF_USE * deriving.frames_left:
+        if query is None or fraction > _STILL_OF_USE * deriving.frames_left:
             break
         queries.append(query)
-        left = [stretch for stretch in left if stretch not in used]
+        left = [segment for segment in left if segment not in used]
     return tuple(queries)
 
 
-def _stretches(
+def _segments(
     template: QuantisedTemplate, ones: NDArray[np.float64], shortest: int
 ) -> list[_Stretch]:
     """Stretches of a template, the most telling first."""
-    worth = surprise(template.values, ones)
+    worth = self_information(template.values, ones)
     found = []
-    for relation in range(template.n_features):
+    for feature in range(template.n_features):
         for value in (True, False):
-            shown = template.fixed[:, relation] & (template.values[:, relation] == value)
+            shown = template.fixed[:, feature] & (template.values[:, feature] == value)
             edges = np.flatnonzero(np.diff(np.concatenate([[False], shown, [False]])))
             for start, stop in edges.reshape(-1, 2).tolist():
-                share = min(1.0, (stop - start) / _FULL_WORTH_AT)
-                total = float(worth[start, relation]) * share
+                fraction = min(1.0, (stop - start) / _FULL_WORTH_AT)
+                total = float(worth[start, feature]) * fraction
                 if stop - start >= shortest and total >= _LEAST_WORTH:
-                    found.append(_Stretch(total, relation, value, start, stop))
+                    found.append(_Stretch(total, feature, value, start, stop))
     return sorted(found, reverse=True)
 
 
-def _share_left(query: KeyframeQuery, n_columns: int, collection: Collection) -> float:
+def _fraction_left(query: KeyframeQuery, n_columns: int, collection: Collection) -> float:
     indexes = [part.shard.word_index for part in collection.parts]
     left = sum(select_in_index([query], n_columns, index).n_frames for index in indexes)
     return left / max(sum(index.n_frames for index in indexes), 1)

@@ -26,7 +26,7 @@ from motionary.matching import (
 )
 from motionary.models.keyframes import HitRanges, KeyframeQuery, WordIndex, select_in_index
 from motionary.models.templates import QuantisedTemplate
-from motionary.packing import Words
+from motionary.packing import PackedFeatures
 from motionary.retrieval.explanation import Evidence
 from motionary.retrieval.index import Collection, Part
 from motionary.retrieval.search.results import Hit, hit_of
@@ -69,8 +69,8 @@ class Window(NamedTuple):
     """
 
     start: int
-    words: Words
-    known: Words
+    packed: PackedFeatures
+    known: PackedFeatures
     distance: Single
 
 
@@ -103,8 +103,8 @@ class Matched:
         first, stop = np.searchsorted(self.documents, [document, document + 1])
         for i in range(first, stop):
             inside = slice(self.corpus.starts[i], self.corpus.starts[i] + self.corpus.lengths[i])
-            words, known = self.corpus.document(i)
-            yield Window(int(self.starts[i]), words, known, self.distance[inside])
+            packed, known = self.corpus.document(i)
+            yield Window(int(self.starts[i]), packed, known, self.distance[inside])
 
 
 #: By the number of the part.
@@ -166,7 +166,7 @@ def match(item: Sought, collection: Collection) -> Matches:
     return matched
 
 
-def share_matched(sought: Sequence[Sought], collection: Collection) -> float:
+def fraction_matched(sought: Sequence[Sought], collection: Collection) -> float:
     """Share of the frames in which templates are matched, the mean over the templates."""
     chosen = 0
     for item in sought:
@@ -220,9 +220,9 @@ def _matches(
     item: Sought, window: Window, sequence: FeatureSequence, threshold: float, limit: int | None
 ) -> list[Evidence]:
     """Hits of one template in one window of which enough was seen."""
-    _, words, known, distance = window
-    hits = find_hits(distance, item.pattern, words, known, threshold=threshold, limit=limit)
-    paths = align(item.pattern, words, known, [hit.stop - 1 for hit in hits])
+    _, packed, known, distance = window
+    hits = find_hits(distance, item.pattern, packed, known, threshold=threshold, limit=limit)
+    paths = align(item.pattern, packed, known, [hit.stop - 1 for hit in hits])
     found = (
         Evidence(item.name, item.template, item.pattern, sequence, path.shifted(window.start))
         for path in paths

@@ -53,7 +53,7 @@ class SearchResult(Sequence[Hit]):
     failures: tuple[Failure[NamedFile], ...] = ()
     nearest: str = ""
     queries: tuple[KeyframeQuery, ...] = ()
-    share_matched: float = 1.0
+    fraction_matched: float = 1.0
 
     def __len__(self) -> int:
         return len(self.hits)

@@ -12,24 +12,24 @@ from pathlib import Path
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.features import WORD_HZ, FeatureSequence, Reading, compute_features
+from motionary.features import SEQUENCE_HZ, FeatureSequence, Reading, compute_features
 from motionary.models.keyframes import KeyframeQuery
 from motionary.models.library import MotionClass
 from motionary.models.templates import MotionTemplate, pattern_of, quantise
 from motionary.motion import Motion
-from motionary.retrieval.explanation import tell_nearest
+from motionary.retrieval.explanation import describe_nearest
 from motionary.retrieval.index import Collection, Index, collect
 from motionary.retrieval.search.by_query import explain_absence, rank_queries
 from motionary.retrieval.search.deriving import Deriving, derive_queries
-from motionary.retrieval.search.growing import Growing, Judged, Narrower, grow
-from motionary.retrieval.search.ranking import Sought, rank, share_matched
+from motionary.retrieval.search.expansion import Narrower, QueryExpansion, RelevanceFeedback, grow
+from motionary.retrieval.search.ranking import Sought, fraction_matched, rank
 from motionary.retrieval.search.results import SearchResult
 
 #: What can be sought.
 Wanted = (
     Motion
     | FeatureSequence
-    | Judged
+    | RelevanceFeedback
     | MotionTemplate
     | MotionClass
     | KeyframeQuery
@@ -48,7 +48,7 @@ def search(
     *,
     threshold: float | None = None,
     limit: int | None = 20,
-    growing: Growing | None = None,
+    expansion: QueryExpansion | None = None,
     preselect: Preselection = None,
     reading: Reading | None = None,
     jobs: int = 1,
@@ -83,7 +83,7 @@ def search(
         return _by_query(queries, collection, threshold, limit)
     if isinstance(query, MotionClass) and threshold is None:
         threshold = query.threshold
-    sought, templates = _seek(query, collection, growing or Growing(), preselect)
+    sought, templates = _seek(query, collection, expansion or QueryExpansion(), preselect)
     return _result(sought, templates, collection, threshold, limit)
 
 
@@ -118,26 +118,26 @@ def _by_query(
 
 
 def _seek(
-    query: object, collection: Collection, growing: Growing, preselect: Preselection
+    query: object, collection: Collection, expansion: QueryExpansion, preselect: Preselection
 ) -> tuple[list[Sought], list[MotionTemplate]]:
     """What is sought and where, and its templates."""
     if isinstance(query, MotionClass):
-        templates = [subclass.template for subclass in query.subclasses]
+        templates = [prototype.template for prototype in query.prototypes]
         sought = [
-            Sought(query.name, template, pattern, subclass.queries, subclass.votes)
-            for subclass, (template, pattern) in zip(query.subclasses, query.sought(), strict=True)
+            Sought(query.name, template, pattern, prototype.queries, prototype.votes)
+            for prototype, (template, pattern) in zip(query.prototypes, query.sought(), strict=True)
         ]
     elif isinstance(query, MotionTemplate):
-        quantised = quantise(query, tolerance=growing.tolerance)
+        quantised = quantise(query, tolerance=expansion.tolerance)
         sought = [Sought(query.provenance or "template", quantised, pattern_of(quantised))]
         templates = [query]
-    elif isinstance(query, Motion | FeatureSequence | Judged):
+    elif isinstance(query, Motion | FeatureSequence | RelevanceFeedback):
         if isinstance(query, Motion):
             query = compute_features(query, feature_set=collection.feature_set)
         if isinstance(query, FeatureSequence):
-            query = Judged(query)
-        template, grown = grow(query, collection, growing, narrow=_narrower(preselect))
-        sought, templates = [grown], [template]
+            query = RelevanceFeedback(query)
+        template, expanded = grow(query, collection, expansion, narrow=_narrower(preselect))
+        sought, templates = [expanded], [template]
     else:
         raise InvalidInput(
             "sought must be an example, a template, a class or keyframes, got "
@@ -183,7 +183,7 @@ def _result(
         collection.failures,
         "" if hits else _nearest(sought, collection, most),
         queries,
-        share_matched(sought, collection) if queries else 1.0,
+        fraction_matched(sought, collection) if queries else 1.0,
     )
 
 
@@ -204,12 +204,12 @@ def _nearest(sought: Sequence[Sought], collection: Collection, threshold: float)
     """What came closest, for a search without hits."""
     best = rank(sought, collection, threshold=np.inf, limit=1)
     if best:
-        return tell_nearest(best[0].evidence, what=best[0].recording, threshold=threshold)
+        return describe_nearest(best[0].evidence, what=best[0].recording, threshold=threshold)
     queries = tuple(query for item in sought for query in item.queries)
     if queries:
         return f"nothing to match: {explain_absence(queries, collection)}"
     # Two columns go through one frame, but for the first.
-    least_s = min(s.template.n_columns // 2 + 1 for s in sought) / WORD_HZ
+    least_s = min(s.template.n_columns // 2 + 1 for s in sought) / SEQUENCE_HZ
     return (
         f"no recording is long enough for what is sought (at least {least_s:.1f} s), "
         "or too little of it was seen"

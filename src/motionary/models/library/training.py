@@ -11,14 +11,14 @@ import numpy as np
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
-from motionary.matching import concatenate, share_of_ones
+from motionary.matching import concatenate, feature_prior
 from motionary.models.keyframes import mirror_query
 from motionary.models.library.classes import (
     THRESHOLD,
     TOLERANCE,
     ClassLibrary,
     MotionClass,
-    Subclass,
+    Prototype,
 )
 from motionary.models.library.examples import Examples, find_feature_set
 from motionary.models.templates import Learning, learn_template
@@ -30,7 +30,7 @@ MIRRORED = "Mirrored"
 
 
 @dataclass(frozen=True, slots=True)
-class Teaching:
+class TrainingOptions:
     """Settings of learned classes.
 
     Attributes
@@ -47,7 +47,7 @@ class Teaching:
     threshold: float = THRESHOLD
     tolerance: float = TOLERANCE
     mirror: bool = False
-    by_surprise: bool = True
+    by_self_information: bool = True
     keep_examples: bool = False
     provenance: str = ""
     licence: str = ""
@@ -56,7 +56,7 @@ class Teaching:
 def learn_classes(
     examples: Examples,
     *,
-    teaching: Teaching,
+    training: TrainingOptions,
     on_done: Callable[[], None] | None = None,
     on_refused: Callable[[str, InvalidInput], None] | None = None,
 ) -> ClassLibrary:
@@ -77,11 +77,11 @@ def learn_classes(
     classes = []
     feature_set = find_feature_set(examples)
     background: tuple[float, ...] = ()
-    if teaching.by_surprise:
-        background = measure_background(examples, feature_set, mirror=teaching.mirror)
-    for name, subclasses in examples.items():
+    if training.by_self_information:
+        background = measure_background(examples, feature_set, mirror=training.mirror)
+    for name, prototypes in examples.items():
         try:
-            learned = learn_class(name, subclasses, background=background, teaching=teaching)
+            learned = learn_class(name, prototypes, background=background, training=training)
         except InvalidInput as error:
             if on_refused is None:
                 raise
@@ -90,7 +90,7 @@ def learn_classes(
             classes.append(learned)
         if on_done:
             on_done()
-    return ClassLibrary(tuple(classes), feature_set, teaching.provenance, teaching.licence)
+    return ClassLibrary(tuple(classes), feature_set, training.provenance, training.licence)
 
 
 def learn_class(
@@ -98,7 +98,7 @@ def learn_class(
     examples: Mapping[str, Sequence[FeatureSequence]],
     *,
     background: tuple[float, ...],
-    teaching: Teaching,
+    training: TrainingOptions,
     learning: Learning | None = None,
 ) -> MotionClass:
     """One class from the words of its examples, by subclass.
@@ -110,15 +110,15 @@ def learn_class(
     """
     learned = []
     for key, items in examples.items():
-        subclass = learn_subclass(key, items, learning=learning)
+        prototype = learn_prototype(key, items, learning=learning)
         learned.append(
-            replace(subclass, examples=tuple(items)) if teaching.keep_examples else subclass
+            replace(prototype, examples=tuple(items)) if training.keep_examples else prototype
         )
-    if teaching.mirror:
+    if training.mirror:
         first = next(iter(examples.values()))[0]
-        learned += [mirror_subclass(subclass, first.feature_set) for subclass in learned]
+        learned += [mirror_prototype(prototype, first.feature_set) for prototype in learned]
     motion_class = MotionClass(
-        name, tuple(learned), teaching.threshold, teaching.tolerance, background
+        name, tuple(learned), training.threshold, training.tolerance, background
     )
     # A template that would match everything is refused before it spoils a library.
     motion_class.quantised()
@@ -129,20 +129,20 @@ def measure_background(
     examples: Examples, feature_set: FeatureSet, *, mirror: bool
 ) -> tuple[float, ...]:
     """Share of the examples' frames in which each relation holds; of mirror images, too."""
-    sequences = [s for subclasses in examples.values() for i in subclasses.values() for s in i]
+    sequences = [s for prototypes in examples.values() for i in prototypes.values() for s in i]
     if not sequences:
         return ()
-    words, known = [s.words for s in sequences], [s.known for s in sequences]
-    corpus = concatenate(words, known, full=full_mask(1, len(feature_set))[0])
-    ones = share_of_ones(corpus, len(feature_set))
+    packed, known = [s.packed for s in sequences], [s.known for s in sequences]
+    corpus = concatenate(packed, known, full=full_mask(1, len(feature_set))[0])
+    ones = feature_prior(corpus, len(feature_set))
     if mirror:
         ones = (ones + ones[feature_set.mirror_order]) / 2
-    return tuple(round(float(share), 6) for share in np.clip(ones, 1e-6, 1 - 1e-6))
+    return tuple(round(float(fraction), 6) for fraction in np.clip(ones, 1e-6, 1 - 1e-6))
 
 
-def learn_subclass(
+def learn_prototype(
     name: str, examples: Sequence[FeatureSequence], *, learning: Learning | None = None
-) -> Subclass:
+) -> Prototype:
     """One template of a class, from the words of its examples.
 
     Raises
@@ -162,11 +162,11 @@ def learn_subclass(
         provenance=f"learned from {len(examples)} recording{'s' if len(examples) > 1 else ''}",
         learning=learning,
     )
-    return Subclass(name, template)
+    return Prototype(name, template)
 
 
-def mirror_subclass(subclass: Subclass, feature_set: FeatureSet) -> Subclass:
+def mirror_prototype(prototype: Prototype, feature_set: FeatureSet) -> Prototype:
     """The mirror image of a subclass, under its name with "Mirrored"."""
-    template = mirror_template(subclass.template, feature_set.mirror_order)
-    queries = tuple(mirror_query(query, feature_set) for query in subclass.queries)
-    return Subclass(subclass.name + MIRRORED, template, queries, subclass.votes)
+    template = mirror_template(prototype.template, feature_set.mirror_order)
+    queries = tuple(mirror_query(query, feature_set) for query in prototype.queries)
+    return Prototype(prototype.name + MIRRORED, template, queries, prototype.votes)

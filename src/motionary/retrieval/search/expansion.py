@@ -29,7 +29,7 @@ _NEAR = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Growing:
+class QueryExpansion:
     """How an example becomes a template; defaults: docs/evidence/growing_choice.md.
 
     Attributes
@@ -49,12 +49,12 @@ class Growing:
     most_cost: float = 0.35
     reach: float = 0.6
     tolerance: float = 0.1
-    by_surprise: bool = True
+    by_self_information: bool = True
     prior: float = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class RelevanceFeedback:
     """An example, and what a person says of hits that it had.
 
     Attributes
@@ -73,7 +73,11 @@ Narrower = Callable[[Sought, MotionTemplate, Collection], Sought]
 
 
 def grow(
-    judged: Judged, collection: Collection, growing: Growing, *, narrow: Narrower
+    feedback: RelevanceFeedback,
+    collection: Collection,
+    expansion: QueryExpansion,
+    *,
+    narrow: Narrower,
 ) -> tuple[MotionTemplate, Sought]:
     """Template of an example and its nearest or its good hits, and how it is sought.
 
@@ -89,26 +93,26 @@ def grow(
     InvalidInput
         If the example is over other features, or nothing of it is fixed.
     """
-    example = judged.example
-    _check_features(judged, collection)
-    ones = collection.share_of_ones if growing.by_surprise else None
-    if judged.good or judged.bad:
-        good = [hit for hit in judged.good if not _is_example(hit, example)]
+    example = feedback.example
+    _check_features(feedback, collection)
+    ones = collection.feature_prior if expansion.by_self_information else None
+    if feedback.good or feedback.bad:
+        good = [hit for hit in feedback.good if not _is_example(hit, example)]
         template = _learn(example, [_words_of(hit) for hit in good])
-        sought = _seek(example, template, growing, ones)
-        bad = [_words_of(hit) for hit in judged.bad]
-        return template, _doubt(sought, bad, ones, growing.prior)
-    template, most, is_first = _learn(example, []), growing.most_cost, True
-    for n_hits in _steps(growing.hits):
-        sought = narrow(_seek(example, template, growing, ones), template, collection)
+        sought = _seek(example, template, expansion, ones)
+        bad = [_words_of(hit) for hit in feedback.bad]
+        return template, _doubt(sought, bad, ones, expansion.prior)
+    template, most, is_first = _learn(example, []), expansion.most_cost, True
+    for n_hits in _steps(expansion.hits):
+        sought = narrow(_seek(example, template, expansion, ones), template, collection)
         nearest = rank([sought], collection, threshold=most, limit=n_hits + 1)
         others = [hit for hit in nearest if not _is_example(hit, example)][:n_hits]
         if not others:
             break
         if is_first:
-            most, is_first = max(growing.reach * others[0].cost, _NEAR), False
+            most, is_first = max(expansion.reach * others[0].cost, _NEAR), False
         template = _learn(example, [_words_of(hit) for hit in others])
-    return template, _seek(example, template, growing, ones)
+    return template, _seek(example, template, expansion, ones)
 
 
 def _steps(hits: int) -> Iterator[int]:
@@ -121,9 +125,9 @@ def _steps(hits: int) -> Iterator[int]:
         yield hits
 
 
-def _check_features(judged: Judged, collection: Collection) -> None:
-    words = [judged.example, *(_words_of(hit) for hit in (*judged.good, *judged.bad))]
-    for sequence in words:
+def _check_features(feedback: RelevanceFeedback, collection: Collection) -> None:
+    packed = [feedback.example, *(_words_of(hit) for hit in (*feedback.good, *feedback.bad))]
+    for sequence in packed:
         if sequence.feature_set.name != collection.feature_set.name:
             raise InvalidInput(
                 f"the example has words of {sequence.feature_set.name!r}, the collection of "
@@ -132,9 +136,12 @@ def _check_features(judged: Judged, collection: Collection) -> None:
 
 
 def _seek(
-    example: FeatureSequence, template: MotionTemplate, growing: Growing, ones: Floats | None
+    example: FeatureSequence,
+    template: MotionTemplate,
+    expansion: QueryExpansion,
+    ones: Floats | None,
 ) -> Sought:
-    quantised = quantise(template, tolerance=growing.tolerance)
+    quantised = quantise(template, tolerance=expansion.tolerance)
     if quantised.n_fixed == 0:
         raise InvalidInput(
             f"{example.source}: nothing of the example is known and common to its hits; "
@@ -153,8 +160,8 @@ def _doubt(
     template = sought.template
     at_large = np.full(template.n_features, 0.5) if ones is None else ones
     shown, seen = _count_shown(sought.pattern, bad, template.n_features)
-    shares = (shown + prior * at_large) / (seen + prior)
-    return Sought(sought.name, template, pattern_of(template, ones=shares))
+    fractions = (shown + prior * at_large) / (seen + prior)
+    return Sought(sought.name, template, pattern_of(template, ones=fractions))
 
 
 def _count_shown(
@@ -163,12 +170,12 @@ def _count_shown(
     """How often each relation holds, and is known, where a column meets hits."""
     shown, seen = np.zeros((len(pattern), n_features)), np.zeros((len(pattern), n_features))
     for sequence in bad:
-        distance = distance_function(pattern, sequence.words, sequence.known)
+        distance = distance_function(pattern, sequence.packed, sequence.known)
         end = int(np.argmin(distance))
         if not np.isfinite(distance[end]):
             continue
-        columns, frames = align(pattern, sequence.words, sequence.known, [end])[0].path.T
-        np.add.at(shown, columns, unpack(sequence.words & sequence.known, n_features)[frames])
+        columns, frames = align(pattern, sequence.packed, sequence.known, [end])[0].path.T
+        np.add.at(shown, columns, unpack(sequence.packed & sequence.known, n_features)[frames])
         np.add.at(seen, columns, unpack(sequence.known, n_features)[frames])
     return shown, seen
 
@@ -200,11 +207,11 @@ def _is_example(hit: Hit | FeatureSequence, example: FeatureSequence) -> bool:
     """Whether a hit is the example itself, found in the collection: it teaches nothing."""
     if isinstance(hit, FeatureSequence):
         return hit is example
-    words, n = hit.evidence.sequence.words, len(example)
+    packed, n = hit.evidence.sequence.packed, len(example)
     start, stop = hit.evidence.alignment.start, hit.evidence.alignment.end + 1
     # Where a body stands still, a hit may begin or end beside the example.
-    for first in range(max(0, start - n), min(stop, len(words) - n + 1)):
+    for first in range(max(0, start - n), min(stop, len(packed) - n + 1)):
         shared = min(first + n, stop) - max(first, start)
-        if 2 * shared > n and bool((words[first : first + n] == example.words).all()):
+        if 2 * shared > n and bool((packed[first : first + n] == example.packed).all()):
             return True
     return False

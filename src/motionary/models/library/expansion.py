@@ -10,38 +10,38 @@ from dataclasses import replace
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence
-from motionary.models.library.classes import ClassLibrary, MotionClass, Subclass
+from motionary.models.library.classes import ClassLibrary, MotionClass, Prototype
 from motionary.models.library.editing import (
-    find_subclass,
+    find_prototype,
     remove_class,
     replace_class,
-    replace_subclass,
+    replace_prototype,
 )
 from motionary.models.library.examples import Examples
-from motionary.models.library.teaching import (
+from motionary.models.library.training import (
     MIRRORED,
-    learn_subclass,
+    learn_prototype,
     measure_background,
-    mirror_subclass,
+    mirror_prototype,
 )
 from motionary.models.templates import join
 
 
-def keeps_examples(subclass: Subclass) -> bool:
+def keeps_examples(prototype: Prototype) -> bool:
     """Whether a subclass keeps every example that it was learned from."""
-    return len(subclass.examples) == subclass.template.n_examples
+    return len(prototype.examples) == prototype.template.n_examples
 
 
 def kept_examples(library: ClassLibrary) -> Examples | None:
     """Words of everything that a library was learned from; None unless it keeps them all."""
     examples: dict[str, dict[str, Sequence[FeatureSequence]]] = {}
     for motion_class in library:
-        for subclass in motion_class.subclasses:
-            if _is_mirror(subclass, motion_class):
+        for prototype in motion_class.prototypes:
+            if _is_mirror(prototype, motion_class):
                 continue
-            if not keeps_examples(subclass):
+            if not keeps_examples(prototype):
                 return None
-            examples.setdefault(motion_class.name, {})[subclass.name] = subclass.examples
+            examples.setdefault(motion_class.name, {})[prototype.name] = prototype.examples
     return examples
 
 
@@ -50,7 +50,7 @@ def add_examples(
     name: str,
     examples: Sequence[FeatureSequence],
     *,
-    subclass: str | None = None,
+    prototype: str | None = None,
 ) -> ClassLibrary:
     """Library in which a class has learned from more examples.
 
@@ -73,18 +73,18 @@ def add_examples(
     InvalidInput
         If there is no such class or subclass, or an example is over other features.
     """
-    old = find_subclass(library[name], subclass)
+    old = find_prototype(library[name], prototype)
     for example in examples:
         if example.feature_set.ids != library.feature_set.ids:
             raise InvalidInput(
                 f"{example.source or 'an example'} is over {example.feature_set.name!r}, the "
                 f"library over {library.feature_set.name!r}; compute it with the library's"
             )
-    kept = {(e.words.tobytes(), e.known.tobytes()) for e in old.examples}
-    new = [e for e in examples if (e.words.tobytes(), e.known.tobytes()) not in kept]
+    kept = {(e.packed.tobytes(), e.known.tobytes()) for e in old.examples}
+    new = [e for e in examples if (e.packed.tobytes(), e.known.tobytes()) not in kept]
     if not new:
         return library
-    return _weigh_again(replace_subclass(library, name, _learn_more(old, new)))
+    return _weigh_again(replace_prototype(library, name, _learn_more(old, new)))
 
 
 def join_classes(
@@ -110,38 +110,38 @@ def join_classes(
     if first == second:
         raise InvalidInput(f"joining needs two classes, got {first!r} twice")
     classes = (library[first], library[second])
-    one, other = (_only_subclass(c) for c in classes)
+    one, other = (_only_prototype(c) for c in classes)
     called = first if name is None else name
     if keeps_examples(one) and keeps_examples(other):
         joined = _learn_and_keep(called, (*one.examples, *other.examples))
     else:
-        joined = Subclass(called, join(one.template, other.template))
+        joined = Prototype(called, join(one.template, other.template))
     numbers = [s.template.n_examples for s in (one, other)]
     threshold = sum(n * c.threshold for n, c in zip(numbers, classes, strict=True)) / sum(numbers)
-    mirrored = [mirror_subclass(joined, library.feature_set)]
+    mirrored = [mirror_prototype(joined, library.feature_set)]
     changed = replace(
         classes[0],
         name=called,
-        subclasses=(joined, *(mirrored if all(len(c.subclasses) > 1 for c in classes) else ())),
+        prototypes=(joined, *(mirrored if all(len(c.prototypes) > 1 for c in classes) else ())),
         threshold=round(threshold, 4),
-        promised_precision=None,
-        promised_recall=None,
+        estimated_precision=None,
+        estimated_recall=None,
     )
     changed.quantised()
     return replace_class(remove_class(library, second), first, changed)
 
 
-def _learn_and_keep(name: str, examples: Sequence[FeatureSequence]) -> Subclass:
-    return replace(learn_subclass(name, examples), examples=tuple(examples))
+def _learn_and_keep(name: str, examples: Sequence[FeatureSequence]) -> Prototype:
+    return replace(learn_prototype(name, examples), examples=tuple(examples))
 
 
-def _learn_more(old: Subclass, new: Sequence[FeatureSequence]) -> Subclass:
+def _learn_more(old: Prototype, new: Sequence[FeatureSequence]) -> Prototype:
     if keeps_examples(old):
         return _learn_and_keep(old.name, (*old.examples, *new))
-    joined = join(old.template, learn_subclass(old.name, new).template)
+    joined = join(old.template, learn_prototype(old.name, new).template)
     origin = old.template.provenance or "a template"
     how = f"{origin}, then averaged with {len(new)} more"
-    return Subclass(old.name, replace(joined, provenance=how))
+    return Prototype(old.name, replace(joined, provenance=how))
 
 
 def _weigh_again(library: ClassLibrary) -> ClassLibrary:
@@ -149,18 +149,18 @@ def _weigh_again(library: ClassLibrary) -> ClassLibrary:
     examples = kept_examples(library)
     if examples is None or not all(c.background for c in library):
         return library
-    mirrored = any(_is_mirror(s, c) for c in library for s in c.subclasses)
+    mirrored = any(_is_mirror(s, c) for c in library for s in c.prototypes)
     background = measure_background(examples, library.feature_set, mirror=mirrored)
     return replace(library, classes=tuple(replace(c, background=background) for c in library))
 
 
-def _is_mirror(subclass: Subclass, motion_class: MotionClass) -> bool:
-    original = subclass.name.removesuffix(MIRRORED)
-    return original != subclass.name and any(s.name == original for s in motion_class.subclasses)
+def _is_mirror(prototype: Prototype, motion_class: MotionClass) -> bool:
+    original = prototype.name.removesuffix(MIRRORED)
+    return original != prototype.name and any(s.name == original for s in motion_class.prototypes)
 
 
-def _only_subclass(motion_class: MotionClass) -> Subclass:
-    originals = [s for s in motion_class.subclasses if not _is_mirror(s, motion_class)]
+def _only_prototype(motion_class: MotionClass) -> Prototype:
+    originals = [s for s in motion_class.prototypes if not _is_mirror(s, motion_class)]
     if len(originals) > 1:
         names = ", ".join(repr(s.name) for s in originals)
         raise InvalidInput(

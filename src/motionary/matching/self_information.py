@@ -13,21 +13,21 @@ from motionary.packing import unpack
 Floats = NDArray[np.float64]
 
 
-def share_of_ones(corpus: Corpus, n_relations: int) -> Floats:
+def feature_prior(corpus: Corpus, n_features: int) -> Floats:
     """Share of known frames in which each relation holds, shape (n_relations,).
 
     One frame of either value is added (Laplace), so that what never happens is rare and
     not impossible.
     """
-    inside = np.ones(len(corpus.words), dtype=np.bool_)
+    inside = np.ones(len(corpus.packed), dtype=np.bool_)
     inside[corpus.blocked] = False
-    words, known = corpus.words[inside], corpus.known[inside]
-    ones = unpack(words & known, n_relations).sum(axis=0, dtype=np.int64)
-    seen = unpack(known, n_relations).sum(axis=0, dtype=np.int64)
-    return share_of_counts(ones, seen)
+    packed, known = corpus.packed[inside], corpus.known[inside]
+    ones = unpack(packed & known, n_features).sum(axis=0, dtype=np.int64)
+    seen = unpack(known, n_features).sum(axis=0, dtype=np.int64)
+    return prior_of_counts(ones, seen)
 
 
-def share_of_counts(ones: ArrayLike, seen: ArrayLike) -> Floats:
+def prior_of_counts(ones: ArrayLike, seen: ArrayLike) -> Floats:
     """The same from counts that are known already.
 
     Parameters
@@ -37,7 +37,7 @@ def share_of_counts(ones: ArrayLike, seen: ArrayLike) -> Floats:
     return np.asarray((np.asarray(ones) + 1) / (np.asarray(seen) + 2), dtype=np.float64)
 
 
-def surprise(values: NDArray[np.bool_], ones: Floats) -> Floats:
+def self_information(values: NDArray[np.bool_], ones: Floats) -> Floats:
     """Surprise of entries: -log of the share that shows their value, >= 0.
 
     Parameters

@@ -26,7 +26,7 @@ class Stretch(Protocol):
 
 
 def draw_blocks(
-    axes: "Axes", stretches: Iterable[Stretch], *, low: float, height: float, colour: str,
+    axes: "Axes", segments: Iterable[Stretch], *, low: float, height: float, colour: str,
     stop_s: float,
 ) -> None:  # fmt: skip
     """Blocks, with a line where one follows the other without a gap.
@@ -36,7 +36,7 @@ def draw_blocks(
     low, height : of the blocks, in units of the axes
     stop_s : length of the time axis, seconds
     """
-    spans = sorted((x.start_s, x.end_s) for x in stretches)
+    spans = sorted((x.start_s, x.end_s) for x in segments)
     # The edge keeps short blocks of long recordings visible.
     axes.broken_barh(
         [(start, stop - start) for start, stop in spans], (low, height), color=colour,
@@ -48,9 +48,9 @@ def draw_blocks(
             axes.vlines(start, low, low + height, color=WHITE, linewidth=0.8)
 
 
-def hatch(axes: "Axes", stretches: Iterable[tuple[float, float]]) -> None:
+def hatch(axes: "Axes", segments: Iterable[tuple[float, float]]) -> None:
     """Hatching over stretches (start_s, end_s) that were not seen."""
-    for start, stop in stretches:
+    for start, stop in segments:
         axes.axvspan(
             start, stop, facecolor=UNKNOWN, edgecolor=UNKNOWN_HATCH, hatch=HATCH, linewidth=0,
             zorder=0.5,

@@ -61,7 +61,7 @@ def fit_columns(least_s: float, most_s: float) -> int:
     return min(max(math.floor(math.sqrt(least * most) + 0.5), fewest), greatest)
 
 
-def find_stretches(columns: NDArray[np.generic]) -> list[tuple[int, int]]:
+def find_segments(columns: NDArray[np.generic]) -> list[tuple[int, int]]:
     """First and one past the last of each run of equal columns, shape (columns, ...)."""
     rows = columns.reshape(len(columns), -1)
     differ = (rows[1:] != rows[:-1]).any(axis=1)

@@ -14,12 +14,12 @@ NONE = 0
 _READ_WITH_SKELETON = (".amc", ".amc.gz")
 
 
-def has_companion(name: str) -> bool:
+def has_sidecar(name: str) -> bool:
     """Whether a recording of this file name is read with another file."""
     return name.lower().endswith(_READ_WITH_SKELETON)
 
 
-class Companions:
+class Sidecars:
     """Skeletons beside motions; what a folder holds is remembered.
 
     Parameters
@@ -33,17 +33,17 @@ class Companions:
 
     def state(self, path: Path) -> int:
         """A number that changes when the companion of a recording does; `NONE` without one."""
-        if not has_companion(path.name):
+        if not has_sidecar(path.name):
             return NONE
         from motionary.io.formats.acclaim import find_asf
 
         try:
-            companion = self._asf or find_asf(path, listing=self._list)
+            sidecar = self._asf or find_asf(path, listing=self._list)
         except UnreadableFile:
             return _digest(["missing"])
-        return _digest([_describe(companion)])
+        return _digest([_describe(sidecar)])
 
-    def surroundings(self, folder: Path) -> int:
+    def dependency_digest(self, folder: Path) -> int:
         """A number that changes when anything does that the companions there depend on."""
         if self._asf is not None:
             return _digest([_describe(self._asf)])

@@ -25,7 +25,7 @@ UNITS = (*LENGTHS, DEGREE)
 
 
 @dataclass(frozen=True, slots=True)
-class Relation:
+class Feature:
     """One yes/no relation of the body.
 
     Attributes
@@ -78,27 +78,27 @@ class Relation:
         return value if self.unit == DEGREE else value / body.length(self.unit)
 
 
-def _check_thresholds(relation: Relation) -> None:
-    weak, strong = relation.weak, relation.strong
+def _check_thresholds(feature: Feature) -> None:
+    weak, strong = feature.weak, feature.strong
     pairs = isinstance(weak, tuple), isinstance(strong, tuple)
-    if pairs != ((relation.test == "within"),) * 2:
+    if pairs != ((feature.test == "within"),) * 2:
         raise InvalidInput(
-            f"{relation.id}: 'within' takes two pairs of thresholds, other tests two numbers, "
-            f"got {relation.test!r}, {weak}, {strong}"
+            f"{feature.id}: 'within' takes two pairs of thresholds, other tests two numbers, "
+            f"got {feature.test!r}, {weak}, {strong}"
         )
     # What passes the strong test must pass the weak one: the switch relies on it.
-    if not holds(np.atleast_1d(strong), relation.test, weak).all():
+    if not holds(np.atleast_1d(strong), feature.test, weak).all():
         raise InvalidInput(
-            f"{relation.id}: the strong threshold must lie at or beyond the weak one, "
-            f"got weak {weak}, strong {strong} for {relation.test!r}"
+            f"{feature.id}: the strong threshold must lie at or beyond the weak one, "
+            f"got weak {weak}, strong {strong} for {feature.test!r}"
         )
 
 
-def _check_joints(relation: Relation) -> None:
-    unknown = [joint for joint in relation.joints if joint not in GENERIC_JOINTS]
+def _check_joints(feature: Feature) -> None:
+    unknown = [joint for joint in feature.joints if joint not in GENERIC_JOINTS]
     if unknown:
         raise InvalidInput(
-            f"{relation.id}: {unknown[0]!r} is no generic joint; "
+            f"{feature.id}: {unknown[0]!r} is no generic joint; "
             f"expected some of {', '.join(GENERIC_JOINTS)}"
         )
 
@@ -127,15 +127,15 @@ class FeatureSet:
     """
 
     name: str
-    relations: tuple[Relation, ...]
+    features: tuple[Feature, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "relations", tuple(self.relations))
-        if not self.name or not self.relations:
+        object.__setattr__(self, "features", tuple(self.features))
+        if not self.name or not self.features:
             raise InvalidInput("a feature set needs a name and at least one relation")
-        for relation in self.relations:
-            _check_joints(relation)
-        mirrors = {relation.id: relation.mirror for relation in self.relations}
+        for feature in self.features:
+            _check_joints(feature)
+        mirrors = {feature.id: feature.mirror for feature in self.features}
         if len(mirrors) != len(self):
             raise InvalidInput(f"feature set {self.name!r}: ids must be unique")
         stray = [i for i, mirror in mirrors.items() if mirrors.get(mirror) != i]
@@ -146,23 +146,23 @@ class FeatureSet:
             )
 
     def __len__(self) -> int:
-        return len(self.relations)
+        return len(self.features)
 
     @property
     def ids(self) -> tuple[str, ...]:
         """Short names, in the order of the bits."""
-        return tuple(r.id for r in self.relations)
+        return tuple(r.id for r in self.features)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Phrases, in the order of the bits."""
-        return tuple(r.name for r in self.relations)
+        return tuple(r.name for r in self.features)
 
     @cached_property
     def mirror_order(self) -> NDArray[np.intp]:
         """Where each relation comes from when left and right are exchanged."""
-        index = {r.id: i for i, r in enumerate(self.relations)}
-        return np.array([index[r.mirror] for r in self.relations], dtype=np.intp)
+        index = {r.id: i for i, r in enumerate(self.features)}
+        return np.array([index[r.mirror] for r in self.features], dtype=np.intp)
 
     def select(self, ids: Sequence[str], *, name: str) -> "FeatureSet":
         """The named relations as a set of their own.
@@ -172,7 +172,7 @@ class FeatureSet:
         InvalidInput
             If an id is unknown, or a relation is chosen without its mirror image.
         """
-        index = {r.id: r for r in self.relations}
+        index = {r.id: r for r in self.features}
         unknown = [i for i in ids if i not in index]
         if unknown:
             raise InvalidInput(
