@@ -1,6 +1,8 @@
 # make demo      find, teach, label and draw; tells where the results are
 # make test      all tests; real recordings are used where MOTIONARY_DATA names them
-# make lint      types, style, layers
+# make quick     the fast part of them, without recordings: under a minute
+# make coverage  all tests, and the lines that none of them runs; coverage.xml
+# make lint      types, style, layers, workflows
 # make bench     speed beside other packages, medians
 # make docs      the documentation, into docs/_build/html
 # make docs-pictures  its pictures anew, from real recordings
@@ -12,6 +14,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+CHECK := $(BIN)/check-jsonschema --quiet --builtin-schema
+FORMS := $(filter-out %/config.yml,$(wildcard .github/ISSUE_TEMPLATE/*.yml))
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check
 
 # MOTIONARY_DATA= (empty) runs without recordings.
@@ -20,7 +24,7 @@ ifneq ($(DATA),)
 export MOTIONARY_DATA ?= $(DATA)
 endif
 
-.PHONY: help demo test lint bench docs docs-pictures evidence clean
+.PHONY: help demo test quick coverage lint bench docs docs-pictures evidence clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -31,11 +35,24 @@ demo: $(VENV)/.base
 test: $(VENV)/.base
 	$(BIN)/python -m pytest -q -n 2
 
+# What takes a second or more is shown at the end: mark it slow.
+quick: $(VENV)/.base
+	$(BIN)/python -m pytest -q -n 2 -m "not slow and not recordings" \
+		--hypothesis-profile=quick --durations=5 --durations-min=1
+
+coverage: $(VENV)/.coverage
+	$(BIN)/python -m pytest -q -n 2 --cov --cov-report=term --cov-report=xml
+
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(CHECK) vendor.github-workflows .github/workflows/*.yml
+	$(CHECK) vendor.dependabot .github/dependabot.yml
+	$(CHECK) vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	$(CHECK) vendor.github-issue-forms $(FORMS)
+	$(CHECK) vendor.citation-file-format CITATION.cff
 
 bench: $(VENV)/.bench
 	$(BIN)/python bench/run.py
@@ -54,6 +71,7 @@ evidence: $(VENV)/.bench
 clean:
 	rm -rf $(VENV) build dist docs/_build demo-output
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .coverage .coverage.* coverage.xml
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/pyvenv.cfg:
@@ -65,7 +83,7 @@ $(VENV)/.base: pyproject.toml | $(VENV)/pyvenv.cfg
 	@$(PIP) -e '.[fast,test]'
 	@touch $@
 
-$(VENV)/.lint $(VENV)/.docs $(VENV)/.bench: $(VENV)/.%: pyproject.toml $(VENV)/.base
+$(VENV)/.coverage $(VENV)/.lint $(VENV)/.docs $(VENV)/.bench: $(VENV)/.%: pyproject.toml $(VENV)/.base
 	@echo "installing what 'make $*' needs, once"
 	@$(PIP) -e '.[$*]'
 	@touch $@
