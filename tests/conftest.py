@@ -16,7 +16,12 @@ from hypothesis import HealthCheck, settings
 
 VARIABLE = "MOTIONARY_DATA"
 RECORDING_FIXTURES = {"data", "golden"}
-MARK = "real_recordings"
+MARK = "recordings"
+SLOW = {
+    line
+    for line in Path(__file__).with_name("slow.txt").read_text("utf-8").splitlines()
+    if not line.startswith("#")
+}
 
 # Derandomised: the same commit gives the same verdict everywhere. No deadline: a shared
 # machine stalls now and then, which says nothing about the code.
@@ -28,6 +33,8 @@ settings.register_profile(
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
 )
+# A tenth of the inputs, for `make quick`; a test with a number of its own keeps that.
+settings.register_profile("quick", settings.get_profile("motionary"), max_examples=6)
 settings.load_profile("motionary")
 
 
@@ -93,15 +100,19 @@ def _is_local(host: str) -> bool:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the mark that the summary counts."""
-    config.addinivalue_line("markers", f"{MARK}: needs real recordings (set by itself)")
+    """Register the marks that select tests."""
+    config.addinivalue_line("markers", f"{MARK}: asks for real recordings (set by itself)")
+    config.addinivalue_line("markers", "slow: left out of `make quick` (set by tests/slow.txt)")
 
 
+@pytest.hookimpl(tryfirst=True)  # before -m selects by them
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that ask for recordings; marks travel from workers to the summary."""
+    """Mark tests that ask for recordings, and slow ones; marks travel from workers."""
     for item in items:
         if RECORDING_FIXTURES & set(getattr(item, "fixturenames", ())):
             item.add_marker(MARK)
+        if getattr(item, "originalname", item.name) in SLOW:
+            item.add_marker("slow")
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

@@ -84,7 +84,9 @@ def test_the_core_computes_without_pictures_compiler_or_command_line():
     assert heavy.isdisjoint(seen.split())
 
 
-def test_the_version_is_written_alike_everywhere():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    assert project["version"] == motionary.__version__
+def test_the_version_is_written_once_and_copied_right():
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    assert pyproject["project"]["dynamic"] == ["version"]
+    assert pyproject["tool"]["hatch"]["version"] == {"path": "src/motionary/__init__.py"}
+    # A citation file can derive nothing.
     assert f"\nversion: {motionary.__version__}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
