@@ -14,10 +14,10 @@ from motionary.features import FULL_BODY, FeatureSequence, read_features
 from motionary.models.keyframes import index_packed, search_query
 from motionary.models.query_learning import (
     PUBLISHED,
-    Breeding,
+    GeneticSettings,
     Problem,
-    breed_runs,
-    judge_clips,
+    clip_evaluator,
+    learn_runs,
     state_problem,
 )
 from motionary.models.query_learning.individuals import to_query
@@ -41,7 +41,7 @@ def main() -> None:
         print(f"  {name}: {n_frames} frames, {len(problem.pool)} columns")
         time_runs(problem)
         time_evaluations(problem)
-    time_processes(with_settings(problems["squat"], Breeding()))
+    time_processes(with_settings(problems["squat"], GeneticSettings()))
 
 
 def read_clips(folder: Path) -> list[tuple[str, FeatureSequence]]:
@@ -58,20 +58,20 @@ def problem_of(name: str, clips: list[tuple[str, FeatureSequence]]) -> Problem:
     while total < FRAMES:
         negatives.append(others[len(negatives) % len(others)])
         total += len(negatives[-1])
-    return state_problem(positives, negatives, breeding=PUBLISHED)
+    return state_problem(positives, negatives, settings=PUBLISHED)
 
 
-def with_settings(problem: Problem, breeding: Breeding) -> Problem:
+def with_settings(problem: Problem, settings: GeneticSettings) -> Problem:
     return Problem(
-        problem.positives, problem.negatives, problem.groups, problem.pool, breeding, seed=0
+        problem.positives, problem.negatives, problem.groups, problem.pool, settings, seed=0
     )
 
 
 def time_runs(problem: Problem) -> None:
-    usual = with_settings(problem, Breeding())
+    usual = with_settings(problem, GeneticSettings())
     ways = {
-        "a run as published": lambda: list(breed_runs(problem, [0])),
-        "a run, simplified": lambda: list(breed_runs(usual, [0])),
+        "a run as published": lambda: list(learn_runs(problem, [0])),
+        "a run, simplified": lambda: list(learn_runs(usual, [0])),
     }
     for name, call in ways.items():
         print(f"  {name:<20} {cpu_seconds(call):6.3f} s of one processor")
@@ -94,8 +94,8 @@ def time_evaluations(problem: Problem) -> None:
     index = index_packed(
         [clip.packed for clip in clips], feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids
     )
-    judge = judge_clips(problem.positives, problem.negatives, breeding=PUBLISHED)
-    bests = [run.best for run in breed_runs(problem, range(5))]
+    judge = clip_evaluator(problem.positives, problem.negatives, settings=PUBLISHED)
+    bests = [run.best for run in learn_runs(problem, range(5))]
     queries = [to_query(best, FULL_BODY.name, FULL_BODY.ids) for best in bests]
     ways = {
         f"search_query, {engine}, 5 queries": lambda engine=engine: [
@@ -112,7 +112,7 @@ def time_processes(problem: Problem) -> None:
     elapsed, used = {}, {}
     for jobs in (1, 2):
         start, before = time.perf_counter(), processor_seconds()
-        runs = list(breed_runs(problem, range(MANY), jobs=jobs))
+        runs = list(learn_runs(problem, range(MANY), jobs=jobs))
         elapsed[jobs] = time.perf_counter() - start
         used[jobs] = processor_seconds() - before
         print(

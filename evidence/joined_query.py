@@ -14,7 +14,7 @@ from evidence.common.queries import RETRIEVAL_2008, by_choosing, index_of, lesso
 from evidence.common.recordings import ACTORS, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.features import FULL_BODY, FeatureSequence
-from motionary.models.keyframes import Choosing, KeyframeQuery, join_queries, search_query
+from motionary.models.keyframes import ChoiceSettings, KeyframeQuery, join_queries, search_query
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,9 @@ def measure(recordings: Recordings) -> Results:
         lessons = lessons_of(recordings.of(actors=[a for a in ACTORS if a != actor]))
         pairs = {
             BY_HAND: (by_hand[FIRST], by_hand[SECOND]),
-            CHOSEN: tuple(by_choosing(lessons[n], Choosing()).queries[0] for n in (FIRST, SECOND)),
+            CHOSEN: tuple(
+                by_choosing(lessons[n], ChoiceSettings()).queries[0] for n in (FIRST, SECOND)
+            ),
         }
         for way, (first, second) in pairs.items():
             rows.append({"actor": actor, "way": way, **_found(first, second, documents)})

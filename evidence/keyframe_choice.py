@@ -41,7 +41,7 @@ from evidence.common.queries import (
 from evidence.common.recordings import ACTORS, BANDAI, CMU, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from evidence.common.streams import PAIRS
-from motionary.models.keyframes import KeyframeQuery, WordIndex, select_in_index
+from motionary.models.keyframes import KeyframeQuery, PostingIndex, select_in_index
 from motionary.plots.style import BLACK, BLUE, ORANGE, RULE, VERMILLION, house_style
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _committees(
     }
 
 
-def _beyond(lesson: Lesson, committee: Committee, elsewhere: WordIndex) -> Row:
+def _beyond(lesson: Lesson, committee: Committee, elsewhere: PostingIndex) -> Row:
     """Share of the frames of other recordings that keyframes leave; their number."""
     windows = select_in_index(
         committee.queries, lesson.template.n_columns, elsewhere, votes=committee.votes

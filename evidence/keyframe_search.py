@@ -17,7 +17,7 @@ from evidence.common.queries import RETRIEVAL_2008, index_of, manual_records, qu
 from evidence.common.recordings import BANDAI, CMU, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.io.queries import QueryRecord
-from motionary.models.keyframes import KeyframeQuery, WordIndex, search_query, select_in_index
+from motionary.models.keyframes import KeyframeQuery, PostingIndex, search_query, select_in_index
 from motionary.plots.style import BLUE, VERMILLION, house_style
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def measure(recordings: Recordings) -> Results:
     }
 
 
-def _query(record: QueryRecord, small: WordIndex, large: WordIndex) -> dict[str, float]:
+def _query(record: QueryRecord, small: PostingIndex, large: PostingIndex) -> dict[str, float]:
     query = query_of(record)
     around = select_in_index([query], record.template_length, small)
     return {
@@ -74,7 +74,7 @@ def _query(record: QueryRecord, small: WordIndex, large: WordIndex) -> dict[str,
     }
 
 
-def _milliseconds(query: KeyframeQuery, index: WordIndex) -> float:
+def _milliseconds(query: KeyframeQuery, index: PostingIndex) -> float:
     """Median processor time of some runs, without a compiler."""
     seconds = []
     for _ in range(ROUNDS):

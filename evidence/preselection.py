@@ -58,7 +58,7 @@ from evidence.preselection_page import draw, write
 from motionary import read_labels
 from motionary.evaluation import Segment, evaluate, to_segments
 from motionary.features import FeatureSequence
-from motionary.models.keyframes import Choosing
+from motionary.models.keyframes import ChoiceSettings
 from motionary.models.library import MotionClass
 from motionary.retrieval.annotation import class_distance
 
@@ -133,10 +133,10 @@ def _train(recordings: Recordings, clips: Sequence[Clip]) -> dict[str, tuple[Mot
     )
     makers: dict[str, Callable[[str], Committee]] = {
         RULE_OF_THUMB: lambda name: by_heuristic(lessons[name], Heuristic(2, 0.4)),
-        CHOSEN: lambda name: by_choosing(lessons[name], Choosing()),
+        CHOSEN: lambda name: by_choosing(lessons[name], ChoiceSettings()),
         AGAINST_MORE: lambda name: by_choosing(
             lessons[name]._replace(counterexamples=lessons[name].counterexamples + more),
-            Choosing(),
+            ChoiceSettings(),
         ),
         BY_HAND: lambda name: Committee((by_hand[name],)),
     }

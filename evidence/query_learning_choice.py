@@ -23,7 +23,7 @@ from evidence.query_learning_tasks import (
     mean_of,
     split,
 )
-from motionary.models.query_learning import Breeding
+from motionary.models.query_learning import GeneticSettings
 
 #: What is tried.
 COMMITTEES = tuple(
@@ -75,7 +75,7 @@ def _attempt(todo: tuple[str, Actors], *, clips: tuple[Clip, ...], seed: int) ->
     """All committees of a class, learned from some actors, on each of the others."""
     name, learn = todo
     examples = split(clips, name, learn)
-    queries = learn_from(examples, Breeding(), RUNS, seed=seed).queries
+    queries = learn_from(examples, GeneticSettings(), RUNS, seed=seed).queries
     rows = []
     for unseen in ACTORS:
         if unseen in learn:

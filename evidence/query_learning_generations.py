@@ -15,7 +15,7 @@ from evidence.common.pages import fraction, picture, table
 from evidence.common.recordings import ACTORS, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import JOBS, Evidence, Results, main
 from evidence.query_learning_tasks import compute_all, problem_of, split
-from motionary.models.query_learning import PUBLISHED, breed_runs, judge_clips
+from motionary.models.query_learning import PUBLISHED, clip_evaluator, learn_runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,11 +52,11 @@ def _follow(name: str, *, clips: Sequence[Clip], seed: int) -> dict[str, Any]:
     """Mean and spread of fitness, precision and recall by generation, on both sets of clips."""
     problem = problem_of(split(clips, name, FIRST_THREE), PUBLISHED, seed=seed)
     unseen = split(clips, name, LAST_TWO)
-    verification = judge_clips(unseen.positives, unseen.negatives, breeding=PUBLISHED)
+    verification = clip_evaluator(unseen.positives, unseen.negatives, settings=PUBLISHED)
     result = {}
     for way, by_chance in (("published", False), ("random", True)):
         runs = list(
-            breed_runs(problem, range(RUNS), by_chance=by_chance, verification=verification)
+            learn_runs(problem, range(RUNS), random_search=by_chance, verification=verification)
         )
         result[way] = {
             "examples": np.mean([run.history for run in runs], axis=0),

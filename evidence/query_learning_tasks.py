@@ -18,17 +18,17 @@ from motionary.matching import Pattern, corpus_distance
 from motionary.models.keyframes import (
     HitRanges,
     KeyframeQuery,
-    WordIndex,
+    PostingIndex,
     from_patterns,
     index_packed,
     search_query,
     select_in_index,
 )
 from motionary.models.query_learning import (
-    Breeding,
+    GeneticSettings,
     LearnedQueries,
     Problem,
-    breed_runs,
+    learn_runs,
     state_problem,
 )
 from motionary.models.query_learning.fitness import weighted_f
@@ -71,18 +71,20 @@ def split(clips: Sequence[Clip], name: str, actors: Iterable[str]) -> Split:
     )
 
 
-def problem_of(examples: Split, breeding: Breeding, *, seed: int) -> Problem:
+def problem_of(examples: Split, settings: GeneticSettings, *, seed: int) -> Problem:
     """What queries are learned from."""
     return state_problem(
-        examples.positives, examples.negatives, breeding=breeding, seed=seed,
+        examples.positives, examples.negatives, settings=settings, seed=seed,
         template=template_of(examples.positives),
     )  # fmt: skip
 
 
-def learn_from(examples: Split, breeding: Breeding, runs: int, *, seed: int) -> LearnedQueries:
+def learn_from(
+    examples: Split, settings: GeneticSettings, runs: int, *, seed: int
+) -> LearnedQueries:
     """Queries of so many runs."""
-    problem = problem_of(examples, breeding, seed=seed)
-    return LearnedQueries(problem, tuple(breed_runs(problem, range(runs))), votes=1)
+    problem = problem_of(examples, settings, seed=seed)
+    return LearnedQueries(problem, tuple(learn_runs(problem, range(runs))), votes=1)
 
 
 def manual_queries(recordings: Recordings) -> dict[str, KeyframeQuery]:
@@ -155,7 +157,7 @@ class Trial:
         }
 
 
-def index_of(clips: Sequence[FeatureSequence]) -> WordIndex:
+def index_of(clips: Sequence[FeatureSequence]) -> PostingIndex:
     """Index of clips, each a document."""
     return index_packed(
         [clip.packed for clip in clips],

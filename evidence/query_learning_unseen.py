@@ -21,12 +21,12 @@ from motionary.models.keyframes import KeyframeQuery, choose_query
 from motionary.models.query_learning import (
     PUBLISHED,
     RUNS,
-    Breeding,
-    Evolved,
+    GeneticSettings,
     LearnedQueries,
-    breed_runs,
+    RunResult,
     combine_runs,
     default_votes,
+    learn_runs,
 )
 from motionary.models.query_learning.individuals import to_query
 
@@ -65,8 +65,8 @@ def _leave_one_out(
     single = partial(trial.measure, votes=1)
     plain = learn_from(examples, PUBLISHED, PUBLISHED_RUNS, seed=seed)
     runs = max(USUAL.queries, committee.queries)
-    bred = learn_from(examples, Breeding(), runs, seed=seed)
-    by_chance = breed_runs(plain.problem, range(PUBLISHED_RUNS), by_chance=True)
+    bred = learn_from(examples, GeneticSettings(), runs, seed=seed)
+    by_chance = learn_runs(plain.problem, range(PUBLISHED_RUNS), random_search=True)
     picked = choose_query(template, examples.positives, examples.negatives).query
     return {
         "class": name,
@@ -91,7 +91,7 @@ def _leave_one_out(
     }
 
 
-def _query(learned: LearnedQueries, run: Evolved) -> KeyframeQuery:
+def _query(learned: LearnedQueries, run: RunResult) -> KeyframeQuery:
     features = learned.problem.feature_set
     return to_query(run.best, features.name, features.ids)
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 
-from motionary.models.keyframes import Gap, KeyframeQuery, WordIndex, index_packed
+from motionary.models.keyframes import Gap, KeyframeQuery, PostingIndex, index_packed
 from motionary.packing import PackedFeatures, pack
 
 SET = "a stream of yes and no"
@@ -39,7 +39,7 @@ class Case(NamedTuple):
         return [pack(mask) for mask in self.known]
 
     @property
-    def index(self) -> WordIndex:
+    def index(self) -> PostingIndex:
         ids = ids_of(self.values.shape[1])
         return index_packed(self.packed, self.masks, feature_set=SET, feature_ids=ids)
 

@@ -1,7 +1,7 @@
 """What motion templates are compared with: one example by DTW, and frames one by one.
 
 Random search, beside the evolution of queries and with as many evaluations, is
-`motionary.models.query_learning.breed_runs(..., by_chance=True)`.
+`motionary.models.query_learning.learn_runs(..., random_search=True)`.
 """
 
 from evidence.baselines.dtw import Matches, match_costs

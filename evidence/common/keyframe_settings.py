@@ -23,7 +23,7 @@ from evidence.common.queries import (
 from evidence.common.recordings import ACTORS, Recordings
 from evidence.common.streams import PAIRS
 from motionary.evaluation import compute_rates_at
-from motionary.models.keyframes import Choosing
+from motionary.models.keyframes import ChoiceSettings
 
 Settings = TypeVar("Settings")
 
@@ -37,14 +37,14 @@ HEURISTICS = {
     for stiffness in (0.4, 0.6, 0.8)
 }
 CHOOSINGS = {
-    "as by default": Choosing(),
-    "less left": Choosing(frames_left=0.01),
-    "more left": Choosing(frames_left=0.05),
-    "softer": Choosing(stiffness=0.4),
-    "stiffer": Choosing(stiffness=0.8),
-    "steadier": Choosing(steady=3),
-    "no dissenters": Choosing(dissenters=0.0),
-    "more left and softer": Choosing(frames_left=0.05, stiffness=0.4),
+    "as by default": ChoiceSettings(),
+    "less left": ChoiceSettings(frames_left=0.01),
+    "more left": ChoiceSettings(frames_left=0.05),
+    "softer": ChoiceSettings(stiffness=0.4),
+    "stiffer": ChoiceSettings(stiffness=0.8),
+    "steadier": ChoiceSettings(tolerance=3),
+    "no dissenters": ChoiceSettings(exceptions=0.0),
+    "more left and softer": ChoiceSettings(frames_left=0.05, stiffness=0.4),
 }
 Row = dict[str, float]
 #: By two actors who teach and a third, what each setting does.

@@ -16,9 +16,9 @@ from motionary.features import FeatureSequence
 from motionary.io.queries import QueryRecord, read_query_collections
 from motionary.matching import Pattern, corpus_distance
 from motionary.models.keyframes import (
-    Choosing,
+    ChoiceSettings,
     KeyframeQuery,
-    WordIndex,
+    PostingIndex,
     choose_keyframes,
     choose_query,
     from_patterns,
@@ -31,8 +31,8 @@ from motionary.models.library import MotionClass
 from motionary.models.query_learning import (
     RUNS,
     LearnedQueries,
-    breed_runs,
     default_votes,
+    learn_runs,
     state_problem,
 )
 from motionary.models.templates import MotionTemplate, pattern_of, quantise
@@ -117,9 +117,9 @@ def by_heuristic(lesson: Lesson, settings: Heuristic) -> Committee:
     return Committee((query,))
 
 
-def by_choosing(lesson: Lesson, settings: Choosing) -> Committee:
+def by_choosing(lesson: Lesson, settings: ChoiceSettings) -> Committee:
     """Keyframes by examples and counter-examples."""
-    return Committee((choose_query(*lesson, choosing=settings).query,))
+    return Committee((choose_query(*lesson, settings=settings).query,))
 
 
 def by_learning(lesson: Lesson, *, seed: int) -> Committee:
@@ -127,7 +127,7 @@ def by_learning(lesson: Lesson, *, seed: int) -> Committee:
     problem = state_problem(
         lesson.examples, lesson.counterexamples, seed=seed, template=lesson.template
     )
-    runs = tuple(breed_runs(problem, range(RUNS)))
+    runs = tuple(learn_runs(problem, range(RUNS)))
     return Committee(LearnedQueries(problem, runs, votes=1).queries, default_votes(RUNS))
 
 
@@ -147,7 +147,7 @@ def with_queries(
     return tuple(result)
 
 
-def index_of(sequences: Sequence[FeatureSequence]) -> WordIndex:
+def index_of(sequences: Sequence[FeatureSequence]) -> PostingIndex:
     """Index of recordings, a document each."""
     first = sequences[0].feature_set
     return index_packed(
@@ -162,7 +162,7 @@ class Tested:
 
     sequences: tuple[FeatureSequence, ...]
     names: tuple[str, ...]
-    index: WordIndex
+    index: PostingIndex
 
     @classmethod
     def of(cls, clips: Sequence[Clip]) -> "Tested":

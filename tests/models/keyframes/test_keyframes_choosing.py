@@ -11,7 +11,7 @@ from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, read_features
 from motionary.matching import distance_function
 from motionary.models.keyframes import (
-    Choosing,
+    ChoiceSettings,
     KeyframeQuery,
     choose_query,
     index_packed,
@@ -146,7 +146,7 @@ def test_the_order_of_two_relations_is_found(seed):
     examples, others = problem(seed)
     chosen = choose_query(template_of(examples), examples, others)
     assert chosen.missed == ()
-    assert chosen.left <= Choosing().frames_left
+    assert chosen.left <= ChoiceSettings().frames_left
     asked = {feature for keyframe in entries(chosen.query) for feature in keyframe}
     # What is the same everywhere, or at random, is not asked for.
     assert asked <= {FIRST, SECOND}
@@ -164,8 +164,12 @@ def test_more_may_be_left_so_less_is_asked():
     examples, others = problem(2)
     template = template_of(examples)
     counts = [
-        sum(map(len, entries(choose_query(template, examples, others, choosing=c).query)))
-        for c in (Choosing(frames_left=0.0), Choosing(frames_left=0.5), Choosing(frames_left=0.99))
+        sum(map(len, entries(choose_query(template, examples, others, settings=c).query)))
+        for c in (
+            ChoiceSettings(frames_left=0.0),
+            ChoiceSettings(frames_left=0.5),
+            ChoiceSettings(frames_left=0.99),
+        )
     ]
     assert counts == sorted(counts, reverse=True)
     assert counts[-1] == 2
@@ -173,8 +177,8 @@ def test_more_may_be_left_so_less_is_asked():
 
 def test_keyframes_keep_their_number_and_distance():
     examples, others = problem(3)
-    settings = Choosing(least=3, most=3, apart=7, edge=4, step=1)
-    query = choose_query(template_of(examples), examples, others, choosing=settings).query
+    settings = ChoiceSettings(least=3, most=3, min_distance=7, edge=4, step=1)
+    query = choose_query(template_of(examples), examples, others, settings=settings).query
     assert len(query) == 3
     assert min(np.diff(query.positions)) >= 7
     assert query.positions[0] >= 4
@@ -183,7 +187,7 @@ def test_keyframes_keep_their_number_and_distance():
 def test_gaps_admit_all_examples_and_more():
     examples, others = problem(4)
     template = template_of(examples)
-    query = choose_query(template, examples, others, choosing=Choosing(stiffness=0.5)).query
+    query = choose_query(template, examples, others, settings=ChoiceSettings(stiffness=0.5)).query
     moments = find_moments(template, examples, steady=2)
     for (a, b), gap in zip(
         zip(query.positions, query.positions[1:], strict=False), query.gaps, strict=True
@@ -198,9 +202,9 @@ def test_one_example_that_differs_is_missed_rather_than_the_query_spoilt():
     examples, others = problem(5, n=11)
     odd = sequence_of(np.zeros((30, N)))
     template = template_of(examples)
-    chosen = choose_query(template, [*examples, odd], others, choosing=Choosing(step=1))
+    chosen = choose_query(template, [*examples, odd], others, settings=ChoiceSettings(step=1))
     assert chosen.missed == (11,)
-    assert chosen.left <= Choosing().frames_left
+    assert chosen.left <= ChoiceSettings().frames_left
     assert len(search_packed(chosen.query, planted(rng).packed))
 
 
@@ -210,7 +214,7 @@ def test_what_is_unknown_in_an_example_is_not_asked_for():
     blind[:, FIRST] = False
     examples[0] = replace(examples[0], packed=examples[0].packed & pack(blind), known=pack(blind))
     query = choose_query(
-        template_of(examples[1:]), examples, others, choosing=Choosing(dissenters=0.0)
+        template_of(examples[1:]), examples, others, settings=ChoiceSettings(exceptions=0.0)
     ).query
     assert all(FIRST not in keyframe for keyframe in entries(query))
 
@@ -281,13 +285,14 @@ def test_examples_that_are_too_short_for_two_keyframes():
     "settings",
     [
         dict(frames_left=1.0), dict(frames_left=-0.1), dict(least=0), dict(least=3, most=2),
-        dict(stiffness=0.0), dict(stiffness=1.1), dict(dissenters=0.5), dict(steady=-1),
-        dict(step=0), dict(apart=0), dict(edge=-1), dict(gain=1.5), dict(distrust=-1.0),
+        dict(stiffness=0.0), dict(stiffness=1.1), dict(exceptions=0.5), dict(tolerance=-1),
+        dict(step=0), dict(min_distance=0), dict(edge=-1), dict(gain=1.5),
+        dict(disagreement_weight=-1.0),
     ],
 )  # fmt: skip
 def test_bad_settings(settings):
     with pytest.raises(InvalidInput, match=r"must|need"):
-        Choosing(**settings)
+        ChoiceSettings(**settings)
 
 
 # -- real recordings -------------------------------------------------------------------

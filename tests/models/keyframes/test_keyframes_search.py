@@ -13,7 +13,7 @@ from motionary.features import FULL_BODY
 from motionary.models.keyframes import (
     Gap,
     KeyframeQuery,
-    WordIndex,
+    PostingIndex,
     from_features,
     gap_of,
     index_packed,
@@ -338,7 +338,7 @@ def test_an_index_may_be_memory_mapped(tmp_path):
     index = index_packed(documents, feature_set=SET, feature_ids=ids_of(12))
     np.save(tmp_path / "planes.npy", index.planes)
     planes = np.load(tmp_path / "planes.npy", mmap_mode="r")
-    mapped = WordIndex(planes, index.lengths, SET, ids_of(12))
+    mapped = PostingIndex(planes, index.lengths, SET, ids_of(12))
     for engine in ENGINES:
         assert list(search_query(query, mapped, engine=engine)) == list(search_query(query, index))
 
@@ -390,4 +390,4 @@ def test_an_index_of_bad_documents_is_refused(packed, known, complaint):
 
 def test_an_index_of_bad_planes_is_refused():
     with pytest.raises(InvalidInput, match="needs planes of shape"):
-        WordIndex(np.zeros((3, 1), dtype=np.uint64), np.array([200]), SET, ids_of(1))
+        PostingIndex(np.zeros((3, 1), dtype=np.uint64), np.array([200]), SET, ids_of(1))

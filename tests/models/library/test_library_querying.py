@@ -8,7 +8,7 @@ import pytest
 
 from cli_cases import CLASSES, run, write_bvh, write_examples, write_stream
 from motionary.features import FULL_BODY, FeatureSequence, compute_features, read_features
-from motionary.models.keyframes import Choosing, mirror_query, select_in_sequence
+from motionary.models.keyframes import ChoiceSettings, mirror_query, select_in_sequence
 from motionary.models.library import (
     Prototype,
     TrainingOptions,
@@ -64,7 +64,7 @@ def test_the_mirror_image_has_the_mirrored_query(queried):
 
 def test_settings_are_passed_on(examples):
     library = learn_classes(examples, training=TrainingOptions())
-    result = choose_queries(library, examples, choosing=Choosing(least=3, most=3))
+    result = choose_queries(library, examples, settings=ChoiceSettings(least=3, most=3))
     assert [len(c.prototypes[0].queries[0]) for c in result.library] == [3] * len(CLASSES)
 
 

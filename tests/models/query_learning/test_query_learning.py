@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from motionary.errors import InvalidInput
 from motionary.models.keyframes import index_packed
-from motionary.models.query_learning import Breeding, Copying, Individual
+from motionary.models.query_learning import Augmentation, GeneticSettings, Individual
 from motionary.models.query_learning.clips import Clips
 from motionary.models.query_learning.copies import vary
 from motionary.models.query_learning.evolution import (
@@ -16,7 +16,7 @@ from motionary.models.query_learning.evolution import (
     evolve,
     gaps_alone,
     genetic,
-    random_search,
+    random_creation,
 )
 from motionary.models.query_learning.fitness import fitness_of
 from motionary.models.query_learning.individuals import to_query
@@ -217,11 +217,11 @@ def planted(rng):
     return pool, judge
 
 
-@pytest.mark.parametrize("ways", [genetic, random_search])
+@pytest.mark.parametrize("ways", [genetic, random_creation])
 def test_a_planted_order_is_found(ways):
     pool, judge = planted(np.random.default_rng(3))
-    breeding = Breeding(population=10, generations=10)
-    run = evolve(ways(pool), judge, breeding=breeding, rng=np.random.default_rng(0))
+    settings = GeneticSettings(population=10, generations=10)
+    run = evolve(ways(pool), judge, settings=settings, rng=np.random.default_rng(0))
     assert run.score.fitness == 1.0
     assert run.history.shape == (10, 3, 2)
     assert len(run.verified) == 0
@@ -229,7 +229,7 @@ def test_a_planted_order_is_found(ways):
 
 def test_survivors_never_get_worse():
     pool, judge = planted(np.random.default_rng(3))
-    run = evolve(genetic(pool), judge, breeding=PUBLISHED, rng=np.random.default_rng(1),
+    run = evolve(genetic(pool), judge, settings=PUBLISHED, rng=np.random.default_rng(1),
                  verification=judge)  # fmt: skip
     assert (np.diff(run.history[:, 0, 0]) >= -1e-12).all()
     assert np.array_equal(run.history, run.verified)
@@ -238,7 +238,7 @@ def test_survivors_never_get_worse():
 def test_a_simplified_query_is_as_fit_and_asks_for_less():
     pool, judge = planted(np.random.default_rng(3))
     rng = np.random.default_rng(2)
-    best = evolve(genetic(pool), judge, breeding=PUBLISHED, rng=rng).best
+    best = evolve(genetic(pool), judge, settings=PUBLISHED, rng=rng).best
     simple = simplify(best, judge, rng)
     assert judge(simple).fitness >= judge(best).fitness
     assert simple.n_fixed < best.n_fixed
@@ -265,7 +265,7 @@ def test_gaps_alone_leave_keyframes_as_they_are():
     _, judge = planted(np.random.default_rng(3))
     start = Individual((2, 8), (1, 2), (3, 3), (6,), (6,))
     ways = gaps_alone(lambda _: start)
-    run = evolve(ways, judge, breeding=PUBLISHED, rng=np.random.default_rng(0))
+    run = evolve(ways, judge, settings=PUBLISHED, rng=np.random.default_rng(0))
     assert run.best[:3] == start[:3]
     assert run.score.fitness == 1.0
 
@@ -273,11 +273,11 @@ def test_gaps_alone_leave_keyframes_as_they_are():
 def test_copies_keep_what_they_do_not_vary():
     rng = np.random.default_rng(0)
     bits = rng.random((20, N_FEATURES)) < 0.5
-    same, known = vary(bits, ~bits, Copying(copies=1, shift=0, tempo=1.0), rng)
+    same, known = vary(bits, ~bits, Augmentation(copies=1, shift=0, tempo=1.0), rng)
     assert np.array_equal(same, bits)
     assert np.array_equal(known, ~bits)
     for _ in range(20):
-        copy, _ = vary(bits, bits, Copying(copies=1, shift=2, tempo=2.0), rng)
+        copy, _ = vary(bits, bits, Augmentation(copies=1, shift=2, tempo=2.0), rng)
         assert 10 <= len(copy) <= 40
 
 
@@ -294,10 +294,10 @@ def test_copies_keep_what_they_do_not_vary():
 )
 def test_impossible_breeding(settings, message):
     with pytest.raises(InvalidInput, match=message):
-        Breeding(**settings)
+        GeneticSettings(**settings)
 
 
 @pytest.mark.parametrize("settings", [dict(copies=-1), dict(shift=-1), dict(tempo=0.5)])
 def test_impossible_copies(settings):
     with pytest.raises(InvalidInput, match="copies need"):
-        Copying(**settings)
+        Augmentation(**settings)

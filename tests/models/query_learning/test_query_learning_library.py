@@ -10,10 +10,10 @@ from cli_cases import CLASSES, run, write_bvh, write_examples
 from motionary.features import compute_features
 from motionary.models.keyframes import index_packed, mirror_query, search_query
 from motionary.models.library import TrainingOptions, learn_classes, learn_queries, load_library
-from motionary.models.query_learning import Breeding
+from motionary.models.query_learning import GeneticSettings
 from motionary.samples import synthetic_motion
 
-QUICK = Breeding(population=20, generations=15)
+QUICK = GeneticSettings(population=20, generations=15)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def examples():
 @pytest.fixture(scope="module")
 def queried(examples):
     library = learn_classes(examples, training=TrainingOptions(mirror=True))
-    return learn_queries(library, examples, breeding=QUICK, runs=5)
+    return learn_queries(library, examples, settings=QUICK, runs=5)
 
 
 def test_every_class_has_queries_that_find_others_of_it(queried):
@@ -67,7 +67,7 @@ def test_a_library_with_learned_queries_comes_back_from_disk(queried, tmp_path):
 def test_a_class_without_others_stays_without_queries(examples):
     one = {"squat": examples["squat"]}
     result = learn_queries(
-        learn_classes(one, training=TrainingOptions()), one, breeding=QUICK, runs=1
+        learn_classes(one, training=TrainingOptions()), one, settings=QUICK, runs=1
     )
     assert "needs negatives" in result.without["squat"]
     assert result.library["squat"].prototypes[0].queries == ()
@@ -76,7 +76,7 @@ def test_a_class_without_others_stays_without_queries(examples):
 def test_a_class_of_one_example_stays_without_queries(examples):
     few = examples | {"squat": {"squat": examples["squat"]["squat"][:1]}}
     library = learn_classes(few, training=TrainingOptions())
-    result = learn_queries(library, few, breeding=replace(QUICK, generations=2), runs=1)
+    result = learn_queries(library, few, settings=replace(QUICK, generations=2), runs=1)
     assert list(result.without) == ["squat"]
     assert "at least 2 positives, got 1" in result.without["squat"]
 

@@ -12,21 +12,21 @@ from motionary.io import read
 from motionary.models.keyframes import index_packed, search_query
 from motionary.models.query_learning import (
     PUBLISHED,
-    Breeding,
+    GeneticSettings,
     Individual,
     accumulate,
-    breed_runs,
+    clip_evaluator,
     combine_runs,
     continue_learning,
-    judge_clips,
     learn_query,
+    learn_runs,
     state_problem,
 )
 from motionary.models.query_learning.accumulation import frequent_keyframes
 from motionary.models.query_learning.operators import GenePool
 from motionary.packing import full_mask, pack
 
-QUICK = Breeding(population=30, parents=5, generations=40)
+QUICK = GeneticSettings(population=30, parents=5, generations=40)
 
 
 def clip(order, seed, length=24) -> FeatureSequence:
@@ -52,7 +52,7 @@ def negatives():
 
 @pytest.fixture(scope="module")
 def learned(positives, negatives):
-    return learn_query(positives, negatives, breeding=QUICK, runs=6, seed=4)
+    return learn_query(positives, negatives, settings=QUICK, runs=6, seed=4)
 
 
 def index_of(clips):
@@ -79,8 +79,8 @@ def test_the_order_of_two_relations_is_learned(learned):
 
 
 def test_same_seed_same_queries_and_another_seed_others(positives, negatives, learned):
-    again = learn_query(positives, negatives, breeding=QUICK, runs=6, seed=4)
-    other = learn_query(positives, negatives, breeding=QUICK, runs=6, seed=5)
+    again = learn_query(positives, negatives, settings=QUICK, runs=6, seed=4)
+    other = learn_query(positives, negatives, settings=QUICK, runs=6, seed=5)
     assert same(again.runs, learned.runs)
     assert not same(other.runs, learned.runs)
 
@@ -88,47 +88,47 @@ def test_same_seed_same_queries_and_another_seed_others(positives, negatives, le
 def test_two_processes_learn_the_same(positives, negatives, learned):
     done = []
     both = learn_query(
-        positives, negatives, breeding=QUICK, runs=6, seed=4, jobs=2, on_done=done.append
+        positives, negatives, settings=QUICK, runs=6, seed=4, jobs=2, on_done=done.append
     )
     assert same(both.runs, learned.runs)
     assert done == list(range(6))
 
 
 def test_learning_goes_on_where_it_stopped(positives, negatives, learned):
-    some = learn_query(positives, negatives, breeding=QUICK, runs=2, seed=4)
+    some = learn_query(positives, negatives, settings=QUICK, runs=2, seed=4)
     all_of_them = continue_learning(some, runs=6)
     assert same(all_of_them.runs, learned.runs)
     assert all_of_them.votes == learned.votes
-    (fifth,) = breed_runs(learned.problem, [5])
+    (fifth,) = learn_runs(learned.problem, [5])
     assert same([fifth], learned.runs[5:])
 
 
 def test_copies_are_part_of_the_seed(positives, negatives):
-    varied = replace(QUICK, copying=replace(QUICK.copying, copies=2, negative_copies=1))
+    varied = replace(QUICK, augmentation=replace(QUICK.augmentation, copies=2, negative_copies=1))
     one, two = (
-        learn_query(positives, negatives, breeding=varied, runs=2, seed=1) for _ in range(2)
+        learn_query(positives, negatives, settings=varied, runs=2, seed=1) for _ in range(2)
     )
     assert same(one.runs, two.runs)
 
 
 def test_verification_is_recorded_beside(positives, negatives):
-    problem = state_problem(positives, negatives, breeding=replace(QUICK, simplify=False))
-    seen = judge_clips(positives, negatives, breeding=problem.breeding)
-    (run,) = breed_runs(problem, [0], verification=seen)
+    problem = state_problem(positives, negatives, settings=replace(QUICK, simplify=False))
+    seen = clip_evaluator(positives, negatives, settings=problem.settings)
+    (run,) = learn_runs(problem, [0], verification=seen)
     assert run.verified.shape == (QUICK.generations, 3, 2)
     assert np.array_equal(run.history, run.verified)
 
 
 def test_random_search_evaluates_as_many(positives, negatives):
-    problem = state_problem(positives, negatives, breeding=PUBLISHED)
-    (run,) = breed_runs(problem, [0], by_chance=True)
+    problem = state_problem(positives, negatives, settings=PUBLISHED)
+    (run,) = learn_runs(problem, [0], random_search=True)
     assert len(run.history) == PUBLISHED.generations
     assert run.score.fitness <= 1.0
 
 
 def test_runs_combine_to_one_query(positives, negatives):
     whole = replace(QUICK, simplify=False)
-    learned = learn_query(positives, negatives, breeding=whole, runs=6, seed=4)
+    learned = learn_query(positives, negatives, settings=whole, runs=6, seed=4)
     combined = combine_runs(learned)
     assert list(combined.best.positions) == sorted(set(combined.best.positions))
     assert combined.score.fitness >= 0.9
@@ -207,8 +207,8 @@ def test_squats_of_people_never_seen(data: Path):
     seen, unseen = ("bd", "dg"), ("tr",)
     others = ("kickL", "hopBoth", "elbowToKnee")
     negatives = [c for name in others for c in clips(name, seen)]
-    breeding = replace(QUICK, population=20, generations=20)
-    learned = learn_query(clips("squat", seen), negatives, breeding=breeding, runs=5)
+    settings = replace(QUICK, population=20, generations=20)
+    learned = learn_query(clips("squat", seen), negatives, settings=settings, runs=5)
     squats = clips("squat", unseen)
     documents = [*squats, *(c for name in others for c in clips(name, unseen))]
     index = index_of(documents)

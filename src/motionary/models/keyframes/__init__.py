@@ -9,7 +9,7 @@ from motionary.models.keyframes.building import (
     mirror_query,
 )
 from motionary.models.keyframes.choosing import Choice, choose_keyframes
-from motionary.models.keyframes.choosing_query import Choosing, ChosenQuery, choose_query
+from motionary.models.keyframes.choosing_query import ChoiceSettings, ChosenQuery, choose_query
 from motionary.models.keyframes.fitting import FittedHits, fit_hits
 from motionary.models.keyframes.query import (
     Gap,
@@ -38,20 +38,20 @@ from motionary.models.keyframes.text import (
     parse_queries,
     parse_query,
 )
-from motionary.models.keyframes.word_index import WordIndex, index_packed
+from motionary.models.keyframes.word_index import PostingIndex, index_packed
 
 __all__ = [
     "Choice",
-    "Choosing",
+    "ChoiceSettings",
     "ChosenQuery",
     "FittedHits",
     "Gap",
     "HitRange",
     "HitRanges",
     "KeyframeQuery",
+    "PostingIndex",
     "Spring",
     "Vocabulary",
-    "WordIndex",
     "agree",
     "check_features",
     "check_votes",

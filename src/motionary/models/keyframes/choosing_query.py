@@ -24,7 +24,7 @@ from motionary.models.keyframes.query import KeyframeQuery
 from motionary.models.keyframes.search import search_query
 from motionary.models.keyframes.selecting import select_in_index
 from motionary.models.keyframes.steadiness import loose_index, strict_index
-from motionary.models.keyframes.word_index import WordIndex
+from motionary.models.keyframes.word_index import PostingIndex
 from motionary.models.templates import MotionTemplate
 from motionary.packing import pack
 
@@ -32,35 +32,35 @@ Bits = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Choosing:
+class ChoiceSettings:
     """How a query is chosen; defaults as measured in docs/evidence/keyframe_choice.md.
 
     Attributes
     ----------
     frames_left : share of the counter-examples' frames that a query may leave
     least, most : number of keyframes
-    steady : frames around by which examples are read strictly, counter-examples loosely
-    dissenters : share of the examples that may lack a relation of a keyframe; half of it and
+    tolerance : frames around by which examples are read strictly, counter-examples loosely
+    exceptions : share of the examples that may lack a relation of a keyframe; half of it and
         none are tried too
     stiffness : of the gaps, on top of the shortest and longest distance in the examples
-    step, apart : columns between candidates, and at least between keyframes
+    step, min_distance : columns between candidates, and at least between keyframes
     edge : columns at either end of the template that are no candidates
     gain : one keyframe more must leave less than this share of what is left
-    distrust : frames of steadiness that a relation would lose if at every moment a single
+    disagreement_weight : frames of tolerance that a relation would lose if at every moment a single
         example broke what all others agree on
     """
 
     frames_left: float = 0.02
     least: int = 2
     most: int = 5
-    steady: int = 2
-    dissenters: float = 0.2
+    tolerance: int = 2
+    exceptions: float = 0.2
     stiffness: float = 0.6
     step: int = 2
-    apart: int = 6
+    min_distance: int = 6
     edge: int = 3
     gain: float = 0.9
-    distrust: float = 30.0
+    disagreement_weight: float = 30.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.frames_left < 1.0:
@@ -69,13 +69,17 @@ class Choosing:
             raise InvalidInput(f"keyframes need 1 <= least <= most, got {self.least}, {self.most}")
         if not 0.0 < self.stiffness <= 1.0:
             raise InvalidInput(f"stiffness must lie in (0, 1], got {self.stiffness}")
-        if not 0.0 <= self.dissenters < 0.5:
-            raise InvalidInput(f"dissenters must lie in [0, 0.5), got {self.dissenters}")
+        if not 0.0 <= self.exceptions < 0.5:
+            raise InvalidInput(f"exceptions must lie in [0, 0.5), got {self.exceptions}")
         if not 0.0 <= self.gain <= 1.0:
             raise InvalidInput(f"gain must lie in [0, 1], got {self.gain}")
-        if min(self.steady, self.edge, self.distrust) < 0 or min(self.step, self.apart) < 1:
+        if (
+            min(self.tolerance, self.edge, self.disagreement_weight) < 0
+            or min(self.step, self.min_distance) < 1
+        ):
             raise InvalidInput(
-                "steady, edge and distrust must be at least 0, step and apart at least 1"
+                "tolerance, edge and disagreement_weight must be at least 0, step and "
+                "min_distance at least 1"
             )
 
 
@@ -99,7 +103,7 @@ def choose_query(
     examples: Sequence[FeatureSequence],
     counterexamples: Sequence[FeatureSequence],
     *,
-    choosing: Choosing | None = None,
+    settings: ChoiceSettings | None = None,
 ) -> ChosenQuery:
     """Query that finds the examples of a class and leaves little of everything else.
 
@@ -108,7 +112,7 @@ def choose_query(
     template : learned from the examples
     examples : words of the class
     counterexamples : words of anything else, such as the examples of other classes
-    choosing : settings
+    settings : settings
 
     Raises
     ------
@@ -117,13 +121,13 @@ def choose_query(
         the examples have nothing in common, or they are too short for the least number of
         keyframes.
     """
-    settings = choosing or Choosing()
+    settings = settings or ChoiceSettings()
     _check(template, examples, counterexamples)
-    moments = find_moments(template, examples, steady=settings.steady)
+    moments = find_moments(template, examples, steady=settings.tolerance)
     trial = _Trial(
         moments, settings, examples[0].feature_set,
-        strict_index(examples, settings.steady),
-        loose_index(counterexamples, settings.steady),
+        strict_index(examples, settings.tolerance),
+        loose_index(counterexamples, settings.tolerance),
     )  # fmt: skip
     draft = _free_entries(trial, _add_moments(trial))
     query = trial.query(draft)
@@ -156,15 +160,15 @@ class _Trial:
     """What queries are tried on."""
 
     moments: Moments
-    choosing: Choosing
+    settings: ChoiceSettings
     feature_set: FeatureSet
-    examples: WordIndex
-    counterexamples: WordIndex
+    examples: PostingIndex
+    counterexamples: PostingIndex
 
     def query(self, draft: _Draft) -> KeyframeQuery:
         columns, fixed = draft.columns, np.array(draft.fixed)
         gaps = [
-            self.moments.gap(a, b, self.choosing.stiffness) for a, b in itertools.pairwise(columns)
+            self.moments.gap(a, b, self.settings.stiffness) for a, b in itertools.pairwise(columns)
         ]
         return KeyframeQuery(
             pack(self.moments.values[columns] & fixed), pack(fixed), tuple(gaps),
@@ -181,10 +185,12 @@ class _Trial:
 
 def _add_moments(trial: _Trial) -> _Draft:
     """Moments that leave least together, each with all that is common there."""
-    settings, draft = trial.choosing, _Draft()
+    settings, draft = trial.settings, _Draft()
     candidates = _candidates(trial)
     while len(draft.columns) < settings.most:
-        drafts = [trial.measure(*more) for more in _one_more(draft, candidates, settings.apart)]
+        drafts = [
+            trial.measure(*more) for more in _one_more(draft, candidates, settings.min_distance)
+        ]
         best = min(drafts, key=lambda d: d.loss, default=None)
         enough = len(draft.columns) >= settings.least
         if best is None or (enough and best.loss > settings.gain * draft.loss):
@@ -195,25 +201,25 @@ def _add_moments(trial: _Trial) -> _Draft:
     if not draft.columns:
         raise InvalidInput(
             "the examples share no relation that is steady for "
-            f"{settings.steady} frames around; lower steady, or give examples that are alike"
+            f"{settings.tolerance} frames around; lower tolerance, or give examples that are alike"
         )
     if len(draft.columns) < settings.least:
         raise InvalidInput(
             f"the examples show {len(draft.columns)} of {settings.least} keyframes that are "
-            f"{settings.apart} columns apart in {trial.moments.n_columns}; give longer examples, "
-            "or lower apart or least"
+            f"{settings.min_distance} columns apart in {trial.moments.n_columns}; give "
+            "longer examples, or lower min_distance or least"
         )
     return draft
 
 
 def _candidates(trial: _Trial) -> list[tuple[int, Bits]]:
     """Columns with what all examples share there, and with what most do."""
-    settings, moments = trial.choosing, trial.moments
+    settings, moments = trial.settings, trial.moments
     edge = min(settings.edge, moments.n_columns // 4)
     found = []
     for column in range(edge, moments.n_columns - edge, settings.step):
         n_fixed = 0
-        for dissenters in (0.0, settings.dissenters / 2, settings.dissenters):
+        for dissenters in (0.0, settings.exceptions / 2, settings.exceptions):
             fixed = moments.fraction[column] >= 1.0 - dissenters - 1e-9
             if np.count_nonzero(fixed) > n_fixed:
                 found.append((column, fixed))
@@ -233,7 +239,7 @@ def _one_more(
 
 def _free_entries(trial: _Trial, draft: _Draft) -> _Draft:
     """The draft without the entries that it can do without, unreliable ones first."""
-    limit = max(trial.choosing.frames_left, draft.left)
+    limit = max(trial.settings.frames_left, draft.left)
     for keyframe, feature in _by_reliability(trial, draft):
         fixed = [row.copy() for row in draft.fixed]
         fixed[keyframe][feature] = False
@@ -247,7 +253,7 @@ def _free_entries(trial: _Trial, draft: _Draft) -> _Draft:
 
 def _by_reliability(trial: _Trial, draft: _Draft) -> list[tuple[int, int]]:
     moments = trial.moments
-    rows = moments.steadiness[draft.columns] - trial.choosing.distrust * moments.dissent
+    rows = moments.steadiness[draft.columns] - trial.settings.disagreement_weight * moments.dissent
     entries = np.argwhere(np.array(draft.fixed))
     order = np.argsort(rows[entries[:, 0], entries[:, 1]], kind="stable")
     return [(int(k), int(f)) for k, f in entries[order]]

@@ -19,7 +19,7 @@ from motionary.models.keyframes.bitmaps import (
 )
 from motionary.models.keyframes.intervals import Intervals
 from motionary.models.keyframes.query import Gap, KeyframeQuery
-from motionary.models.keyframes.word_index import WordIndex
+from motionary.models.keyframes.word_index import PostingIndex
 from motionary.packing import PackedFeatures
 
 
@@ -69,12 +69,14 @@ def reading_order(rarity: list[int]) -> list[int]:
     return order
 
 
-def read_lists(index: WordIndex, rows: list[list[int]], gaps: list[Gap]) -> list[Intervals] | None:
+def read_lists(
+    index: PostingIndex, rows: list[list[int]], gaps: list[Gap]
+) -> list[Intervals] | None:
     """Frames of each keyframe, without stretches that hold no hit; None if nothing is left.
 
     Parameters
     ----------
-    index : WordIndex
+    index : PostingIndex
     rows : per keyframe, the rows of the index that show it, the rarest first
     gaps : between neighbouring keyframes
     """

@@ -21,19 +21,21 @@ from motionary.models.keyframes.intervals import FAR, Documents, Intervals, join
 from motionary.models.keyframes.lists import Plan, plan_query, read_lists, reading_order, to_word
 from motionary.models.keyframes.query import KeyframeQuery, check_features
 from motionary.models.keyframes.ranges import HitRanges
-from motionary.models.keyframes.word_index import WordIndex
+from motionary.models.keyframes.word_index import PostingIndex
 from motionary.packing import PackedFeatures
 
 Engine = Literal["auto", "numpy", "compiled"]
 
 
-def search_query(query: KeyframeQuery, index: WordIndex, *, engine: Engine = "auto") -> HitRanges:
+def search_query(
+    query: KeyframeQuery, index: PostingIndex, *, engine: Engine = "auto"
+) -> HitRanges:
     """Where a query has hits in the documents of an index.
 
     Parameters
     ----------
     query : KeyframeQuery
-    index : WordIndex over the same features
+    index : PostingIndex over the same features
     engine : which twin computes, with the same result; a single query ends before a
         compiler is loaded, so "auto" takes the compiled one only where numba is at work
         already
@@ -140,7 +142,7 @@ def _join(lists: Sequence[Intervals], plan: Plan, documents: Documents) -> HitRa
 
 
 def _search_compiled(
-    kernel: Callable[..., Any], index: WordIndex, rows: list[list[int]], plan: Plan
+    kernel: Callable[..., Any], index: PostingIndex, rows: list[list[int]], plan: Plan
 ) -> HitRanges:
     rarity = [index.counts[row[0]] for row in rows]
     gaps = [(least, FAR if most is None else most) for least, most in plan.gaps]

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from motionary.models.keyframes.query import KeyframeQuery
 from motionary.models.keyframes.ranges import HitRanges, agree, extend, margins
 from motionary.models.keyframes.search import search_packed, search_query
-from motionary.models.keyframes.word_index import WordIndex
+from motionary.models.keyframes.word_index import PostingIndex
 from motionary.packing import PackedFeatures
 
 
 def select_in_index(
-    queries: Sequence[KeyframeQuery], n_columns: int, index: WordIndex, *, votes: int = 1
+    queries: Sequence[KeyframeQuery], n_columns: int, index: PostingIndex, *, votes: int = 1
 ) -> HitRanges:
     """Windows of the documents of an index in which a template may lie.
 
@@ -25,7 +25,7 @@ def select_in_index(
     ----------
     queries : at least one
     n_columns : columns of the template
-    index : WordIndex over the features of the queries
+    index : PostingIndex over the features of the queries
     votes : windows of so many queries must agree
 
     Raises

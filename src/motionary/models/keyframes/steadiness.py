@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.features import FeatureSequence
-from motionary.models.keyframes.word_index import WordIndex, index_packed
+from motionary.models.keyframes.word_index import PostingIndex, index_packed
 from motionary.packing import PackedFeatures, unpack
 
 
@@ -57,7 +57,7 @@ def count_steady(
     return total
 
 
-def strict_index(documents: Sequence[FeatureSequence], frames: int) -> WordIndex:
+def strict_index(documents: Sequence[FeatureSequence], frames: int) -> PostingIndex:
     """Index in which a relation is known only where it is steady for so many frames."""
     masks = [steady_mask(d.packed, d.known, frames) for d in documents]
     feature_set = documents[0].feature_set
@@ -67,7 +67,7 @@ def strict_index(documents: Sequence[FeatureSequence], frames: int) -> WordIndex
     )  # fmt: skip
 
 
-def loose_index(documents: Sequence[FeatureSequence], frames: int) -> WordIndex:
+def loose_index(documents: Sequence[FeatureSequence], frames: int) -> PostingIndex:
     """Index in which a relation holds where it does at any of so many frames around.
 
     The same goes for its opposite, so that near a change both are found.
@@ -79,7 +79,7 @@ def loose_index(documents: Sequence[FeatureSequence], frames: int) -> WordIndex:
     name, ids = feature_set.name, feature_set.ids
     holds = index_packed(on, on, feature_set=name, feature_ids=ids)
     fails = index_packed(nowhere, off, feature_set=name, feature_ids=ids)
-    return WordIndex(holds.planes | fails.planes, holds.lengths, name, ids)
+    return PostingIndex(holds.planes | fails.planes, holds.lengths, name, ids)
 
 
 def _spread(mask: PackedFeatures, frames: int) -> PackedFeatures:

@@ -25,7 +25,7 @@ _BITS_OF_BYTE = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WordIndex:
+class PostingIndex:
     """Bitmaps of relations over the frames of documents.
 
     Attributes
@@ -98,7 +98,7 @@ def index_packed(
     *,
     feature_set: str,
     feature_ids: Sequence[str],
-) -> WordIndex:
+) -> PostingIndex:
     """Index of documents.
 
     Parameters
@@ -138,7 +138,7 @@ def index_packed(
         is_known = planes[-1] if seen is None else bitmap(seen[:, word] & bit != 0)
         planes[2 * i] = is_known & ~holds
         planes[2 * i + 1] = is_known & holds
-    return WordIndex(planes, lengths, feature_set, tuple(feature_ids))
+    return PostingIndex(planes, lengths, feature_set, tuple(feature_ids))
 
 
 def _count_blocks(documents: Documents) -> int:

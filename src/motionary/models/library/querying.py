@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
-from motionary.models.keyframes import Choosing, choose_query, mirror_query
+from motionary.models.keyframes import ChoiceSettings, choose_query, mirror_query
 from motionary.models.library.classes import ClassLibrary, Prototype
 from motionary.models.library.examples import Examples
 from motionary.models.query_learning import (
     RUNS,
-    Breeding,
+    GeneticSettings,
     LearnedQueries,
-    breed_runs,
     default_votes,
+    learn_runs,
     state_problem,
 )
 
@@ -28,7 +28,7 @@ from motionary.models.query_learning import (
 _LEAST_EXAMPLES = 2
 #: Keeps most of what templates find of those settings that leave at most 15 % of the frames:
 #: docs/evidence/keyframe_choice.md, "Which settings".
-_CHOOSING = Choosing(frames_left=0.05)
+_CHOOSING = ChoiceSettings(frames_left=0.05)
 #: A subclass with queries: of itself, its examples, and counter-examples.
 _Query = Callable[[Prototype, Sequence[FeatureSequence], Sequence[FeatureSequence]], Prototype]
 
@@ -50,7 +50,7 @@ def learn_queries(
     library: ClassLibrary,
     examples: Examples,
     *,
-    breeding: Breeding | None = None,
+    settings: GeneticSettings | None = None,
     seed: int = 0,
     runs: int = RUNS,
     jobs: int = 1,
@@ -64,10 +64,10 @@ def learn_queries(
     ----------
     library : learned from the examples
     examples : class -> subclass -> words
-    breeding, seed, runs, jobs : as in `learn_query`
+    settings, seed, runs, jobs : as in `learn_query`
     on_done : called after each class
     """
-    query = partial(_breed, breeding=breeding, seed=seed, runs=runs, jobs=jobs)
+    query = partial(_breed, settings=settings, seed=seed, runs=runs, jobs=jobs)
     return _query_all(library, examples, query, on_done)
 
 
@@ -75,7 +75,7 @@ def choose_queries(
     library: ClassLibrary,
     examples: Examples,
     *,
-    choosing: Choosing = _CHOOSING,
+    settings: ChoiceSettings = _CHOOSING,
     on_done: Callable[[], None] | None = None,
 ) -> QueriedLibrary:
     """The library with a query of chosen keyframes for every subclass in `examples`.
@@ -87,10 +87,10 @@ def choose_queries(
     ----------
     library : learned from the examples
     examples : class -> subclass -> words
-    choosing : as in `choose_query`; by default 5 % of the counter-examples may be left
+    settings : as in `choose_query`; by default 5 % of the counter-examples may be left
     on_done : called after each class
     """
-    return _query_all(library, examples, partial(_choose, choosing=choosing), on_done)
+    return _query_all(library, examples, partial(_choose, settings=settings), on_done)
 
 
 def _query_all(
@@ -125,16 +125,16 @@ def _breed(
     positives: Sequence[FeatureSequence],
     negatives: Sequence[FeatureSequence],
     *,
-    breeding: Breeding | None,
+    settings: GeneticSettings | None,
     seed: int,
     runs: int,
     jobs: int,
 ) -> Prototype:
     """The subclass with queries that tell its examples from others."""
     problem = state_problem(
-        positives, negatives, breeding=breeding, seed=seed, template=prototype.template
+        positives, negatives, settings=settings, seed=seed, template=prototype.template
     )
-    done = tuple(breed_runs(problem, range(runs), jobs=jobs))
+    done = tuple(learn_runs(problem, range(runs), jobs=jobs))
     learned = LearnedQueries(problem, done, votes=default_votes(runs))
     return replace(prototype, queries=learned.queries, votes=learned.votes)
 
@@ -144,7 +144,7 @@ def _choose(
     positives: Sequence[FeatureSequence],
     negatives: Sequence[FeatureSequence],
     *,
-    choosing: Choosing,
+    settings: ChoiceSettings,
 ) -> Prototype:
     """The subclass with the query that finds its examples and leaves little of others."""
     if len(positives) < _LEAST_EXAMPLES:
@@ -152,7 +152,7 @@ def _choose(
             f"choosing keyframes needs at least {_LEAST_EXAMPLES} examples, got {len(positives)}; "
             "give more, of different people if possible"
         )
-    chosen = choose_query(prototype.template, positives, negatives, choosing=choosing)
+    chosen = choose_query(prototype.template, positives, negatives, settings=settings)
     return replace(prototype, queries=(chosen.query,), votes=1)
 
 

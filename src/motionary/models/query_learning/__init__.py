@@ -4,19 +4,19 @@ After Baak (2012), chapter 4.
 """
 
 from motionary.models.query_learning.accumulation import Accumulation, accumulate
-from motionary.models.query_learning.copies import Copying
-from motionary.models.query_learning.evolution import PUBLISHED, Breeding, Evolved
+from motionary.models.query_learning.copies import Augmentation
+from motionary.models.query_learning.evolution import PUBLISHED, GeneticSettings, RunResult
 from motionary.models.query_learning.individuals import Individual
 from motionary.models.query_learning.learning import (
     RUNS,
     LearnedQueries,
     Problem,
-    breed_runs,
+    clip_evaluator,
     combine_runs,
     continue_learning,
     default_votes,
-    judge_clips,
     learn_query,
+    learn_runs,
     state_problem,
 )
 
@@ -24,18 +24,18 @@ __all__ = [
     "PUBLISHED",
     "RUNS",
     "Accumulation",
-    "Breeding",
-    "Copying",
-    "Evolved",
+    "Augmentation",
+    "GeneticSettings",
     "Individual",
     "LearnedQueries",
     "Problem",
+    "RunResult",
     "accumulate",
-    "breed_runs",
+    "clip_evaluator",
     "combine_runs",
     "continue_learning",
     "default_votes",
-    "judge_clips",
     "learn_query",
+    "learn_runs",
     "state_problem",
 ]

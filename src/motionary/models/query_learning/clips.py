@@ -5,7 +5,7 @@ is asked, and of all clips at once. A bitmap over the frames of all clips is one
 integer: at tens of thousands of frames its AND and shift cost a microsecond, less than a
 call of NumPy on top of its work, and no run has to be followed.
 
-Conventions: bit p of a bitmap is position p of the `WordIndex`; later frames are higher.
+Conventions: bit p of a bitmap is position p of the `PostingIndex`; later frames are higher.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.models.keyframes import WordIndex
+from motionary.models.keyframes import PostingIndex
 from motionary.models.query_learning.individuals import Individual
 
 #: Keyframes remembered; at 42 586 frames they take 25 MB.
@@ -28,7 +28,7 @@ class Clips:
     index : words of the clips, a clip being a document
     """
 
-    def __init__(self, index: WordIndex) -> None:
+    def __init__(self, index: PostingIndex) -> None:
         self.n_clips = index.n_documents
         self._index = index
         self._planes = [int.from_bytes(row.tobytes(), "little") for row in index.planes]

@@ -18,7 +18,7 @@ Bits = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Copying:
+class Augmentation:
     """Settings of varied copies.
 
     Attributes
@@ -42,22 +42,24 @@ class Copying:
             )
 
 
-def vary_clip(clip: FeatureSequence, copying: Copying, rng: np.random.Generator) -> FeatureSequence:
+def vary_clip(
+    clip: FeatureSequence, augmentation: Augmentation, rng: np.random.Generator
+) -> FeatureSequence:
     """A copy of a clip at another tempo, its relations shifted against each other."""
     features, known = clip.features.view(np.bool_), clip.known_features.view(np.bool_)
-    features, known = vary(features, known, copying, rng)
+    features, known = vary(features, known, augmentation, rng)
     return FeatureSequence(pack(features), pack(known), clip.feature_set, clip.source)
 
 
 def vary(
-    features: Bits, known: Bits, copying: Copying, rng: np.random.Generator
+    features: Bits, known: Bits, augmentation: Augmentation, rng: np.random.Generator
 ) -> tuple[Bits, Bits]:
     """A copy at another tempo, relations shifted against each other.
 
     Parameters
     ----------
     relations, known : arrays, shape (frames, features)
-    copying : how much varies
+    augmentation : how much varies
     rng : source of the variation
 
     Returns
@@ -65,10 +67,10 @@ def vary(
     relations, known : arrays, shape (other frames, features); the ends are held
     """
     n_frames, n_features = features.shape
-    speed = copying.tempo ** rng.uniform(-1.0, 1.0)
+    speed = augmentation.tempo ** rng.uniform(-1.0, 1.0)
     n_copied = max(1, round(n_frames / speed))
     times = np.minimum((np.arange(n_copied) * speed).astype(np.intp), n_frames - 1)
-    shifts = rng.integers(-copying.shift, copying.shift, size=n_features, endpoint=True)
+    shifts = rng.integers(-augmentation.shift, augmentation.shift, size=n_features, endpoint=True)
     at = np.clip(times[:, None] + shifts, 0, n_frames - 1)
     columns = np.arange(n_features)
     return features[at, columns], known[at, columns]

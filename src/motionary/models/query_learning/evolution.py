@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.models.query_learning.clips import Clips
-from motionary.models.query_learning.copies import Copying
+from motionary.models.query_learning.copies import Augmentation
 from motionary.models.query_learning.fitness import Across, Fitness, Score
 from motionary.models.query_learning.individuals import Individual
 from motionary.models.query_learning.operators import (
@@ -33,7 +33,7 @@ Breed = Callable[[Sequence[Individual], Generator], list[Individual]]
 
 
 @dataclass(frozen=True, slots=True)
-class Breeding:
+class GeneticSettings:
     """Settings of the evolution; numbers of Baak (2012), sections 4.2 and 4.4.
 
     What the thesis does not have makes queries hold for other people than those of the
@@ -49,7 +49,7 @@ class Breeding:
     parsimony : what each entry that is asked for costs in fitness
     simplify : whether the result loses all entries that it does not need, and its gaps
         become as wide as they may
-    copying : varied copies of the examples that it is simplified on
+    augmentation : varied copies of the examples that it is simplified on
     """
 
     population: int = 50
@@ -59,7 +59,7 @@ class Breeding:
     across: Across = "pooled"
     parsimony: float = 0.001
     simplify: bool = True
-    copying: Copying = field(default_factory=Copying)
+    augmentation: Augmentation = field(default_factory=Augmentation)
 
     def __post_init__(self) -> None:
         if self.population < 1 or self.generations < 1:
@@ -79,7 +79,7 @@ class Breeding:
 
 
 #: The evolution as it is printed.
-PUBLISHED = Breeding(parsimony=0.0, simplify=False)
+PUBLISHED = GeneticSettings(parsimony=0.0, simplify=False)
 
 
 class Judge:
@@ -117,7 +117,7 @@ class Ways(NamedTuple):
     breed: Breed
 
 
-class Evolved(NamedTuple):
+class RunResult(NamedTuple):
     """Result of one run.
 
     Attributes
@@ -140,7 +140,7 @@ def genetic(pool: GenePool) -> Ways:
     return Ways(partial(initialise, pool), partial(_recombined, pool))
 
 
-def random_search(pool: GenePool) -> Ways:
+def random_creation(pool: GenePool) -> Ways:
     """As many individuals as the evolution makes, all of them from scratch."""
     return Ways(partial(initialise, pool), partial(_fresh, pool))
 
@@ -154,29 +154,29 @@ def evolve(
     ways: Ways,
     judge: Judge,
     *,
-    breeding: Breeding,
+    settings: GeneticSettings,
     rng: Generator,
     verification: Judge | None = None,
-) -> Evolved:
+) -> RunResult:
     """Fittest individual after all generations, and how the population got there."""
-    offspring = [ways.create(rng) for _ in range(breeding.population)]
+    offspring = [ways.create(rng) for _ in range(settings.population)]
     population: list[_Ranked] = []
     history, verified = [], []
-    for generation in range(breeding.generations):
-        population += [_rank(one, judge, breeding) for one in offspring]
+    for generation in range(settings.generations):
+        population += [_rank(one, judge, settings) for one in offspring]
         # Stable: of equals the older stays.
         population.sort(key=_by_rank)
-        del population[breeding.population :]
+        del population[settings.population :]
         history.append(_mean_and_spread([one.score for one in population]))
         if verification is not None:
             scores = [verification(one.individual) for one in population]
             verified.append(_mean_and_spread(scores))
-        if generation < breeding.generations - 1:
+        if generation < settings.generations - 1:
             weights = [one.rank for one in population]
-            chosen = sample_universally(weights, breeding.parents, rng)
+            chosen = sample_universally(weights, settings.parents, rng)
             offspring = ways.breed([population[number].individual for number in chosen], rng)
     best = population[0]
-    return Evolved(
+    return RunResult(
         best.individual, best.score, np.array(history), np.array(verified).reshape(-1, 3, 2)
     )
 
@@ -187,9 +187,9 @@ class _Ranked(NamedTuple):
     score: Score
 
 
-def _rank(individual: Individual, judge: Judge, breeding: Breeding) -> _Ranked:
+def _rank(individual: Individual, judge: Judge, settings: GeneticSettings) -> _Ranked:
     score = judge(individual)
-    cost = breeding.parsimony * individual.n_fixed if breeding.parsimony else 0.0
+    cost = settings.parsimony * individual.n_fixed if settings.parsimony else 0.0
     return _Ranked(max(0.0, score.fitness - cost), individual, score)
 
 

@@ -18,7 +18,7 @@ from motionary.features import FeatureSequence, FeatureSet
 from motionary.models.keyframes import (
     HitRanges,
     KeyframeQuery,
-    WordIndex,
+    PostingIndex,
     check_votes,
     index_packed,
     search_query,
@@ -32,13 +32,13 @@ from motionary.models.query_learning.accumulation import (
 from motionary.models.query_learning.clips import Clips
 from motionary.models.query_learning.copies import vary_clip
 from motionary.models.query_learning.evolution import (
-    Breeding,
-    Evolved,
+    GeneticSettings,
     Judge,
+    RunResult,
     evolve,
     gaps_alone,
     genetic,
-    random_search,
+    random_creation,
 )
 from motionary.models.query_learning.fitness import fitness_of
 from motionary.models.query_learning.individuals import to_query
@@ -73,7 +73,7 @@ class Problem:
     negatives: tuple[FeatureSequence, ...]
     groups: NDArray[np.intp]
     pool: GenePool
-    breeding: Breeding
+    settings: GeneticSettings
     seed: int
 
     @property
@@ -87,27 +87,27 @@ class Problem:
 
     def judge(self) -> Judge:
         """Scores on the examples."""
-        return judge_clips(
-            self.positives, self.negatives, groups=self.groups, breeding=self.breeding
+        return clip_evaluator(
+            self.positives, self.negatives, groups=self.groups, settings=self.settings
         )
 
     def judge_varied(self, rng: np.random.Generator) -> Judge:
         """Scores on the examples and varied copies of them."""
-        copying = self.breeding.copying
+        augmentation = self.settings.augmentation
         positives, negatives = [*self.positives], [*self.negatives]
-        for _ in range(copying.copies):
-            positives += [vary_clip(clip, copying, rng) for clip in self.positives]
-        for _ in range(copying.negative_copies):
-            negatives += [vary_clip(clip, copying, rng) for clip in self.negatives]
-        groups = np.tile(self.groups, copying.copies + 1)
-        return judge_clips(positives, negatives, groups=groups, breeding=self.breeding)
+        for _ in range(augmentation.copies):
+            positives += [vary_clip(clip, augmentation, rng) for clip in self.positives]
+        for _ in range(augmentation.negative_copies):
+            negatives += [vary_clip(clip, augmentation, rng) for clip in self.negatives]
+        groups = np.tile(self.groups, augmentation.copies + 1)
+        return clip_evaluator(positives, negatives, groups=groups, settings=self.settings)
 
 
-def judge_clips(
+def clip_evaluator(
     positives: Sequence[FeatureSequence],
     negatives: Sequence[FeatureSequence],
     *,
-    breeding: Breeding,
+    settings: GeneticSettings,
     groups: NDArray[np.intp] | None = None,
 ) -> Judge:
     """Scores on clips; without groups all positives are one."""
@@ -122,7 +122,7 @@ def judge_clips(
         feature_set=feature_set.name,
         feature_ids=feature_set.ids,
     )
-    return Judge(Clips(index), fitness_of(groups, beta=breeding.beta, across=breeding.across))
+    return Judge(Clips(index), fitness_of(groups, beta=settings.beta, across=settings.across))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +137,7 @@ class LearnedQueries:
     """
 
     problem: Problem
-    runs: tuple[Evolved, ...]
+    runs: tuple[RunResult, ...]
     votes: int
 
     def __post_init__(self) -> None:
@@ -154,7 +154,7 @@ class LearnedQueries:
         """All keyframes added up (Baak 2012, Fig. 4.2)."""
         return accumulate([run.best for run in self.runs], self.problem.pool)
 
-    def search(self, index: WordIndex) -> HitRanges:
+    def search(self, index: PostingIndex) -> HitRanges:
         """Frames to look at for the class: ranges of hits with what the template has around them.
 
         Parameters
@@ -164,7 +164,7 @@ class LearnedQueries:
         n_columns = len(self.problem.pool)
         return select_in_index(self.queries, n_columns, index, votes=self.votes)
 
-    def documents(self, index: WordIndex) -> NDArray[np.int64]:
+    def documents(self, index: PostingIndex) -> NDArray[np.int64]:
         """Documents in which enough queries have a hit, ascending."""
         hits = np.zeros(index.n_documents, dtype=np.int64)
         for query in self.queries:
@@ -176,7 +176,7 @@ def learn_query(
     positives: Sequence[FeatureSequence],
     negatives: Sequence[FeatureSequence],
     *,
-    breeding: Breeding | None = None,
+    settings: GeneticSettings | None = None,
     groups: Sequence[str] | None = None,
     seed: int = 0,
     runs: int = RUNS,
@@ -203,8 +203,8 @@ def learn_query(
     """
     if runs < 1:
         raise InvalidInput(f"learning needs at least 1 run, got {runs}")
-    problem = state_problem(positives, negatives, breeding=breeding, groups=groups, seed=seed)
-    done = tuple(breed_runs(problem, range(runs), jobs=jobs, on_done=on_done))
+    problem = state_problem(positives, negatives, settings=settings, groups=groups, seed=seed)
+    done = tuple(learn_runs(problem, range(runs), jobs=jobs, on_done=on_done))
     return LearnedQueries(problem, done, votes=default_votes(runs))
 
 
@@ -217,7 +217,7 @@ def continue_learning(
 ) -> LearnedQueries:
     """The same after more runs, equal to all of them at once."""
     numbers = range(len(learned.runs), max(runs, len(learned.runs)))
-    done = learned.runs + tuple(breed_runs(learned.problem, numbers, jobs=jobs, on_done=on_done))
+    done = learned.runs + tuple(learn_runs(learned.problem, numbers, jobs=jobs, on_done=on_done))
     return replace(learned, runs=done, votes=default_votes(len(done)))
 
 
@@ -230,7 +230,7 @@ def state_problem(
     positives: Sequence[FeatureSequence],
     negatives: Sequence[FeatureSequence],
     *,
-    breeding: Breeding | None = None,
+    settings: GeneticSettings | None = None,
     groups: Sequence[str] | None = None,
     seed: int = 0,
     template: MotionTemplate | None = None,
@@ -252,19 +252,19 @@ def state_problem(
         raise InvalidInput(f"{len(positives)} positives need as many groups, got {len(names)}")
     numbers = np.unique(names, return_inverse=True)[1]
     pool = _strict_pool(template or _learn_template(positives))
-    settings = breeding or Breeding()
+    settings = settings or GeneticSettings()
     return Problem(tuple(positives), tuple(negatives), numbers, pool, settings, seed)
 
 
-def breed_runs(
+def learn_runs(
     problem: Problem,
     numbers: Iterable[int],
     *,
     jobs: int = 1,
-    by_chance: bool = False,
+    random_search: bool = False,
     verification: Judge | None = None,
     on_done: Callable[[int], None] | None = None,
-) -> Iterator[Evolved]:
+) -> Iterator[RunResult]:
     """Results of the runs of these numbers, in their order.
 
     Each depends on the problem and its number only: what is there already need not be
@@ -272,10 +272,10 @@ def breed_runs(
 
     Parameters
     ----------
-    by_chance : random search with as many individuals in place of the evolution
+    random_search : random search with as many individuals in place of the evolution
     verification : judge whose scores are to be recorded beside
     """
-    run = partial(_runs, problem=problem, by_chance=by_chance, verification=verification)
+    run = partial(_runs, problem=problem, random_search=random_search, verification=verification)
     wanted = list(numbers)
     for number, result in zip(wanted, _in_order(run, wanted, jobs), strict=True):
         if on_done:
@@ -283,18 +283,18 @@ def breed_runs(
         yield result
 
 
-def combine_runs(learned: LearnedQueries) -> Evolved:
+def combine_runs(learned: LearnedQueries) -> RunResult:
     """One query of the keyframes that most runs agree on, its gaps bred by mutation alone."""
     problem = learned.problem
     keyframes = frequent_keyframes([run.best for run in learned.runs], problem.pool)
     rng = problem.rng(_GAPS)
     ways = gaps_alone(partial(assemble, keyframes))
-    return evolve(ways, problem.judge(), breeding=problem.breeding, rng=rng)
+    return evolve(ways, problem.judge(), settings=problem.settings, rng=rng)
 
 
 def _in_order(
-    run: Callable[[Sequence[int]], Iterator[Evolved]], numbers: Sequence[int], jobs: int
-) -> Iterator[Evolved]:
+    run: Callable[[Sequence[int]], Iterator[RunResult]], numbers: Sequence[int], jobs: int
+) -> Iterator[RunResult]:
     """Results of all runs, several to a process at a time: they share what is costly."""
     if jobs == 1:
         yield from run(numbers)
@@ -308,22 +308,22 @@ def _in_order(
 
 
 def _listed(
-    run: Callable[[Sequence[int]], Iterator[Evolved]], numbers: Sequence[int]
-) -> list[Evolved]:
+    run: Callable[[Sequence[int]], Iterator[RunResult]], numbers: Sequence[int]
+) -> list[RunResult]:
     return list(run(numbers))
 
 
 def _runs(
-    numbers: Sequence[int], *, problem: Problem, by_chance: bool, verification: Judge | None
-) -> Iterator[Evolved]:
+    numbers: Sequence[int], *, problem: Problem, random_search: bool, verification: Judge | None
+) -> Iterator[RunResult]:
     """Runs one after the other; only bitmaps of clips pass from one to the next."""
     shared = problem.judge()
-    ways = random_search(problem.pool) if by_chance else genetic(problem.pool)
+    ways = random_creation(problem.pool) if random_search else genetic(problem.pool)
     for number in numbers:
         rng = problem.rng(number)
         judge = Judge(shared.clips, shared.fitness)
-        run = evolve(ways, judge, breeding=problem.breeding, rng=rng, verification=verification)
-        if problem.breeding.simplify:
+        run = evolve(ways, judge, settings=problem.settings, rng=rng, verification=verification)
+        if problem.settings.simplify:
             best = simplify(run.best, problem.judge_varied(rng), rng)
             run = run._replace(best=best, score=judge(best))
         yield run

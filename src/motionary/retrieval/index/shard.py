@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.matching import PADDING, Corpus, concatenate
-from motionary.models.keyframes import HitRanges, WordIndex, index_packed
+from motionary.models.keyframes import HitRanges, PostingIndex, index_packed
 from motionary.packing import PackedFeatures, full_mask
 
 #: What is known of a document beside its words. `mtime_ns`, `size` and `companion` tell the
@@ -48,7 +48,7 @@ class Shard:
         Which relations are known: one past the last position of a run, and the mask that
         holds in it.
     feature_set : what the bits mean
-    planes : bitmaps of `keyframes.WordIndex`; made when they are needed if None
+    planes : bitmaps of `keyframes.PostingIndex`; made when they are needed if None
     """
 
     names: tuple[str, ...]
@@ -97,11 +97,11 @@ class Shard:
         return Corpus(self.packed, known, self.starts, self.lengths, np.flatnonzero(blocked))
 
     @cached_property
-    def word_index(self) -> WordIndex:
+    def word_index(self) -> PostingIndex:
         """What keyframe queries take."""
         name, ids = self.feature_set.name, self.feature_set.ids
         if self.planes is not None:
-            return WordIndex(self.planes, self.lengths, name, ids)
+            return PostingIndex(self.planes, self.lengths, name, ids)
         parts = [self.words_of(i) for i in range(len(self))]
         return index_packed(
             [packed for packed, _ in parts],

@@ -24,7 +24,7 @@ from motionary.matching import (
     corpus_distance,
     find_hits,
 )
-from motionary.models.keyframes import HitRanges, KeyframeQuery, WordIndex, select_in_index
+from motionary.models.keyframes import HitRanges, KeyframeQuery, PostingIndex, select_in_index
 from motionary.models.templates import QuantisedTemplate
 from motionary.packing import PackedFeatures
 from motionary.retrieval.explanation import Evidence
@@ -54,7 +54,7 @@ class Sought:
     queries: tuple[KeyframeQuery, ...] = ()
     votes: int = 1
 
-    def windows(self, index: WordIndex) -> HitRanges:
+    def windows(self, index: PostingIndex) -> HitRanges:
         """Where it is matched, if it has queries."""
         return select_in_index(self.queries, self.template.n_columns, index, votes=self.votes)
 
