@@ -106,6 +106,14 @@ def test_a_missing_field_is_named():
         set_from_rows("legs", rows)
 
 
+def test_rows_without_a_phrase_for_no_still_read():
+    rows = describe_set(LEGS)
+    without = [{key: value for key, value in row.items() if key != "no"} for row in rows]
+    read = set_from_rows("legs", without)
+    assert [f.phrase(False) for f in read.features] == [f"not {name}" for name in LEGS.names]
+    assert describe_set(read) == without
+
+
 def test_relations_are_found_by_name_and_id():
     assert find_feature("F13", FULL_BODY) == find_feature(" Right  hand FAST ", FULL_BODY) == 12
     assert find_feature("f13+", THREE_LEVELS) == THREE_LEVELS.ids.index("F13+")

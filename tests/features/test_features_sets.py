@@ -13,6 +13,7 @@ from motionary.features import (
     FeatureSet,
     compute_features,
     feature_matrix,
+    known_sets,
 )
 from motionary.features import quantities as q
 from motionary.motion import GENERIC_JOINTS, Motion
@@ -209,3 +210,23 @@ def test_relations_are_told_in_words():
     for feature in FULL_BODY.features:
         assert feature.sentence.endswith(".")
         assert "{" not in feature.name + feature.sentence
+
+
+@pytest.mark.parametrize("one", known_sets().values(), ids=lambda s: s.name)
+def test_every_feature_has_a_phrase_for_yes_and_one_for_no(one):
+    phrases = [feature.phrase(holds) for feature in one.features for holds in (True, False)]
+    assert len(set(phrases)) == 2 * len(one)
+    assert not any("not" in phrase.split() for phrase in phrases)
+    assert not any("{" in phrase or "  " in phrase for phrase in phrases)
+
+
+def test_phrases_follow_the_side_and_the_level():
+    by_id = {feature.id: feature for feature in known_sets()["three-levels-129"].features}
+    assert by_id["F28"].phrase(True) == "left upper arm away from the body"
+    assert by_id["F28"].phrase(False) == "left arm hangs"
+    assert by_id["F7-"].phrase(False) == "right elbow straight (clearly)"
+    assert by_id["F7+"].phrase(False) == "right elbow straight (more or less)"
+
+
+def test_a_feature_without_a_phrase_for_no_says_not():
+    assert knee_flexed(90).phrase(False) == f"not {knee_flexed(90).name}"

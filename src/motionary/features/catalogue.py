@@ -27,6 +27,7 @@ def _both(pattern: Feature) -> list[Feature]:
             mirror=mirror,
             name=pattern.name.format(side=side),
             sentence=pattern.sentence.format(side=side),
+            no=pattern.no.format(side=side),
             joints=tuple(joint.format(s=side[0]) for joint in pattern.joints),
         )
 
@@ -40,43 +41,51 @@ _UPPER = [
         q.move_plane, ("neck", "rhip", "lhip", "{s}wrist"), ">", 1.3, 1.8, "left humerus",
         "The {side} wrist moves forward, away from the plane of neck and hips.",
         window_s=0.25, mirror="F2",
+        no="{side} hand stays or moves back",
     )),
     *_both(Feature(
         "F3", "{side} hand above neck", "upper",
         q.along, ("chest", "neck", "neck", "{s}wrist"), ">=", 0.0, 0.2, "chest to neck",
         "The {side} wrist lies beyond the neck, seen along the spine.", mirror="F4",
+        no="{side} hand below neck",
     )),
     *_both(Feature(
         "F5", "{side} hand moves up", "upper",
         q.move_along, ("chest", "neck", "neck", "{s}wrist"), ">", 1.3, 1.8, "left humerus",
         "The {side} wrist moves up along the spine, relative to the neck.",
         window_s=0.25, mirror="F6",
+        no="{side} hand stays or moves down",
     )),
     *_both(Feature(
         "F7", "{side} elbow bent", "upper",
         q.angle, ("{s}elbow", "{s}shoulder", "{s}elbow", "{s}wrist"),
         "<=", 120.0, 110.0, "degree",
         "The angle at the {side} elbow is small.", mirror="F8",
+        no="{side} elbow straight",
     )),
     Feature(
         "F9", "hands far apart", "upper",
         q.reach, ("lshoulder", "rshoulder", "lwrist", "rwrist"), ">=", 2.0, 2.5,
         "shoulder width", "The wrists are far apart, seen along the line of the shoulders.",
+        no="hands near each other",
     ),
     Feature(
         "F10", "hands approach each other", "upper",
         q.move_along, ("lwrist", "rwrist", "rwrist", "lwrist"), ">=", 1.2, 1.4, "humerus",
         "The left wrist moves towards the right one.", window_s=0.1,
+        no="hands stay or move apart",
     ),
     *_both(Feature(
         "F11", "{side} hand moves away from the body", "upper",
         q.move_along, ("root", "{s}wrist", "root", "{s}wrist"), ">=", 1.2, 1.4, "humerus",
         "The {side} wrist moves away from the root.", mirror="F12",
+        no="{side} hand stays or moves towards the body",
     )),
     *_both(Feature(
         "F13", "{side} hand fast", "upper",
         q.speed, ("{s}fingers",), ">=", 2.0, 2.5, "humerus",
         "The fingers of the {side} hand move fast.", window_s=0.1, mirror="F14",
+        no="{side} hand slow",
     )),
 ]  # fmt: skip
 
@@ -85,48 +94,57 @@ _LOWER = [
         "F15", "right foot behind left leg", "lower",
         q.plane, ("root", "lhip", "lankle", "rankle"), ">=", 0.0, 0.375, "humerus",
         "The right ankle is behind the plane of the left leg.", mirror="F16",
+        no="right foot level with or ahead of left leg",
     ),
     Feature(
         "F16", "left foot behind right leg", "lower",
         q.plane, ("root", "rankle", "rhip", "lankle"), ">=", 0.0, 0.375, "humerus",
         "The left ankle is behind the plane of the right leg.", mirror="F15",
+        no="left foot level with or ahead of right leg",
     ),
     *_both(Feature(
         "F17", "{side} foot raised", "lower",
         q.above_lowest, ("{s}toes",), ">=", 1.0, 1.2, "humerus",
         "The toes of the {side} foot are far above the lowest joint.", mirror="F18",
+        no="{side} foot low",
     )),
     Feature(
         "F19", "feet far apart sideways", "lower",
         q.reach, ("lhip", "rhip", "lankle", "rankle"), ">=", 1.8, 2.1, "humerus",
         "The ankles are far apart, seen along the line of the hips.",
+        no="feet close together sideways",
     ),
     *_both(Feature(
         "F20", "{side} knee bent", "lower",
         q.angle, ("{s}knee", "{s}hip", "{s}knee", "{s}ankle"), "<=", 120.0, 110.0, "degree",
         "The angle at the {side} knee is small.", mirror="F21",
+        no="{side} knee straight",
     )),
     Feature(
         "F22", "feet crossed", "lower",
         q.along, ("lhip", "rhip", "lankle", "rankle"), "<=", 0.0, -0.125, "hip width",
         "The right ankle lies on the left of the left one, seen along the line of the hips.",
+        no="feet uncrossed",
     ),
     Feature(
         "F23", "feet move towards each other sideways", "lower",
         q.move_along, ("lhip", "rhip", "rankle", "lankle"), ">=", 1.3, 1.5, "humerus",
         "The left ankle moves towards the right one along the line of the hips.",
         window_s=0.1,
+        no="feet stay or move apart sideways",
     ),
     Feature(
         "F24", "feet move apart sideways", "lower",
         q.move_against, ("lhip", "rhip", "rankle", "lankle"), ">=", 1.3, 1.5, "humerus",
         "The left ankle moves away from the right one along the line of the hips.",
         window_s=0.1,
+        no="feet stay or move together sideways",
     ),
     *_both(Feature(
         "F25", "{side} foot fast", "lower",
         q.speed, ("{s}toes", "{s}ankle"), ">=", 2.0, 2.5, "humerus",
         "Toes and ankle of the {side} foot both move fast.", window_s=0.1, mirror="F26",
+        no="{side} foot slow",
     )),
 ]  # fmt: skip
 
@@ -135,27 +153,32 @@ _MIX = [
         "F27", "{side} upper arm away from the body", "mix",
         q.angle, ("root", "neck", "{s}shoulder", "{s}elbow"), "<", 155.0, 150.0, "degree",
         "The {side} upper arm does not hang along the spine.", mirror="F28",
+        no="{side} arm hangs",
     )),
     *_both(Feature(
         "F29", "{side} hip bent", "mix",
         q.angle, ("root", "neck", "{s}knee", "{s}hip"), ">", 45.0, 50.0, "degree",
         "The {side} thigh is turned out of line with the spine.", mirror="F30",
+        no="{side} hip straight",
     )),
     Feature(
         "F31", "hips behind the feet", "mix",
         q.plane, ("lankle", "neck", "rankle", "root"), "<", -0.35, -0.5, "humerus",
         "The root lies behind the plane of the ankles and the neck.",
+        no="hips above or ahead of the feet",
     ),
     Feature(
         "F32", "spine horizontal", "mix",
         q.tilt, ("root", "neck"), "within", (60.0, 120.0), (70.0, 110.0), "degree",
         "The line from the root to the neck is nearly horizontal.",
+        no="spine steep",
     ),
     *_both(Feature(
         "F33", "{side} hand low", "mix",
         q.above_lowest, ("{s}fingers", "{s}fingers", "{s}wrist"), "<", 1.4, 1.2, "humerus",
         "The fingers of the {side} hand are near the height of the lowest other joint.",
         mirror="F34",
+        no="{side} hand clear of the ground",
     )),
     Feature(
         "F35", "left shoulder turned forward", "mix",
@@ -163,6 +186,7 @@ _MIX = [
         ">", 0.35, 0.40, "left humerus",
         "The left shoulder lies further ahead of the plane of hips and neck than the right.",
         mirror="F36",
+        no="left shoulder level or back",
     ),
     Feature(
         "F36", "right shoulder turned forward", "mix",
@@ -170,26 +194,31 @@ _MIX = [
         "<", -0.35, -0.40, "left humerus",
         "The right shoulder lies further ahead of the plane of hips and neck than the left.",
         mirror="F35",
+        no="right shoulder level or back",
     ),
     Feature(
         "F37", "body low", "mix",
         q.extent_up, ("headtop",), "<=", 0.9, 0.8, "body height",
         "The highest joint is less far above the lowest than in an upright pose.",
+        no="body at full height",
     ),
     Feature(
         "F38", "body spread out on the floor", "mix",
         q.extent_aside, q.EXTREMITIES, ">=", 3.0, 3.25, "humerus",
         "Feet, hands, head and root reach far apart horizontally.",
+        no="body gathered",
     ),
     Feature(
         "F39", "body moves fast", "mix",
         q.speed, ("root",), ">=", 2.0, 2.3, "humerus",
         "The root moves fast.",
+        no="body slow or still",
     ),
     Feature(
         "F40", "body turns", "mix",
         q.turning, ("rhip", "lhip"), ">=", 50.0, 100.0, "degree",
         "The line of the hips turns about the vertical.",
+        no="body keeps its direction",
     ),
 ]  # fmt: skip
 

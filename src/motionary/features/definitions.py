@@ -15,6 +15,8 @@ from motionary.features import quantities
 from motionary.features.feature_set import Feature, FeatureSet
 
 _FIELDS = tuple(field.name for field in fields(Feature))
+#: Later than the first files; left out where a feature has none.
+_OPTIONAL = ("no",)
 _KINDS: dict[str, tuple[type, ...]] = {
     "joints": (list,),
     "weak": (int, float, list),
@@ -32,6 +34,7 @@ def describe_set(feature_set: FeatureSet) -> list[dict[str, Any]] | None:
     rows = []
     for feature in feature_set.features:
         row = {name: getattr(feature, name) for name in _FIELDS}
+        row = {key: v for key, v in row.items() if v or key not in _OPTIONAL}
         row |= {key: list(v) for key, v in row.items() if isinstance(v, tuple)}
         rows.append(row | {"quantity": named[feature.quantity]})
     return rows
@@ -50,10 +53,10 @@ def set_from_rows(name: str, rows: Sequence[Mapping[str, Any]]) -> FeatureSet:
 
 def _feature(number: int, row: Mapping[str, Any]) -> Feature:
     where = f"relation {row.get('id', number + 1)!r}"
-    missing = [name for name in _FIELDS if name not in row]
+    missing = [name for name in _FIELDS if name not in row and name not in _OPTIONAL]
     if missing:
         raise InvalidInput(f"{where}: {missing[0]} is missing")
-    values = {name: row[name] for name in _FIELDS}
+    values = {name: row[name] for name in _FIELDS if name in row}
     for name, value in values.items():
         if not isinstance(value, _KINDS.get(name, (str,))) or isinstance(value, bool):
             raise InvalidInput(f"{where}: {name} has no meaning as {value!r}")

@@ -41,6 +41,7 @@ class Feature:
     sentence : what is tested, in words
     window_s : velocities are averaged over so many seconds; 0 = one frame
     mirror : `id` of the relation with left and right exchanged; its own if symmetric
+    no : phrase that holds when the feature does not ("right hand slow"); see `phrase`
     """
 
     id: str
@@ -55,6 +56,7 @@ class Feature:
     sentence: str
     window_s: float = 0.0
     mirror: str = ""
+    no: str = ""
 
     def __post_init__(self) -> None:
         if self.unit not in UNITS:
@@ -66,6 +68,10 @@ class Feature:
         _check_thresholds(self)
         if not self.mirror:
             object.__setattr__(self, "mirror", self.id)
+
+    def phrase(self, holds: bool) -> str:
+        """What a body shows while the feature holds, or while it does not."""
+        return self.name if holds else self.no or f"not {self.name}"
 
     def measure(self, body: Body) -> Floats:
         """The quantity in units of the relation, shape (frames,); NaN = unknown."""

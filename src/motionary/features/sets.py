@@ -12,8 +12,13 @@ from motionary.features import quantities as q
 from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006
 from motionary.features.feature_set import DEGREE, Comparison, Feature, FeatureSet, Threshold
 
-#: Suffix of the id and of the name, and how many steps the thresholds are harder.
-_LEVELS = (("-", " (slightly)", -1), ("", "", 0), ("+", " (very)", 1))
+#: Suffix of the id, of the phrases for yes and for no, and by how many steps the thresholds
+#: are harder: what is not even slightly bent is clearly straight.
+_LEVELS = (
+    ("-", " (slightly)", " (clearly)", -1),
+    ("", "", "", 0),
+    ("+", " (very)", " (more or less)", 1),
+)
 _VELOCITIES = (q.move_plane, q.move_along, q.move_against, q.speed, q.turning)
 #: A step: share of a velocity; else degrees, or lengths in the relation's unit.
 _VELOCITY_STEP = 0.5
@@ -39,21 +44,24 @@ def _one_threshold_each(feature: Feature) -> list[Feature]:
                 name=f"{side} {joint[1:]} fast",
                 joints=(joint,),
                 sentence=f"The {side} {joint[1:]} moves fast.",
+                no=f"{side} {joint[1:]} slow",
             )
             for joint in feature.joints
         ]
     if isinstance(feature.weak, tuple) and isinstance(feature.strong, tuple):
-        ends: tuple[tuple[Comparison, str, str], ...] = (
-            (">=", "spine far from upright", "The spine is turned far from upright."),
-            ("<=", "neck above the root", "The neck is not far below the root."),
-        )
+        ends: tuple[tuple[Comparison, str, str, str], ...] = (
+            (">=", "spine far from upright", "spine near upright",
+             "The spine is turned far from upright."),
+            ("<=", "neck above the root", "neck far below the root",
+             "The neck is not far below the root."),
+        )  # fmt: skip
         return [
             replace(
                 feature, id=f"{feature.id}{'ab'[i]}", mirror=f"{feature.id}{'ab'[i]}",
-                name=name, sentence=sentence, test=test,
+                name=name, no=no, sentence=sentence, test=test,
                 weak=feature.weak[i], strong=feature.strong[i],
             )
-            for i, (test, name, sentence) in enumerate(ends)
+            for i, (test, name, no, sentence) in enumerate(ends)
         ]  # fmt: skip
     return [feature]
 
@@ -64,11 +72,12 @@ def _at_levels(feature: Feature) -> list[Feature]:
             feature,
             id=feature.id + sign,
             mirror=feature.mirror + sign,
-            name=feature.name + packed,
+            name=feature.name + yes,
+            no=feature.no + no,
             weak=_moved(feature.weak, feature, steps),
             strong=_moved(feature.strong, feature, steps),
         )
-        for sign, packed, steps in _LEVELS
+        for sign, yes, no, steps in _LEVELS
     ]
 
 

@@ -70,7 +70,7 @@ class Finding(NamedTuple):
     Attributes
     ----------
     relation : id ("F20")
-    phrase : in words, with "not" where the class asks for the relation not to hold
+    phrase : what the class asks for, in words; see `Feature.phrase`
     start_s, end_s : seconds, half-open
     weight : how much it tells: the mean weight of its cells, times the root of their number,
         so that a short rare thing comes before a long common one
@@ -199,11 +199,10 @@ def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Ite
     seconds = evidence.sequence.seconds
     for i, feature in enumerate(evidence.sequence.feature_set.features):
         for value in (True, False):
-            phrase = feature.name if value else f"not {feature.name}"
             for first, last in _runs(where[:, i] & (wanted[:, i] == value)):
                 yield Finding(
                     feature.id,
-                    phrase,
+                    feature.phrase(value),
                     seconds(int(frames[first])),
                     seconds(int(frames[last]) + 1),
                     float(weights[first : last + 1, i].sum() / np.sqrt(last + 1 - first)),

@@ -143,7 +143,7 @@ def _apart(
 
 
 def _phrase(query: KeyframeQuery, keyframe: int, feature_set: FeatureSet) -> str:
-    names = feature_set.names
-    values = unpack(query.values, len(names))[keyframe]
-    fixed = unpack(query.fixed, len(names))[keyframe]
-    return ", ".join(names[i] if values[i] else f"not {names[i]}" for i in np.flatnonzero(fixed))
+    values = unpack(query.values, len(feature_set))[keyframe]
+    fixed = unpack(query.fixed, len(feature_set))[keyframe]
+    features = feature_set.features
+    return ", ".join(features[i].phrase(bool(values[i])) for i in np.flatnonzero(fixed))
