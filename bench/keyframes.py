@@ -21,7 +21,7 @@ from motionary.features import FULL_BODY, compute_features
 from motionary.io import read
 from motionary.io.queries import read_query_collections
 from motionary.models.keyframes import KeyframeQuery, from_patterns, index_packed, search_query
-from motionary.models.keyframes.intervals import EMPTY, Documents, Intervals, join
+from motionary.models.keyframes.posting_lists import EMPTY, Intervals, Layout, join
 from motionary.packing import PackedFeatures
 
 SIZES = (1_000_000, 42_586)
@@ -71,7 +71,7 @@ def compare_on(documents: list[PackedFeatures], queries: list[KeyframeQuery]) ->
     seconds = time.perf_counter() - start
     scan, inverted = PlainScan(documents), InvertedLists(documents)
     print(
-        f"  {index.n_frames} frames in {index.n_documents} documents: indexed in {seconds:.2f} s "
+        f"  {index.n_frames} frames in {index.n_sequences} recordings: indexed in {seconds:.2f} s "
         f"({index.n_frames / seconds / 1e6:.1f} million frames/s), "
         f"{index.n_bytes / index.n_frames:.1f} bytes a frame"
     )
@@ -165,10 +165,10 @@ class InvertedLists:
 
     def __init__(self, documents: list[PackedFeatures]) -> None:
         lengths = np.array([len(document) for document in documents])
-        self.documents = Documents.lay_out(lengths)
+        self.layout = Layout.of_lengths(lengths)
         packed = np.concatenate(documents)[:, 0]
         before = np.cumsum(lengths) - lengths
-        at = np.repeat(self.documents.starts - before, lengths) + np.arange(len(packed))
+        at = np.repeat(self.layout.starts - before, lengths) + np.arange(len(packed))
         change = (packed[1:] != packed[:-1]) | (at[1:] != at[:-1] + 1)
         first, last = np.concatenate([[True], change]), np.concatenate([change, [True]])
         self.packed, number = np.unique(packed[first], return_inverse=True)
@@ -180,8 +180,8 @@ class InvertedLists:
         """Hit ranges (document, start, stop)."""
         keyframes = zip(query.values[:, 0], query.fixed[:, 0], strict=True)
         lists = [self.runs(value, fixed) for value, fixed in keyframes]
-        found, number = join(lists, query.gaps, self.documents)
-        begin = self.documents.starts[number]
+        found, number = join(lists, query.gaps, self.layout)
+        begin = self.layout.starts[number]
         columns = (number, found.starts - begin, found.stops - begin)
         return list(zip(*(column.tolist() for column in columns), strict=True))
 

@@ -99,7 +99,7 @@ def time_evaluations(problem: Problem) -> None:
     queries = [to_query(best, FULL_BODY.name, FULL_BODY.ids) for best in bests]
     ways = {
         f"search_query, {engine}, 5 queries": lambda engine=engine: [
-            search_query(query, index, engine=engine).hit_documents for query in queries
+            search_query(query, index, engine=engine).hit_sequences for query in queries
         ]
         for engine in ("numpy", "compiled")
     }

@@ -106,7 +106,7 @@ def _found(
     query = join_queries(first, second, least_s=0.0, most_s=MOST_PAUSE_S)
     index = index_of([document.packed for document in documents])
     ranges = search_query(query, index)
-    hit = set(ranges.hit_documents.tolist())
+    hit = set(ranges.hit_sequences.tolist())
     counts = {
         what: [
             sum(i in hit for i, document in enumerate(documents) if document.what == what),

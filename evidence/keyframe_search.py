@@ -93,7 +93,7 @@ def _by_stiffness(
     result = {}
     for told, stiffness in STIFFNESS.items():
         ranges = search_query(query_of(record, stiffness=stiffness), index)
-        found = [clips[i].motion_class for i in ranges.hit_documents]
+        found = [clips[i].motion_class for i in ranges.hit_sequences]
         right = found.count(name)
         result[told] = {
             "recall": right / of_class,

@@ -123,7 +123,7 @@ class Trial:
         ranges = select_in_index(queries, self._n_columns, self.index, votes=votes)
         hits = np.zeros(len(self._documents), dtype=np.intp)
         for query in queries:
-            hits[search_query(query, self.index).hit_documents] += 1
+            hits[search_query(query, self.index).hit_sequences] += 1
         return self._retrieval(np.flatnonzero(hits >= votes)) | self._preselection(ranges)
 
     def ask(self, queries: Sequence[KeyframeQuery], committee: Committee) -> Measures:
@@ -144,7 +144,7 @@ class Trial:
         """Frames left, recall lost at a low threshold, precision at a high one."""
         left = np.full(len(self._documents), np.inf)
         parts = [self._documents[d].part(start, stop) for d, start, stop in ranges]
-        np.minimum.at(left, ranges.documents, _least(self._pattern, parts))
+        np.minimum.at(left, ranges.sequences, _least(self._pattern, parts))
         before, after = self._everywhere, left
         positives = slice(0, self._n_positives)
         recall = float(np.mean(before[positives] <= LOW))

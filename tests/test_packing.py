@@ -6,7 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motionary.errors import InvalidInput
-from motionary.packing import count, count_integers, full_mask, pack, permute, unpack
+from motionary.packing import (
+    count,
+    count_integers,
+    from_numbers,
+    full_mask,
+    pack,
+    permute,
+    to_numbers,
+    unpack,
+)
 from oracles import packing as oracle
 
 SIZES = [1, 7, 8, 9, 40, 63, 64, 65, 127, 128, 129]
@@ -25,6 +34,14 @@ def test_words_are_the_whole_numbers_of_the_relations(matrix):
     assert packed.dtype == np.uint64
     assert packed.shape == (len(matrix), count_integers(matrix.shape[1]))
     assert oracle.join(packed) == oracle.pack(matrix)
+
+
+@given(features())
+def test_packed_features_as_numbers_and_back(matrix):
+    packed = pack(matrix)
+    numbers = to_numbers(packed)
+    assert list(numbers) == oracle.pack(matrix)
+    np.testing.assert_array_equal(from_numbers(numbers, packed.shape[1]), packed)
 
 
 @given(features())

@@ -201,7 +201,7 @@ def preselect(lesson: Lesson, committee: Committee, tested: Tested) -> Preselect
         corpus = corpus_of([tested.sequences[d].part(a, b) for d, a, b in windows])
         parts = corpus.split(corpus_distance(_pattern(lesson), corpus))
         least = np.array([float(part.min(initial=np.inf)) for part in parts])
-        np.minimum.at(costs, windows.documents, least)
+        np.minimum.at(costs, windows.sequences, least)
     return Preselected(costs, windows.n_frames / tested.index.n_frames)
 
 

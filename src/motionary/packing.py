@@ -7,6 +7,8 @@ marks the relations that are known (documents) or fixed (templates).
 Conventions: time first, shape (frames, n_words); unused high bits are zero.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -83,3 +85,15 @@ def count(packed: PackedFeatures) -> NDArray[np.int64]:
 def permute(packed: PackedFeatures, order: NDArray[np.intp]) -> PackedFeatures:
     """Words whose relation `i` is relation `order[i]` of the given words."""
     return pack(unpack(packed, len(order))[:, order])
+
+
+def to_numbers(packed: PackedFeatures) -> tuple[int, ...]:
+    """One whole number per row of packed features, feature `i` in bit `i`."""
+    rows = packed.astype("<u8", copy=False)
+    return tuple(int.from_bytes(row.tobytes(), "little") for row in rows)
+
+
+def from_numbers(numbers: Sequence[int], n_integers: int) -> PackedFeatures:
+    """Packed features of whole numbers, the inverse of `to_numbers`."""
+    raw = b"".join(number.to_bytes(n_integers * BITS // 8, "little") for number in numbers)
+    return np.frombuffer(raw, dtype="<u8").reshape(-1, n_integers).astype(np.uint64)

@@ -71,7 +71,7 @@ def test_keyframes_that_are_nowhere_say_why(motionary, world):
 @pytest.mark.parametrize(
     ("query", "words"),
     [
-        ("body lwo", "line 1: no relation 'body lwo' in 'full-body-40'; did you mean 'body low'?"),
+        ("body lwo", "line 1: no feature 'body lwo' in 'full-body-40'; did you mean 'body low'?"),
         ("body low\nthen soon\nbody low", "line 2: no gap of the form 'then soon'"),
         ("then body low", "--query"),
         ("features: other\nbody low", "the query is over 'other'"),

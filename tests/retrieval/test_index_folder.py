@@ -60,7 +60,7 @@ def assert_fresh(index, folder, tmp_path):
         assert content(one.collection()) == content(fresh.collection())
     queries = [index.collection(), fresh.collection()]
     for a, b in zip(*(q.parts for q in queries), strict=False):
-        assert a.shard.word_index.n_documents <= len(index)
+        assert a.shard.word_index.n_sequences <= len(index)
         assert b.shard.feature_set is a.shard.feature_set
     assert np.array_equal(queries[0].feature_prior, queries[1].feature_prior)
 

@@ -13,6 +13,7 @@ from motionary.features import FULL_BODY, FULL_BODY_2006
 from motionary.matching import align, concatenate, distance_function, find_hits
 from motionary.models.keyframes import (
     Gap,
+    HitRanges,
     KeyframeQuery,
     agree,
     choose_keyframes,
@@ -29,7 +30,6 @@ from motionary.models.keyframes import (
     select_in_sequence,
     single_hits,
 )
-from motionary.models.keyframes.ranges import HitRanges
 from motionary.models.library import ClassLibrary, MotionClass, Prototype, class_of_query, learn
 from motionary.packing import full_mask
 from motionary.retrieval.annotation import annotate, class_distance

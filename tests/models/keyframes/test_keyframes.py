@@ -193,7 +193,7 @@ def test_relations_by_id_or_name():
     [
         ([], "at least one keyframe"),
         ([{"right hand above the neck": True}], "did you mean 'right hand above neck'"),
-        ([{"F99": True}], "no relation 'F99' in 'full-body-40'"),
+        ([{"F99": True}], "no feature 'F99' in 'full-body-40'"),
         ([{"F3": True, "right hand above neck": False}], "to hold and not to hold"),
     ],
 )
@@ -437,7 +437,7 @@ def test_extended_ranges_cover_their_neighbourhood(rows, before, after):
     }
     assert covered == expected
     apart = [
-        (a.document, a.stop) < (b.document, b.start)
+        (a.sequence, a.stop) < (b.sequence, b.start)
         for a, b in zip(found, list(found)[1:], strict=False)
     ]
     assert all(apart)
@@ -446,7 +446,7 @@ def test_extended_ranges_cover_their_neighbourhood(rows, before, after):
 def test_extending_beyond_what_is_known():
     with pytest.raises(InvalidInput, match="at least 0 frames"):
         extend(ranges_of((0, 1, 2)), -1, 0, [5])
-    with pytest.raises(InvalidInput, match="one number for each document"):
+    with pytest.raises(InvalidInput, match="one number for each sequence"):
         extend(ranges_of((3, 1, 2)), 1, 1, [5])
     assert list(extend(HitRanges.none(), 1, 1, [])) == []
 
@@ -455,7 +455,7 @@ def test_ranges_tell_their_documents():
     ranges = ranges_of((0, 1, 4), (2, 0, 2), (2, 5, 6))
     assert len(ranges) == 3
     assert ranges.n_frames == 6
-    assert ranges.hit_documents.tolist() == [0, 2]
+    assert ranges.hit_sequences.tolist() == [0, 2]
     assert ranges.of(2) == [(0, 2), (5, 6)]
     assert ranges.of(1) == []
 

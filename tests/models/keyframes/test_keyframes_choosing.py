@@ -19,8 +19,8 @@ from motionary.models.keyframes import (
     search_query,
     select_in_index,
 )
-from motionary.models.keyframes.moments import MOST_STEADY, find_moments
-from motionary.models.keyframes.steadiness import (
+from motionary.models.keyframes.columns import MOST_STEADY, align_columns
+from motionary.models.keyframes.index import (
     count_steady,
     loose_index,
     steady_mask,
@@ -65,7 +65,7 @@ def is_steady(document, frame, feature, around):
 
 
 @given(documents(), st.integers(0, 3))
-def test_a_steady_relation_is_known_and_the_same_around(document, around):
+def test_a_steady_feature_is_known_and_the_same_around(document, around):
     found = unpack(steady_mask(document.packed, document.known, around), N)
     expected = [[is_steady(document, t, f, around) for f in range(N)] for t in range(len(document))]
     np.testing.assert_array_equal(found, expected)
@@ -116,7 +116,7 @@ NOISE = 20
 
 
 def planted(rng, order=(FIRST, SECOND), n_frames=30):
-    """A stretch in which two relations hold one after the other, in between nothing."""
+    """A stretch in which two features hold one after the other, in between nothing."""
     features = np.zeros((n_frames, N), dtype=bool)
     for feature, middle in zip(order, (n_frames // 4, 3 * n_frames // 4), strict=True):
         early, late = rng.integers(0, 2, size=2)
@@ -142,7 +142,7 @@ def entries(query):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_order_of_two_relations_is_found(seed):
+def test_the_order_of_two_features_is_found(seed):
     examples, others = problem(seed)
     chosen = choose_query(template_of(examples), examples, others)
     assert chosen.missed == ()
@@ -188,11 +188,11 @@ def test_gaps_admit_all_examples_and_more():
     examples, others = problem(4)
     template = template_of(examples)
     query = choose_query(template, examples, others, settings=ChoiceSettings(stiffness=0.5)).query
-    moments = find_moments(template, examples, steady=2)
+    aligned = align_columns(template, examples, tolerance=2)
     for (a, b), gap in zip(
         zip(query.positions, query.positions[1:], strict=False), query.gaps, strict=True
     ):
-        distances = moments.frames[:, b] - moments.frames[:, a]
+        distances = aligned.frames[:, b] - aligned.frames[:, a]
         assert gap.least == np.floor(0.5 * distances.min())
         assert gap.most == np.ceil(distances.max() / 0.5)
 
@@ -219,32 +219,32 @@ def test_what_is_unknown_in_an_example_is_not_asked_for():
     assert all(FIRST not in keyframe for keyframe in entries(query))
 
 
-def test_moments_follow_the_alignment():
+def test_columns_follow_the_alignment():
     features = np.zeros((20, N), dtype=bool)
     features[5:10, FIRST] = features[12:18, SECOND] = True
     slow = np.repeat(features, 2, axis=0)
     examples = [sequence_of(features), sequence_of(slow)]
-    moments = find_moments(template_of(examples[:1]), examples, steady=1)
-    assert moments.n_columns == 20
+    aligned = align_columns(template_of(examples[:1]), examples, tolerance=1)
+    assert aligned.n_columns == 20
     for column in range(20):
-        first, second = moments.frames[:, column]
+        first, second = aligned.frames[:, column]
         np.testing.assert_array_equal(features[first], slow[second])
     # 20 changes nothing: as steady as is counted. 3 comes on at frame 5.
-    assert (moments.steadiness[:, NOISE] == MOST_STEADY).all()
-    assert moments.steadiness[7, FIRST] == 2
-    assert moments.dissent.max() == 0.0
+    assert (aligned.tolerance[:, NOISE] == MOST_STEADY).all()
+    assert aligned.tolerance[7, FIRST] == 2
+    assert aligned.disagreement.max() == 0.0
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
-def test_dissent_is_what_one_breaks_and_all_others_share(n):
+def test_disagreement_is_what_one_breaks_and_all_others_share(n):
     examples = [sequence_of(np.zeros((20, N))) for _ in range(n)]
     odd = np.zeros((20, N))
     odd[:, NOISE] = 1
-    moments = find_moments(template_of(examples), [*examples, sequence_of(odd)], steady=0)
+    aligned = align_columns(template_of(examples), [*examples, sequence_of(odd)], tolerance=0)
     expected = np.zeros(N)
     # Of two, each breaks what the other shows.
     expected[NOISE] = 2.0 if n == 1 else 1.0
-    np.testing.assert_allclose(moments.dissent, expected)
+    np.testing.assert_allclose(aligned.disagreement, expected)
 
 
 @pytest.mark.parametrize(
@@ -267,10 +267,10 @@ def test_bad_examples(change, packed):
         choose_query(template, change.get("examples", examples), change.get("others", others))
 
 
-def test_examples_without_a_steady_relation_in_common():
+def test_examples_without_a_steady_feature_in_common():
     rng = np.random.default_rng(1)
     examples = [sequence_of(rng.random((30, N)) < 0.5) for _ in range(6)]
-    with pytest.raises(InvalidInput, match="no relation that is steady"):
+    with pytest.raises(InvalidInput, match="no feature that is steady"):
         choose_query(template_of(examples[:1]), examples, examples)
 
 

@@ -61,7 +61,7 @@ def test_627_of_627_recall_values(published, collections, evaluation_words, engi
         column = published["classes"].index(name)
         for row, query_class in enumerate(published["classes"]):
             found = search_query(query_of(queries[query_class]), index, engine=engine)
-            recall = len(found.hit_documents) / len(clips)
+            recall = len(found.hit_sequences) / len(clips)
             agree += abs(recall - published["recall"][row][column]) < 1e-9
             n_values += 1
     assert (agree, n_values) == (627, 627)

@@ -63,7 +63,7 @@ def test_a_joined_query_finds_the_sequence_and_only_it(clips, query, actor):
         feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids,
     )  # fmt: skip
     found = search_query(query, index)
-    assert found.hit_documents.tolist() == [0, 1]
+    assert found.hit_sequences.tolist() == [0, 1]
     before = len(other)
     for document, start, stop in found:
         pause = 15 * document

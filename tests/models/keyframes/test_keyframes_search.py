@@ -21,23 +21,28 @@ from motionary.models.keyframes import (
     search_query,
     single_hits,
 )
-from motionary.models.keyframes.algorithm import (
+from motionary.models.keyframes.posting_lists import mark, spread, spread_back
+from motionary.packing import pack
+from oracles import keyframes as oracle
+from oracles.keyframe_search import (
     Segment,
     inverted_lists,
     keyframe_based_search,
     keyframe_lists,
     union,
 )
-from motionary.models.keyframes.bitmaps import mark, spread, spread_back
-from motionary.packing import pack
-from oracles import keyframes as oracle
 
 ENGINES = ["numpy", "compiled"]
 
 
+def lists_of(query, packed, known=None):
+    """The frames of one document that show each keyframe, as runs."""
+    return keyframe_lists(query.values, query.fixed, inverted_lists(packed, known))
+
+
 def ranges_by_algorithm(query, packed, known=None):
     """Algorithm 1 on one document, as half-open ranges."""
-    lists = keyframe_lists(query, inverted_lists(packed, known))
+    lists = lists_of(query, packed, known)
     return [(s, t + 1) for s, t in keyframe_based_search(lists, query.gaps)[0]]
 
 
@@ -82,12 +87,16 @@ def test_the_gaps_of_the_running_example(example):
 
 
 def test_the_lists_of_the_running_example(example):
-    lists = keyframe_lists(example.query, inverted_lists(example.packed[0]))
+    lists = keyframe_lists(
+        example.query.values, example.query.fixed, inverted_lists(example.packed[0])
+    )
     assert [[(s + 1, t + 1) for s, t in segments] for segments in lists] == list(LISTS)
 
 
 def test_table_1_matches_and_their_ranges(example):
-    lists = keyframe_lists(example.query, inverted_lists(example.packed[0]))
+    lists = keyframe_lists(
+        example.query.values, example.query.fixed, inverted_lists(example.packed[0])
+    )
     ranges, matches = keyframe_based_search(lists, example.gaps)
     found = {
         tuple(p + 1 for p in match.pointers): (match.hit_range.s + 1, match.hit_range.t + 1)
@@ -161,7 +170,7 @@ def test_the_range_of_a_match_spans_its_hits(case):
     for packed, mask, document, known in zip(
         case.packed, case.masks, case.documents, case.known, strict=True
     ):
-        lists = keyframe_lists(case.query, inverted_lists(packed, mask))
+        lists = lists_of(case.query, packed, mask)
         hits = oracle.all_hits(case.keyframes, case.gaps, document, known)
         for match in keyframe_based_search(lists, case.query.gaps)[1]:
             inside = [hit for hit in hits if oracle.match_of(hit, lists) == match.pointers]
@@ -345,7 +354,7 @@ def test_an_index_may_be_memory_mapped(tmp_path):
 
 def test_the_index_says_what_it_holds():
     index = index_packed([stream("0110", "0001")], feature_set=SET, feature_ids=ids_of(2))
-    assert (index.n_frames, index.n_documents) == (4, 1)
+    assert (index.n_frames, index.n_sequences) == (4, 1)
     # Not X1, X1, not X2, X2, frames.
     assert index.counts == (2, 2, 3, 1, 4)
     assert index.n_bytes == index.planes.nbytes + index.lengths.nbytes
@@ -376,9 +385,9 @@ def test_words_of_another_width_are_refused():
 @pytest.mark.parametrize(
     ("packed", "known", "complaint"),
     [
-        ([], None, "at least one document"),
-        ([np.zeros((3, 2), dtype=np.uint64)], None, "document 0: words need shape"),
-        ([np.zeros(3, dtype=np.uint64)], None, "document 0: words need shape"),
+        ([], None, "at least one sequence"),
+        ([np.zeros((3, 2), dtype=np.uint64)], None, "sequence 0: packed features need shape"),
+        ([np.zeros(3, dtype=np.uint64)], None, "sequence 0: packed features need shape"),
         ([np.zeros((3, 1), dtype=np.uint64)], [], "as many masks"),
         ([np.zeros((3, 1), dtype=np.uint64)], [np.zeros((2, 1), dtype=np.uint64)], "known needs"),
     ],

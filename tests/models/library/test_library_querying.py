@@ -120,7 +120,7 @@ def test_a_class_whose_examples_share_nothing(examples):
     result = choose_queries(
         replace(library, classes=(odd, *others)), examples | {"squat": {"squat": noise}}
     )
-    assert "no relation that is steady" in result.without["squat"]
+    assert "no feature that is steady" in result.without["squat"]
     assert set(result.without) == {"squat"}
 
 

@@ -40,7 +40,7 @@ def test_every_class_has_queries_that_find_others_of_it(queried):
     for number, name in enumerate(CLASSES):
         prototype = queried.library[name].prototypes[0]
         assert len(prototype.queries) == 5
-        hits = [number in search_query(q, index).hit_documents for q in prototype.queries]
+        hits = [number in search_query(q, index).hit_sequences for q in prototype.queries]
         assert sum(hits) >= prototype.votes
 
 

@@ -72,7 +72,7 @@ def test_the_order_of_two_relations_is_learned(learned):
     unseen = [clip((3, 7), 50), clip((3, 7), 51, length=30), clip((7, 3), 52), clip((7, 3), 53)]
     assert learned.documents(index_of(unseen)).tolist() == [0, 1]
     found = learned.search(index_of(unseen))
-    assert set(found.documents.tolist()) == {0, 1}
+    assert set(found.sequences.tolist()) == {0, 1}
     for query in learned.queries:
         assert query.positions is not None
         assert query.feature_set == FULL_BODY.name
@@ -213,7 +213,7 @@ def test_squats_of_people_never_seen(data: Path):
     documents = [*squats, *(c for name in others for c in clips(name, unseen))]
     index = index_of(documents)
     for query, run in zip(learned.queries, learned.runs, strict=True):
-        hit = search_query(query, index_of(negatives)).hit_documents
+        hit = search_query(query, index_of(negatives)).hit_sequences
         assert len(hit) == 0 or run.score.precision < 1.0
     found = learned.documents(index)
     assert np.mean(found < len(squats)) >= 0.7

@@ -1,44 +1,48 @@
 """Keyframe queries: a few poses with elastic gaps, found in hours of motion."""
 
-from motionary.models.keyframes.building import (
-    Vocabulary,
-    from_features,
-    from_patterns,
-    from_template,
-    join_queries,
-    mirror_query,
+from motionary.models.keyframes.choosing import ChoiceSettings, ChosenQuery, choose_query
+from motionary.models.keyframes.columns import Choice, choose_keyframes, from_template
+from motionary.models.keyframes.index import (
+    HitRange,
+    HitRanges,
+    PostingIndex,
+    agree,
+    check_votes,
+    extend,
+    index_packed,
+    margins,
 )
-from motionary.models.keyframes.choosing import Choice, choose_keyframes
-from motionary.models.keyframes.choosing_query import ChoiceSettings, ChosenQuery, choose_query
-from motionary.models.keyframes.fitting import FittedHits, fit_hits
 from motionary.models.keyframes.query import (
     Gap,
     KeyframeQuery,
     Spring,
     check_features,
+    columns_of_query,
     gap_of,
     gap_of_seconds,
+    join_queries,
+    mirror_query,
     spring_of,
+    template_of_query,
 )
-from motionary.models.keyframes.ranges import (
-    HitRange,
-    HitRanges,
-    agree,
-    check_votes,
-    extend,
-    margins,
+from motionary.models.keyframes.search import (
+    FittedHits,
+    fit_hits,
+    search_packed,
+    search_query,
+    select_in_index,
+    select_in_sequence,
+    single_hits,
 )
-from motionary.models.keyframes.ranking import columns_of_query, template_of_query
-from motionary.models.keyframes.search import search_packed, search_query
-from motionary.models.keyframes.selecting import select_in_index, select_in_sequence
-from motionary.models.keyframes.single import single_hits
 from motionary.models.keyframes.text import (
+    Vocabulary,
     format_queries,
     format_query,
+    from_features,
+    from_patterns,
     parse_queries,
     parse_query,
 )
-from motionary.models.keyframes.word_index import PostingIndex, index_packed
 
 __all__ = [
     "Choice",

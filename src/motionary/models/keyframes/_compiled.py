@@ -1,7 +1,7 @@
-"""The search of `search_query` compiled: the same ranges, a step per run.
+"""The search of `search_query`, compiled: the same ranges, a step per run.
 
-The three rarest planes are combined for many blocks at once, the others where something is
-left. Only blocks within the gap of a neighbouring keyframe's frames are read.
+The three rarest planes are combined for many integers at once, the others where something is
+left. Only integers within the gap of a neighbouring keyframe's frames are read.
 """
 
 import numba
@@ -30,7 +30,7 @@ def _lowest(bits: np.uint64) -> np.int64:
 
 @numba.njit(cache=True, nogil=True)
 def _read_runs(planes: PackedFeatures, rows: Integers, spans: Integers, at_most: int) -> Integers:
-    """Runs (start, stop) of the positions that all rows hold in spans of blocks."""
+    """Runs (start, stop) of the positions that all rows hold in spans of integers."""
     edges = np.empty(2 * at_most, dtype=np.int64)
     rarest = np.empty(_TILE, dtype=np.uint64)
     second, third = rows[min(1, len(rows) - 1)], rows[min(2, len(rows) - 1)]
@@ -38,12 +38,12 @@ def _read_runs(planes: PackedFeatures, rows: Integers, spans: Integers, at_most:
     for s in range(len(spans)):
         last_bit = np.uint64(0)
         for tile in range(spans[s, 0], spans[s, 1], _TILE):
-            n_blocks = min(_TILE, spans[s, 1] - tile)
-            for j in range(n_blocks):
+            n_integers = min(_TILE, spans[s, 1] - tile)
+            for j in range(n_integers):
                 rarest[j] = planes[rows[0], tile + j] & planes[second, tile + j]
-            for j in range(n_blocks):
+            for j in range(n_integers):
                 rarest[j] &= planes[third, tile + j]
-            for j in range(n_blocks):
+            for j in range(n_integers):
                 bits = rarest[j]
                 if bits == 0 and last_bit == 0:
                     continue
@@ -63,15 +63,15 @@ def _read_runs(planes: PackedFeatures, rows: Integers, spans: Integers, at_most:
 
 
 @numba.njit(cache=True, nogil=True)
-def _near_spans(runs: Integers, least: int, most: int, documents: Borders) -> Integers:
-    """Spans of blocks from `least` to `most` frames after the runs; negative looks back."""
-    starts, stops, of_byte = documents
+def _near_spans(runs: Integers, least: int, most: int, layout: Borders) -> Integers:
+    """Spans of integers from `least` to `most` frames after the runs; negative looks back."""
+    starts, stops, of_byte = layout
     spans = np.empty_like(runs)
     n = 0
     for i in range(len(runs)):
-        document = of_byte[runs[i, 0] >> 3]
-        first = max(runs[i, 0] + least, starts[document])
-        last = min(runs[i, 1] - 1 + most, stops[document] - 1)
+        sequence = of_byte[runs[i, 0] >> 3]
+        first = max(runs[i, 0] + least, starts[sequence])
+        last = min(runs[i, 1] - 1 + most, stops[sequence] - 1)
         if first > last:
             continue
         if n > 0 and first >> 6 <= spans[n - 1, 1]:
@@ -83,11 +83,9 @@ def _near_spans(runs: Integers, least: int, most: int, documents: Borders) -> In
 
 
 @numba.njit(cache=True, nogil=True)
-def _cut_back(
-    runs: Integers, after: Integers, least: int, most: int, documents: Borders
-) -> Integers:
-    """Parts of `runs` from which a position of `after` is within the gap and the document."""
-    starts, _, of_byte = documents
+def _cut_back(runs: Integers, after: Integers, least: int, most: int, layout: Borders) -> Integers:
+    """Parts of `runs` from which a position of `after` is within the gap and the sequence."""
+    starts, _, of_byte = layout
     valid = np.empty((len(runs) + len(after), 2), dtype=np.int64)
     n = 0
     j = 0
@@ -113,9 +111,9 @@ def _cut_back(
 
 
 @numba.njit(cache=True, nogil=True)
-def _hit_ranges(valid: list[Integers], gaps: Integers, documents: Borders) -> Integers:
+def _hit_ranges(valid: list[Integers], gaps: Integers, layout: Borders) -> Integers:
     """From each first interval to the end of the latest hit that begins there, merged."""
-    _, stops, of_byte = documents
+    _, stops, of_byte = layout
     ranges = np.empty_like(valid[0])
     at = np.zeros(len(valid), dtype=np.int64)
     n = 0
@@ -144,28 +142,28 @@ def search_planes(
     at_most: Integers,
     order: Integers,
     gaps: Integers,
-    documents: Borders,
+    layout: Borders,
 ) -> Integers:
     """Hit ranges (start, stop) of positions, shape (ranges, 2).
 
     rows: of all keyframes, those of keyframe k up to ends[k]; at_most: positions of each
     keyframe's rarest row; order: of reading, each but the first beside one read before;
-    gaps: (least, most); documents: starts, stops and of_byte of `Documents`.
+    gaps: (least, most); layout: starts, stops and of_byte of `Layout`.
     """
     n_keyframes = len(ends)
     lists = [np.empty((0, 2), dtype=np.int64) for _ in range(n_keyframes)]
     spans = np.array([[0, planes.shape[1]]])
     for i, k in enumerate(order):
         if i > 0 and k > order[0]:
-            spans = _near_spans(lists[k - 1], gaps[k - 1, 0], gaps[k - 1, 1], documents)
+            spans = _near_spans(lists[k - 1], gaps[k - 1, 0], gaps[k - 1, 1], layout)
         elif i > 0:
-            spans = _near_spans(lists[k + 1], -gaps[k, 1], -gaps[k, 0], documents)
+            spans = _near_spans(lists[k + 1], -gaps[k, 1], -gaps[k, 0], layout)
         begin = ends[k - 1] if k > 0 else 0
         runs: Integers = _read_runs(planes, rows[begin : ends[k]], spans, at_most[k])
         if len(runs) == 0:
             return runs
         lists[k] = runs
     for k in range(n_keyframes - 2, -1, -1):
-        lists[k] = _cut_back(lists[k], lists[k + 1], gaps[k, 0], gaps[k, 1], documents)
-    ranges: Integers = _hit_ranges(lists, gaps, documents)
+        lists[k] = _cut_back(lists[k], lists[k + 1], gaps[k, 0], gaps[k, 1], layout)
+    ranges: Integers = _hit_ranges(lists, gaps, layout)
     return ranges

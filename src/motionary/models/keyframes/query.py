@@ -1,29 +1,32 @@
-"""What is a keyframe query?
+"""Keyframe queries: poses with elastic gaps; mirrored, joined, and as templates.
 
-A sequence of keyframes, each a pose of which some relations are fixed and the others free,
-and of gaps: how many frames may lie between neighbours. After Baak, Müller and Seidel
-(2008), section 3.2; gaps as in Baak (2012), eq. 4.3.
+A query is a sequence of keyframes, each a pose of which some features are fixed and the
+others free, and of gaps: how many frames may lie between neighbours. After Baak, Müller and
+Seidel (2008), section 3.2; gaps as in Baak (2012), eq. 4.3.
 
 Conventions: a gap counts frames from one keyframe to the next and includes both its ends;
 0 means the same frame. Template positions count columns from 0.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.packing import PackedFeatures, count_integers, full_mask
+from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSet
+from motionary.models.templates import QuantisedTemplate
+from motionary.packing import PackedFeatures, count_integers, full_mask, permute, unpack
 
 #: A product such as 0.7 * 10 may come out beside the whole number that it means.
 _SLACK = 1e-9
 
 #: Seconds are written with few digits; so many frames beside a frame still mean that frame.
 _SNAP = 0.05
-
 
 #: Longer than any recording: gaps beyond are a mistake for "no bound".
 _LONGEST = 1 << 40
@@ -54,10 +57,10 @@ class KeyframeQuery:
 
     Attributes
     ----------
-    values, fixed : arrays, shape (K, n_words), uint64
-        Relations of each keyframe and which of them are fixed; read-only.
+    values, fixed : arrays, shape (K, n_integers), uint64
+        Packed features of each keyframe and which of them are fixed; read-only.
     gaps : K - 1 gaps
-    feature_set : name of the set that the relations belong to
+    feature_set : name of the set of the features
     feature_ids : its ids, in the order of the bits
     positions : columns of the template that the keyframes come from, or None
     """
@@ -70,12 +73,12 @@ class KeyframeQuery:
     positions: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
-        values, fixed = _check_words(self.values, self.fixed, n_features=len(self.feature_ids))
+        values, fixed = _check_packed(self.values, self.fixed, n_features=len(self.feature_ids))
         n_keyframes = len(values)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "fixed", fixed)
         object.__setattr__(self, "feature_ids", tuple(self.feature_ids))
-        object.__setattr__(self, "gaps", check_gaps(self.gaps, n_keyframes=n_keyframes))
+        object.__setattr__(self, "gaps", _check_gaps(self.gaps, n_keyframes=n_keyframes))
         if self.positions is not None:
             positions = _check_positions(self.positions, n_keyframes=n_keyframes)
             object.__setattr__(self, "positions", positions)
@@ -108,7 +111,7 @@ def spring_of(gap: Gap) -> Spring:
     `most` is 0 too (distance 0, stiffness 1).
     """
     if gap.most is None:
-        # Any stiffness above 0 bounds a gap, so `least` is not told by this view.
+        # Any stiffness above 0 bounds a gap, so this view does not hold `least`.
         return Spring(math.inf, 0.0)
     if gap.most == 0:
         return Spring(0.0, 1.0)
@@ -140,6 +143,17 @@ def gap_of(distance: float, stiffness: float) -> Gap:
     return Gap(least, math.floor(distance / stiffness + _SLACK))
 
 
+def gaps_of(distances: Sequence[float], stiffness: float | Sequence[float]) -> tuple[Gap, ...]:
+    """Gaps of several springs, of one stiffness or one each."""
+    if not isinstance(stiffness, Sequence):
+        return tuple(gap_of(distance, stiffness) for distance in distances)
+    if len(stiffness) != len(distances):
+        raise InvalidInput(
+            f"{len(distances)} gaps need as many stiffness values, got {len(stiffness)}"
+        )
+    return tuple(itertools.starmap(gap_of, zip(distances, stiffness, strict=True)))
+
+
 def gap_of_seconds(least_s: float, most_s: float, *, rate_hz: float) -> Gap:
     """Gap of at least and at most so many seconds; infinity means no upper bound.
 
@@ -162,14 +176,133 @@ def gap_of_seconds(least_s: float, most_s: float, *, rate_hz: float) -> Gap:
     return Gap(least, most)
 
 
-def check_gaps(gaps: Sequence[Gap], *, n_keyframes: int) -> tuple[Gap, ...]:
-    """The gaps as whole numbers.
+def template_of_query(query: KeyframeQuery) -> QuantisedTemplate:
+    """Template of the keyframe columns, free in between.
+
+    Columns stand at the positions that the keyframes had in their template, or else at the
+    distances that their gaps are made for; a gap without upper bound is as short as it may
+    be. Keyframes of one frame share a column.
 
     Raises
     ------
     InvalidInput
-        If their number does not fit the keyframes, or one contradicts itself.
+        If keyframes of one frame contradict each other.
     """
+    columns = columns_of_query(query)
+    n_features = len(query.feature_ids)
+    values, fixed = np.zeros((2, columns[-1] + 1, n_features), dtype=np.bool_)
+    keyframes = zip(unpack(query.values, n_features), unpack(query.fixed, n_features), strict=True)
+    for k, (column, (value, is_fixed)) in enumerate(zip(columns, keyframes, strict=True)):
+        if (fixed[column] & is_fixed & (values[column] ^ value)).any():
+            raise InvalidInput(f"keyframe {k + 1} contradicts the one before it in the same frame")
+        values[column] |= value
+        fixed[column] |= is_fixed
+    weights = np.ones(len(values))
+    return QuantisedTemplate(values, fixed, weights, query.feature_ids, query.feature_set)
+
+
+def columns_of_query(query: KeyframeQuery) -> list[int]:
+    """Column of each keyframe in `template_of_query`, the first at 0."""
+    if query.positions is not None:
+        return [position - query.positions[0] for position in query.positions]
+    return list(itertools.accumulate(map(_typical, query.gaps), initial=0))
+
+
+def mirror_query(query: KeyframeQuery, feature_set: FeatureSet = FULL_BODY) -> KeyframeQuery:
+    """Query of the mirrored motion: left and right exchanged.
+
+    Raises
+    ------
+    InvalidInput
+        If the query is over another set of features.
+    """
+    check_features(query, feature_set.name, feature_set.ids)
+    order = feature_set.mirror_order
+    values, fixed = permute(query.values, order), permute(query.fixed, order)
+    return replace(query, values=values, fixed=fixed)
+
+
+def join_queries(
+    first: KeyframeQuery,
+    second: KeyframeQuery,
+    *,
+    least_s: float,
+    most_s: float,
+    rate_hz: float = SEQUENCE_HZ,
+) -> KeyframeQuery:
+    """One query after the other, with a bounded pause.
+
+    Parameters
+    ----------
+    first, second : queries over the same features
+    least_s, most_s : seconds from the last keyframe of the first to the first keyframe of
+        the second; infinity means no upper bound
+    rate_hz : frames per second
+
+    Returns
+    -------
+    KeyframeQuery without template positions
+
+    Raises
+    ------
+    InvalidInput
+        If the features differ, or the pause contradicts itself.
+    """
+    check_features(second, first.feature_set, first.feature_ids)
+    pause = gap_of_seconds(least_s, most_s, rate_hz=rate_hz)
+    return KeyframeQuery(
+        np.concatenate([first.values, second.values]),
+        np.concatenate([first.fixed, second.fixed]),
+        (*first.gaps, pause, *second.gaps),
+        first.feature_set,
+        first.feature_ids,
+    )
+
+
+def group_members(group: str, feature_set: FeatureSet) -> NDArray[np.bool_]:
+    """Which features belong to a group, shape (features,); a group without any is refused."""
+    members = np.array([feature.group == group for feature in feature_set.features])
+    if not members.any():
+        known = sorted({feature.group for feature in feature_set.features})
+        raise InvalidInput(
+            f"no group {group!r} in {feature_set.name!r}; there are {', '.join(known)}"
+        )
+    return members
+
+
+def check_features(query: KeyframeQuery, feature_set: str, feature_ids: Sequence[str]) -> None:
+    """Refuse a query over other features than those that it is used on.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if query.feature_set == feature_set and query.feature_ids == tuple(feature_ids):
+        return
+    raise InvalidInput(
+        f"the query is over {query.feature_set!r} ({len(query.feature_ids)} features), it is "
+        f"used on {feature_set!r} ({len(feature_ids)} features); both must be of one set"
+    )
+
+
+def _typical(gap: Gap) -> int:
+    """Distance in frames that a gap is made for; keyframes stay apart if they may."""
+    if gap.most is None:
+        return max(gap.least, 1)
+    if gap.most == 0:
+        return 0
+    # Of a spring the distance; a gap that begins at 0 is none.
+    middle = math.sqrt(gap.least * gap.most) if gap.least else gap.most / 2
+    return max(round(middle), 1)
+
+
+def _whole(frames: float, otherwise: int) -> int:
+    nearest = round(frames)
+    return nearest if abs(frames - nearest) <= _SNAP else otherwise
+
+
+def _check_gaps(gaps: Sequence[Gap], *, n_keyframes: int) -> tuple[Gap, ...]:
+    """The gaps as whole numbers."""
     if len(gaps) != n_keyframes - 1:
         raise InvalidInput(f"{n_keyframes} keyframes need {n_keyframes - 1} gaps, got {len(gaps)}")
     checked = []
@@ -185,33 +318,13 @@ def check_gaps(gaps: Sequence[Gap], *, n_keyframes: int) -> tuple[Gap, ...]:
     return tuple(checked)
 
 
-def check_features(query: KeyframeQuery, feature_set: str, feature_ids: Sequence[str]) -> None:
-    """Refuse a query over other features than those of the words.
-
-    Raises
-    ------
-    InvalidInput
-    """
-    if query.feature_set == feature_set and query.feature_ids == tuple(feature_ids):
-        return
-    raise InvalidInput(
-        f"the query is over {query.feature_set!r} ({len(query.feature_ids)} features), the words "
-        f"over {feature_set!r} ({len(feature_ids)} features); both must be of one set"
-    )
-
-
-def _whole(frames: float, otherwise: int) -> int:
-    nearest = round(frames)
-    return nearest if abs(frames - nearest) <= _SNAP else otherwise
-
-
-def _check_words(
+def _check_packed(
     values: PackedFeatures, fixed: PackedFeatures, *, n_features: int
 ) -> tuple[PackedFeatures, PackedFeatures]:
     fixed, values = np.array(fixed, dtype=np.uint64), np.array(values, dtype=np.uint64)
     if values.ndim != 2 or values.shape != fixed.shape or n_features == 0:
         raise InvalidInput(
-            "a query needs features, and values and fixed of one shape (keyframes, words), "
+            "a query needs features, and values and fixed of one shape (keyframes, integers), "
             f"got {n_features} features, {values.shape} and {fixed.shape}"
         )
     if len(values) == 0:
@@ -222,7 +335,7 @@ def _check_words(
             f"got {values.shape[1]}"
         )
     if (fixed & ~full_mask(1, n_features)).any():
-        raise InvalidInput(f"the keyframes fix relations beyond the {n_features} named features")
+        raise InvalidInput(f"the keyframes fix beyond the {n_features} named features")
     values &= fixed
     values.flags.writeable = fixed.flags.writeable = False
     return values, fixed

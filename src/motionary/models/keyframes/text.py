@@ -1,4 +1,4 @@
-"""How does a person write, read and keep a keyframe query?
+"""Keyframe queries in words, as text that people write and keep, and as authors' patterns.
 
 One keyframe a line, the gap to the next one on a line between:
 
@@ -7,7 +7,7 @@ One keyframe a line, the gap to the next one on a line between:
     then within 0.1 to 0.5 s
     right hand fast          # comments are ignored
 
-Relations go by name or id, "not" in front of those that must not hold; relations that are
+Features go by name or id, "not" in front of those that must not hold; features that are
 not mentioned are free, a line "anything" frees all. Gaps are one of
 
     then within 0.1 to 0.5 s
@@ -17,22 +17,33 @@ not mentioned are free, a line "anything" frees all. Gaps are one of
     then                             at any later time, or the same
     at the same time
 
-A keyframe may tell where it stands in its template: `at 0.5 s: right hand fast`. The first
-line names the feature set; it may be left out. Seconds are counted from one keyframe to
-the next; what is written reads back to the same frames. A line "or" separates queries of
-which any may hit. A short query may stand on one line: `F13, then within 0.5 s F3`.
+A keyframe may give its place in its template: `at 0.5 s: right hand fast`. The first line
+names the feature set; it may be left out. Seconds are counted from one keyframe to the
+next; what is written reads back to the same frames. A line "or" separates queries of which
+any may hit. A short query may stand on one line: `F13, then within 0.5 s F3`.
 """
 
+import difflib
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, SEQUENCE_HZ
-from motionary.models.keyframes.building import Vocabulary, find_feature, from_features
-from motionary.models.keyframes.query import Gap, KeyframeQuery, check_features, gap_of_seconds
-from motionary.packing import unpack
+from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSet
+from motionary.models.keyframes.query import (
+    Gap,
+    KeyframeQuery,
+    check_features,
+    gap_of_seconds,
+    gaps_of,
+    group_members,
+)
+from motionary.packing import pack, unpack
 
 _NUMBER = r"(\d{1,9}\.?\d{0,9}|\.\d{1,9})"
 _SECONDS = rf"{_NUMBER}\s*s(?:ec|econds?)?"
@@ -55,6 +66,96 @@ _NOT_A_NAME = re.compile(
     r"(not|at|anything|features)\b.*|.*([,#:]|\bthen\b|\bat the same time\b).*", re.IGNORECASE
 )
 
+#: Signs of the authors' patterns: value, and whether it is fixed.
+_SIGNS = {"0": (False, True), "1": (True, True), "*": (False, False)}
+
+
+class Vocabulary(Protocol):
+    """Names of yes/no features; a `FeatureSet` is one."""
+
+    @property
+    def name(self) -> str:
+        """Name of the set."""
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Short names, in the order of the bits."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Phrases, in the order of the bits."""
+
+
+def from_features(
+    keyframes: Sequence[Mapping[str, bool]],
+    gaps: Sequence[Gap],
+    *,
+    vocabulary: Vocabulary = FULL_BODY,
+    positions: Sequence[int] | None = None,
+) -> KeyframeQuery:
+    """Query of keyframes given as features that hold and that do not.
+
+    Parameters
+    ----------
+    keyframes : per keyframe, True or False by id or name of a feature; others are free
+    gaps : between neighbouring keyframes
+    vocabulary : the features
+    positions : template columns of the keyframes
+
+    Raises
+    ------
+    InvalidInput
+        If there is no keyframe, a feature is unknown, or a gap contradicts itself.
+    """
+    values, fixed = np.zeros((2, len(keyframes), len(vocabulary.ids)), dtype=np.bool_)
+    for k, features in enumerate(keyframes):
+        for feature, holds in features.items():
+            i = find_feature(feature, vocabulary)
+            if fixed[k, i] and values[k, i] != holds:
+                raise InvalidInput(f"keyframe {k + 1} wants {feature!r} to hold and not to hold")
+            values[k, i], fixed[k, i] = holds, True
+    return _query(values, fixed, gaps, vocabulary, positions)
+
+
+def from_patterns(
+    patterns: Sequence[str],
+    groups: Sequence[str],
+    *,
+    distances: Sequence[float],
+    stiffness: Sequence[float],
+    positions: Sequence[int] | None = None,
+    feature_set: FeatureSet = FULL_BODY,
+) -> KeyframeQuery:
+    """Query of patterns over groups of features, as the authors' collections hold them.
+
+    Parameters
+    ----------
+    patterns : per keyframe, "0", "1" or "*" for the first features of its group; features
+        that the pattern is too short for are free
+    groups : per keyframe, the group of its features
+    distances, stiffness : per gap, frames and stiffness
+    positions : template columns, from 0
+    feature_set : whose groups and order the patterns follow
+
+    Raises
+    ------
+    InvalidInput
+        If a pattern is malformed or longer than its group, or numbers do not fit.
+    """
+    if len(patterns) != len(groups):
+        raise InvalidInput(f"{len(patterns)} keyframes need as many groups, got {len(groups)}")
+    values, fixed = np.zeros((2, len(patterns), len(feature_set)), dtype=np.bool_)
+    for k, (pattern, group) in enumerate(zip(patterns, groups, strict=True)):
+        members = np.flatnonzero(group_members(group, feature_set))
+        if len(pattern) > len(members) or not set(pattern) <= _SIGNS.keys():
+            raise InvalidInput(
+                f"keyframe {k + 1}: a pattern of group {group!r} needs at most {len(members)} "
+                f"signs 0, 1 or *, got {pattern!r}"
+            )
+        for i, sign in zip(members, pattern, strict=False):
+            values[k, i], fixed[k, i] = _SIGNS[sign]
+    return _query(values, fixed, gaps_of(distances, stiffness), feature_set, positions)
+
 
 def parse_query(
     text: str, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = SEQUENCE_HZ
@@ -63,8 +164,8 @@ def parse_query(
 
     Parameters
     ----------
-    text : lines as above
-    vocabulary : what the relations are called
+    text : lines as in the module's description
+    vocabulary : names of the features
     rate_hz : frames per second
 
     Raises
@@ -93,20 +194,14 @@ def parse_query(
         raise InvalidInput("the last line must be a keyframe, got a gap with nothing after it")
     columns = [position for position in positions if position is not None]
     if columns and len(columns) != len(keyframes):
-        raise InvalidInput("either all keyframes tell their position ('at 0.5 s: ...') or none")
+        raise InvalidInput("either all keyframes give their position ('at 0.5 s: ...') or none")
     return from_features(keyframes, gaps, vocabulary=vocabulary, positions=columns or None)
 
 
 def format_query(
     query: KeyframeQuery, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = SEQUENCE_HZ
 ) -> str:
-    """Text of a query, which `parse_query` reads back to the same query.
-
-    Raises
-    ------
-    InvalidInput
-        If the query is over other features than the vocabulary.
-    """
+    """Text of a query over this vocabulary; `parse_query` reads it back to the same query."""
     check_features(query, vocabulary.name, vocabulary.ids)
     n_features = len(vocabulary.ids)
     fixed, values = unpack(query.fixed, n_features), unpack(query.values, n_features)
@@ -152,19 +247,13 @@ def format_queries(
     vocabulary: Vocabulary = FULL_BODY,
     rate_hz: float = SEQUENCE_HZ,
 ) -> str:
-    """Text of queries, which `parse_queries` reads back to the same queries.
-
-    Raises
-    ------
-    InvalidInput
-        If a query is over other features than the vocabulary.
-    """
+    """Text of queries over this vocabulary; `parse_queries` reads it back to the same."""
     texts = [format_query(query, vocabulary=vocabulary, rate_hz=rate_hz) for query in queries]
     return f"{_OR}\n".join(texts)
 
 
 def _lines(text: str) -> list[tuple[int, str]]:
-    """Lines that say something, with their numbers; spaces and case evened out."""
+    """Lines that are not empty, with their numbers; spaces evened out."""
     plain = [" ".join(line.split("#")[0].split()) for line in text.splitlines()]
     numbered = [(n, part) for n, line in enumerate(plain, start=1) for part in _at_gaps(line)]
     return [(number, part) for number, part in numbered if part]
@@ -268,3 +357,29 @@ def _format_seconds(frames: int, rate_hz: float) -> str:
     # At most a twentieth of a frame beside the frame, as `gap_of_seconds` expects.
     digits = max(math.ceil(math.log10(10 * rate_hz)), 1)
     return f"{frames / rate_hz:.{digits}f}".rstrip("0").rstrip(".")
+
+
+def _query(
+    values: NDArray[np.bool_],
+    fixed: NDArray[np.bool_],
+    gaps: Sequence[Gap],
+    vocabulary: Vocabulary,
+    positions: Sequence[int] | None,
+) -> KeyframeQuery:
+    columns = None if positions is None else tuple(positions)
+    return KeyframeQuery(
+        pack(values), pack(fixed), tuple(gaps), vocabulary.name, vocabulary.ids, columns
+    )
+
+
+def find_feature(name: str, vocabulary: Vocabulary) -> int:
+    """Number of a feature by its id or name, in any case; an unknown name is refused."""
+    wanted = " ".join(name.split()).casefold()
+    for known in (vocabulary.ids, vocabulary.names):
+        folded = [one.casefold() for one in known]
+        if wanted in folded:
+            return folded.index(wanted)
+    all_names = [*vocabulary.names, *vocabulary.ids]
+    near = difflib.get_close_matches(wanted, all_names, n=1, cutoff=0.5)
+    hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(all_names)}"
+    raise InvalidInput(f"no feature {name!r} in {vocabulary.name!r}{hint}")

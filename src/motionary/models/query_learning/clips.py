@@ -29,11 +29,11 @@ class Clips:
     """
 
     def __init__(self, index: PostingIndex) -> None:
-        self.n_clips = index.n_documents
+        self.n_clips = index.n_sequences
         self._index = index
         self._planes = [int.from_bytes(row.tobytes(), "little") for row in index.planes]
         self._n_bytes = index.planes.shape[1] * 8
-        self._clip_of_byte = index.documents.of_byte
+        self._clip_of_byte = index.layout.of_byte
         self._longest = int(index.lengths.max())
         self._shown: dict[tuple[int, int], int] = {}
         self._inside: dict[int, int] = {}
@@ -93,11 +93,11 @@ class Clips:
         """Frames whose clip goes on for at least `step` frames."""
         bitmap = self._inside.get(step)
         if bitmap is None:
-            documents = self._index.documents
+            layout = self._index.layout
             marks = np.zeros(self._n_bytes * 8 + 1, dtype=np.int8)
             long_enough = self._index.lengths > step
-            marks[documents.starts[long_enough]] += 1
-            marks[documents.stops[long_enough] - step] -= 1
+            marks[layout.starts[long_enough]] += 1
+            marks[layout.stops[long_enough] - step] -= 1
             packed = np.packbits(np.cumsum(marks[:-1], dtype=np.int8), bitorder="little")
             bitmap = int.from_bytes(packed.tobytes(), "little")
             self._inside[step] = bitmap

@@ -166,9 +166,9 @@ class LearnedQueries:
 
     def documents(self, index: PostingIndex) -> NDArray[np.int64]:
         """Documents in which enough queries have a hit, ascending."""
-        hits = np.zeros(index.n_documents, dtype=np.int64)
+        hits = np.zeros(index.n_sequences, dtype=np.int64)
         for query in self.queries:
-            hits[search_query(query, index).hit_documents] += 1
+            hits[search_query(query, index).hit_sequences] += 1
         return np.flatnonzero(hits >= self.votes)
 
 

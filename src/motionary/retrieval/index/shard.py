@@ -116,7 +116,7 @@ class Shard:
         starts = np.cumsum(lengths + PADDING) - lengths - PADDING
         n_positions = int(starts[-1] + lengths[-1])
         inside = _inside(starts, lengths)
-        begins = self.starts[ranges.documents] + ranges.starts
+        begins = self.starts[ranges.sequences] + ranges.starts
         source = _inside(begins, lengths)
         packed = np.zeros((n_positions, self.packed.shape[1]), dtype=np.uint64)
         packed[inside] = self.packed[source]

@@ -112,12 +112,12 @@ def _find(query: KeyframeQuery, number: int, part: Part) -> _Piece | None:
         return None
     if len(query) == 1:
         runs = np.column_stack([ranges.starts, ranges.stops - 1])
-        return _Piece(number, runs, np.zeros(len(runs)), part.numbers[ranges.documents])
+        return _Piece(number, runs, np.zeros(len(runs)), part.numbers[ranges.sequences])
     windows = part.shard.cut(ranges)
     fitted = fit_hits(query, windows)
     at = np.searchsorted(windows.starts, fitted.frames[:, 0], side="right") - 1
     frames = fitted.frames + (ranges.starts - windows.starts)[at, np.newaxis]
-    return _Piece(number, frames, fitted.gap_costs, part.numbers[ranges.documents[at]])
+    return _Piece(number, frames, fitted.gap_costs, part.numbers[ranges.sequences[at]])
 
 
 def _apart(

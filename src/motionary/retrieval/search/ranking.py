@@ -162,7 +162,7 @@ def match(item: Sought, collection: Collection) -> Matches:
         if len(ranges):
             corpus = part.shard.cut(ranges)
             distance = corpus_distance(item.pattern, corpus)
-            matched[number] = Matched(part, corpus, ranges.documents, ranges.starts, distance)
+            matched[number] = Matched(part, corpus, ranges.sequences, ranges.starts, distance)
     return matched
 
 

@@ -1,8 +1,6 @@
-"""How does the published algorithm find keyframes?
+"""Algorithm 1 of Baak, Müller and Seidel (2008) on inverted lists, as printed.
 
-Algorithm 1 of Baak, Müller and Seidel (2008) on inverted lists, line by line and in its
-letters. `search` is what one uses; this is what it is held against, and the place to read
-how the method works.
+Line by line and in its letters; the place to read how the method works.
 
 Two things differ from the print: after the end of a list the intersection is empty (line
 11 reads past it), and a query of one keyframe returns its segments.
@@ -11,13 +9,9 @@ Conventions: segments [s : t] include both ends; frames and pointers count from 
 """
 
 import math
-from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-
-from motionary.models.keyframes.query import Gap, KeyframeQuery
-from motionary.packing import PackedFeatures
 
 
 class Segment(NamedTuple):
@@ -26,7 +20,7 @@ class Segment(NamedTuple):
     s: int
     t: float
 
-    def __and__(self, other: "Segment") -> "Segment | None":
+    def __and__(self, other):
         """The intersection, eq. (7); None where it is empty."""
         if self.t < other.s or other.t < self.s:
             return None
@@ -46,59 +40,55 @@ class Match(NamedTuple):
     hit_range: Segment
 
 
-def inverted_lists(
-    packed: PackedFeatures, known: PackedFeatures | None = None
-) -> dict[bytes, list[int]]:
-    """L(v): the frames of one document that show each word, in ascending order.
+def inverted_lists(packed, known=None):
+    """L(v): the frames of one document that show each vector of features, in ascending order.
 
-    Words of which different relations are known are different words; the key holds both.
+    packed, known: arrays (frames, integers), uint64. Vectors of which different features are
+    known are different vectors; the key holds both.
     """
     masks = np.full_like(packed, ~np.uint64(0)) if known is None else known
-    index: dict[bytes, list[int]] = {}
+    index = {}
     for n, row in enumerate(np.concatenate([packed, masks], axis=1)):
         index.setdefault(row.tobytes(), []).append(n)
     return index
 
 
-def keyframe_lists(query: KeyframeQuery, index: dict[bytes, list[int]]) -> list[list[Segment]]:
-    """Λ_1 to Λ_K, eqs (3) and (4): frames that show each keyframe, as maximal runs."""
+def keyframe_lists(values, fixed, index):
+    """Λ_1 to Λ_K, eqs (3) and (4): frames that show each keyframe, as maximal runs.
+
+    values, fixed: arrays (K, integers), uint64; index: of `inverted_lists`.
+    """
     lists = []
-    for value, fixed in zip(query.values, query.fixed, strict=True):
-        frames: list[int] = []
+    for v, mask in zip(values, fixed, strict=True):
+        frames = []
         for key, L in index.items():
-            word, known = np.frombuffer(key, dtype=np.uint64).reshape(2, -1)
-            # The index holds the words that occur; those in V_k agree in what is fixed.
-            if not (((word ^ value) | ~known) & fixed).any():
+            vector, known = np.frombuffer(key, dtype=np.uint64).reshape(2, -1)
+            # The index holds the vectors that occur; those in V_k agree in what is fixed.
+            if not (((vector ^ v) | ~known) & mask).any():
                 frames += L
         lists.append(_runs(sorted(frames)))
     return lists
 
 
-def keyframe_based_search(
-    lists: Sequence[Sequence[Segment]], gaps: Sequence[Gap]
-) -> tuple[list[Segment], list[Match]]:
-    """Procedure KEYFRAMEBASEDSEARCH.
+def keyframe_based_search(lists, gaps):
+    """Procedure KEYFRAMEBASEDSEARCH: hit ranges and matches.
 
-    Parameters
-    ----------
-    lists : Λ_1 to Λ_K of one document
-    gaps : bounds between neighbouring keyframes, that is μ_1 to μ_(K-1)
+    lists: Λ_1 to Λ_K of one document; gaps: pairs (least, most) between neighbouring
+    keyframes, that is μ_1 to μ_(K-1), most None = no bound.
 
-    Returns
-    -------
-    hit_ranges : union of the hit ranges of all matches, as maximal segments
-    matches : those that the algorithm visits; it leaves out irrelevant ones, whose ranges
-        add nothing to the union
+    The hit ranges are the union of those of all matches, as maximal segments. The matches
+    are those that the algorithm visits; it leaves out irrelevant ones, whose ranges add
+    nothing to the union.
     """
     K = len(lists)
     p = [0] * K
-    matches: list[Match] = []
-    intersections: list[Segment] = [Segment(0, 0)] * K
+    matches = []
+    intersections = [Segment(0, 0)] * K
 
-    def current(k: int, admissible: Segment) -> Segment | None:
+    def current(k, admissible):
         return lists[k][p[k]] & admissible if p[k] < len(lists[k]) else None
 
-    def recursive_search(k: int, admissible: Segment) -> None:
+    def recursive_search(k, admissible):
         while p[k] < len(lists[k]) and lists[k][p[k]].t < admissible.s:
             p[k] += 1
         pointer_incremented = False
@@ -124,14 +114,15 @@ def keyframe_based_search(
     return union(match.hit_range for match in matches), matches
 
 
-def mu(segment: Segment, gap: Gap) -> Segment:
+def mu(segment, gap):
     """μ_k, eq. (9): where the next keyframe may lie when this one lies in the segment."""
-    return Segment(segment.s + gap.least, math.inf if gap.most is None else segment.t + gap.most)
+    least, most = gap
+    return Segment(segment.s + least, math.inf if most is None else segment.t + most)
 
 
-def union(segments: Iterable[Segment]) -> list[Segment]:
+def union(segments):
     """The frames of all segments, as maximal runs."""
-    merged: list[Segment] = []
+    merged = []
     for s, t in sorted(segments):
         if merged and s <= merged[-1].t + 1:
             merged[-1] = Segment(merged[-1].s, max(merged[-1].t, t))
@@ -140,14 +131,14 @@ def union(segments: Iterable[Segment]) -> list[Segment]:
     return merged
 
 
-def _hit_range(intersections: Sequence[Segment], gaps: Sequence[Gap]) -> Segment:
+def _hit_range(intersections, gaps):
     """R(M): the last intersection ends it; its beginning follows by going back."""
     back = intersections[-1]
-    for segment, gap in zip(reversed(intersections[:-1]), reversed(gaps), strict=True):
-        earliest = -1 if gap.most is None else back.s - gap.most
-        back = Segment(max(segment.s, earliest), min(segment.t, back.t - gap.least))
+    for segment, (least, most) in zip(reversed(intersections[:-1]), reversed(gaps), strict=True):
+        earliest = -1 if most is None else back.s - most
+        back = Segment(max(segment.s, earliest), min(segment.t, back.t - least))
     return Segment(back.s, intersections[-1].t)
 
 
-def _runs(frames: Sequence[int]) -> list[Segment]:
+def _runs(frames):
     return union(Segment(n, n) for n in frames)
