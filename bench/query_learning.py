@@ -19,8 +19,8 @@ from motionary.models.query_learning import (
     clip_evaluator,
     learn_runs,
     state_problem,
+    to_query,
 )
-from motionary.models.query_learning.individuals import to_query
 from timing import compare, print_ratios
 
 FRAMES = 42_586

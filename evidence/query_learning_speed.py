@@ -29,7 +29,7 @@ from evidence.query_learning_tasks import manual_queries, split
 from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence
 from motionary.models.keyframes import KeyframeQuery, choose_query, select_in_sequence
 from motionary.models.library import ClassLibrary, TrainingOptions, learn_classes, learn_queries
-from motionary.models.query_learning.fitness import weighted_f
+from motionary.models.query_learning import weighted_f
 from motionary.retrieval.annotation import annotate, class_distance
 
 SEED = 0

@@ -30,8 +30,8 @@ from motionary.models.query_learning import (
     Problem,
     learn_runs,
     state_problem,
+    weighted_f,
 )
-from motionary.models.query_learning.fitness import weighted_f
 from motionary.models.templates import MotionTemplate, pattern_of, quantise
 
 #: Thresholds at which recall that is lost, and precision, are told.

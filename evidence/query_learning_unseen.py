@@ -27,8 +27,8 @@ from motionary.models.query_learning import (
     combine_runs,
     default_votes,
     learn_runs,
+    to_query,
 )
-from motionary.models.query_learning.individuals import to_query
 
 #: Runs of the evolution as published, and of random search, for each class and actor.
 PUBLISHED_RUNS = 5

@@ -1,4 +1,4 @@
-"""Breeding of keyframe queries, by definition."""
+"""The genetic algorithm for keyframe queries, by definition."""
 
 import itertools
 from fractions import Fraction
@@ -7,7 +7,7 @@ from fractions import Fraction
 def holds_a_hit(keyframes, gaps, packed, known):
     """Whether any choice of one frame per keyframe is a hit in one clip.
 
-    keyframes: pairs (value, fixed) of 0/1 per relation; gaps: pairs (least, most);
+    keyframes: pairs (value, fixed) of 0/1 per feature; gaps: pairs (least, most);
     words, known: one row of 0/1 per frame.
     """
     for frames in itertools.product(range(len(packed)), repeat=len(keyframes)):
@@ -22,7 +22,7 @@ def holds_a_hit(keyframes, gaps, packed, known):
 
 
 def shows(value, fixed, word, known):
-    """Whether a frame shows a keyframe, relation by relation."""
+    """Whether a frame shows a keyframe, feature by feature."""
     return all(k and v == w for v, f, w, k in zip(value, fixed, word, known, strict=True) if f)
 
 

@@ -1,4 +1,4 @@
-"""Breeding keyframe queries: what is bred, how it is judged, who breeds."""
+"""The genetic algorithm: individuals, their fitness, generations."""
 
 import numpy as np
 import pytest
@@ -7,20 +7,19 @@ from hypothesis import strategies as st
 
 from motionary.errors import InvalidInput
 from motionary.models.keyframes import index_packed
-from motionary.models.query_learning import Augmentation, GeneticSettings, Individual
-from motionary.models.query_learning.clips import Clips
-from motionary.models.query_learning.copies import vary
-from motionary.models.query_learning.evolution import (
+from motionary.models.query_learning import Augmentation, GeneticSettings, Individual, to_query
+from motionary.models.query_learning.fitness import Clips, Evaluator, augment, fitness_of
+from motionary.models.query_learning.generations import (
     PUBLISHED,
-    Judge,
-    evolve,
     gaps_alone,
     genetic,
     random_creation,
+    run_generations,
+    sample_universally,
+    simplify,
+    without_free_keyframes,
 )
-from motionary.models.query_learning.fitness import fitness_of
-from motionary.models.query_learning.individuals import to_query
-from motionary.models.query_learning.operators import (
+from motionary.models.query_learning.individuals import (
     GenePool,
     add_keyframe,
     generalise,
@@ -31,8 +30,6 @@ from motionary.models.query_learning.operators import (
     shift_gap,
     specialise,
 )
-from motionary.models.query_learning.selection import sample_universally
-from motionary.models.query_learning.simplifying import simplify, without_free_keyframes
 from motionary.packing import pack
 from oracles import query_learning as oracle
 
@@ -134,7 +131,7 @@ def test_a_recombination_keeps_the_order_and_takes_from_both(seed):
 def test_retrieved_clips_are_those_with_a_hit(seed):
     rng = np.random.default_rng(seed)
     clips, known = random_clips(rng)
-    judge = Clips(index_of(clips, known))
+    evaluator = Clips(index_of(clips, known))
     pool = random_pool(rng, n_columns=4)
     one = initialise(pool, rng)
     for _ in range(4):
@@ -146,7 +143,7 @@ def test_retrieved_clips_are_those_with_a_hit(seed):
         expected = [
             oracle.holds_a_hit(keyframes, gaps, c, k) for c, k in zip(clips, known, strict=True)
         ]
-        assert judge.retrieved(one).tolist() == expected
+        assert evaluator.retrieved(one).tolist() == expected
 
 
 @given(seeds)
@@ -200,7 +197,7 @@ def test_sampling_chooses_as_often_as_expected():
 
 
 def planted(rng):
-    """Positives that show relation 0, then 1; negatives in the other order."""
+    """Positives that show feature 0, then 1; negatives in the other order."""
 
     def clip(first, second):
         bits = rng.random((12, N_FEATURES)) < 0.3
@@ -211,36 +208,40 @@ def planted(rng):
     positives, negatives = [clip(0, 1) for _ in range(6)], [clip(1, 0) for _ in range(6)]
     known = [np.ones_like(c) for c in positives + negatives]
     clips = Clips(index_of(positives + negatives, known))
-    judge = Judge(clips, fitness_of(np.zeros(6, dtype=np.intp), beta=2.0))
+    evaluator = Evaluator(clips, fitness_of(np.zeros(6, dtype=np.intp), beta=2.0))
     pool = GenePool(*((0, 0, 1, 1, 0, 0, 0, 0, 2, 2, 0, 0),) , (3,) * 12,
                     (0, 0, 1, 1, 0, 0, 0, 0, 2, 2, 0, 0), N_FEATURES)  # fmt: skip
-    return pool, judge
+    return pool, evaluator
 
 
-@pytest.mark.parametrize("ways", [genetic, random_creation])
-def test_a_planted_order_is_found(ways):
-    pool, judge = planted(np.random.default_rng(3))
+@pytest.mark.parametrize("reproduction", [genetic, random_creation])
+def test_a_planted_order_is_found(reproduction):
+    pool, evaluator = planted(np.random.default_rng(3))
     settings = GeneticSettings(population=10, generations=10)
-    run = evolve(ways(pool), judge, settings=settings, rng=np.random.default_rng(0))
+    run = run_generations(
+        reproduction(pool), evaluator, settings=settings, rng=np.random.default_rng(0)
+    )
     assert run.score.fitness == 1.0
     assert run.history.shape == (10, 3, 2)
     assert len(run.verified) == 0
 
 
 def test_survivors_never_get_worse():
-    pool, judge = planted(np.random.default_rng(3))
-    run = evolve(genetic(pool), judge, settings=PUBLISHED, rng=np.random.default_rng(1),
-                 verification=judge)  # fmt: skip
+    pool, evaluator = planted(np.random.default_rng(3))
+    rng = np.random.default_rng(1)
+    run = run_generations(
+        genetic(pool), evaluator, settings=PUBLISHED, rng=rng, verification=evaluator
+    )
     assert (np.diff(run.history[:, 0, 0]) >= -1e-12).all()
     assert np.array_equal(run.history, run.verified)
 
 
 def test_a_simplified_query_is_as_fit_and_asks_for_less():
-    pool, judge = planted(np.random.default_rng(3))
+    pool, evaluator = planted(np.random.default_rng(3))
     rng = np.random.default_rng(2)
-    best = evolve(genetic(pool), judge, settings=PUBLISHED, rng=rng).best
-    simple = simplify(best, judge, rng)
-    assert judge(simple).fitness >= judge(best).fitness
+    best = run_generations(genetic(pool), evaluator, settings=PUBLISHED, rng=rng).best
+    simple = simplify(best, evaluator, rng)
+    assert evaluator(simple).fitness >= evaluator(best).fitness
     assert simple.n_fixed < best.n_fixed
     assert simple.slack >= best.slack
     assert all(simple.fixed[1:-1])
@@ -262,22 +263,22 @@ def test_keyframes_that_ask_for_nothing_are_not_missed(seed):
 
 
 def test_gaps_alone_leave_keyframes_as_they_are():
-    _, judge = planted(np.random.default_rng(3))
+    _, evaluator = planted(np.random.default_rng(3))
     start = Individual((2, 8), (1, 2), (3, 3), (6,), (6,))
-    ways = gaps_alone(lambda _: start)
-    run = evolve(ways, judge, settings=PUBLISHED, rng=np.random.default_rng(0))
+    reproduction = gaps_alone(lambda _: start)
+    run = run_generations(reproduction, evaluator, settings=PUBLISHED, rng=np.random.default_rng(0))
     assert run.best[:3] == start[:3]
     assert run.score.fitness == 1.0
 
 
-def test_copies_keep_what_they_do_not_vary():
+def test_copies_keep_what_they_do_not_augment():
     rng = np.random.default_rng(0)
     bits = rng.random((20, N_FEATURES)) < 0.5
-    same, known = vary(bits, ~bits, Augmentation(copies=1, shift=0, tempo=1.0), rng)
+    same, known = augment(bits, ~bits, Augmentation(copies=1, shift=0, tempo=1.0), rng)
     assert np.array_equal(same, bits)
     assert np.array_equal(known, ~bits)
     for _ in range(20):
-        copy, _ = vary(bits, bits, Augmentation(copies=1, shift=2, tempo=2.0), rng)
+        copy, _ = augment(bits, bits, Augmentation(copies=1, shift=2, tempo=2.0), rng)
         assert 10 <= len(copy) <= 40
 
 
@@ -292,7 +293,7 @@ def test_copies_keep_what_they_do_not_vary():
         (dict(across="median"), "across"),
     ],
 )
-def test_impossible_breeding(settings, message):
+def test_impossible_settings(settings, message):
     with pytest.raises(InvalidInput, match=message):
         GeneticSettings(**settings)
 

@@ -1,4 +1,4 @@
-"""Many runs of the evolution: what is learned, in whatever order, and what is refused."""
+"""Many runs of the genetic algorithm: what is learned, in whatever order, and what is refused."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,15 +22,14 @@ from motionary.models.query_learning import (
     learn_runs,
     state_problem,
 )
-from motionary.models.query_learning.accumulation import frequent_keyframes
-from motionary.models.query_learning.operators import GenePool
+from motionary.models.query_learning.individuals import GenePool, frequent_keyframes
 from motionary.packing import full_mask, pack
 
 QUICK = GeneticSettings(population=30, parents=5, generations=40)
 
 
 def clip(order, seed, length=24) -> FeatureSequence:
-    """A clip in which two relations hold one after the other; noise in some others."""
+    """A clip in which two features hold one after the other; noise in some others."""
     rng = np.random.default_rng(seed)
     bits = np.zeros((length, len(FULL_BODY)), dtype=np.bool_)
     bits[:, 30:] = rng.random((length, len(FULL_BODY) - 30)) < 0.2
@@ -68,9 +67,9 @@ def same(runs, others):
     )
 
 
-def test_the_order_of_two_relations_is_learned(learned):
+def test_the_order_of_two_features_is_learned(learned):
     unseen = [clip((3, 7), 50), clip((3, 7), 51, length=30), clip((7, 3), 52), clip((7, 3), 53)]
-    assert learned.documents(index_of(unseen)).tolist() == [0, 1]
+    assert learned.sequences(index_of(unseen)).tolist() == [0, 1]
     found = learned.search(index_of(unseen))
     assert set(found.sequences.tolist()) == {0, 1}
     for query in learned.queries:
@@ -160,9 +159,9 @@ def test_votes_that_are_impossible(learned):
 def test_fewer_votes_find_more(learned, positives, negatives):
     index = index_of([*positives, *negatives])
     found = [replace(learned, votes=votes) for votes in range(1, 7)]
-    n_documents = [len(one.documents(index)) for one in found]
+    n_sequences = [len(one.sequences(index)) for one in found]
     n_frames = [one.search(index).n_frames for one in found]
-    assert n_documents == sorted(n_documents, reverse=True)
+    assert n_sequences == sorted(n_sequences, reverse=True)
     assert n_frames == sorted(n_frames, reverse=True)
 
 
@@ -187,7 +186,7 @@ def test_positives_with_nothing_in_common_are_refused(negatives):
     bits = np.zeros((9, len(FULL_BODY)), dtype=np.bool_)
     known = full_mask(9, len(FULL_BODY))
     opposite = [FeatureSequence(pack(b), known, FULL_BODY) for b in (bits, ~bits)]
-    with pytest.raises(InvalidInput, match="no relation in common"):
+    with pytest.raises(InvalidInput, match="no feature in common"):
         learn_query(opposite, negatives)
 
 
@@ -215,6 +214,6 @@ def test_squats_of_people_never_seen(data: Path):
     for query, run in zip(learned.queries, learned.runs, strict=True):
         hit = search_query(query, index_of(negatives)).hit_sequences
         assert len(hit) == 0 or run.score.precision < 1.0
-    found = learned.documents(index)
+    found = learned.sequences(index)
     assert np.mean(found < len(squats)) >= 0.7
     assert np.mean(np.isin(np.arange(len(squats)), found)) >= 0.7

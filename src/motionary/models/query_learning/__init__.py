@@ -1,12 +1,16 @@
-"""Keyframe queries that are learned from examples and counter-examples.
+"""Keyframe queries learned from examples and counter-examples by a genetic algorithm.
 
 After Baak (2012), chapter 4.
 """
 
-from motionary.models.query_learning.accumulation import Accumulation, accumulate
-from motionary.models.query_learning.copies import Augmentation
-from motionary.models.query_learning.evolution import PUBLISHED, GeneticSettings, RunResult
-from motionary.models.query_learning.individuals import Individual
+from motionary.models.query_learning.fitness import Augmentation, Evaluator, weighted_f
+from motionary.models.query_learning.generations import PUBLISHED, GeneticSettings, RunResult
+from motionary.models.query_learning.individuals import (
+    Accumulation,
+    Individual,
+    accumulate,
+    to_query,
+)
 from motionary.models.query_learning.learning import (
     RUNS,
     LearnedQueries,
@@ -25,6 +29,7 @@ __all__ = [
     "RUNS",
     "Accumulation",
     "Augmentation",
+    "Evaluator",
     "GeneticSettings",
     "Individual",
     "LearnedQueries",
@@ -38,4 +43,6 @@ __all__ = [
     "learn_query",
     "learn_runs",
     "state_problem",
+    "to_query",
+    "weighted_f",
 ]

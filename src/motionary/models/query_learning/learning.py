@@ -1,6 +1,6 @@
-"""How are the queries of a class learned?
+"""Queries of a class, learned by the genetic algorithm from examples and counter-examples.
 
-Many runs of the evolution, each from a seed of its own, so that any of them can be
+Many runs of the algorithm, each from a seed of its own, so that any of them can be
 computed alone: in whatever process, before or after a break. Their queries vote; the
 keyframes on which they agree make one query besides.
 """
@@ -24,31 +24,30 @@ from motionary.models.keyframes import (
     search_query,
     select_in_index,
 )
-from motionary.models.query_learning.accumulation import (
-    Accumulation,
-    accumulate,
-    frequent_keyframes,
-)
-from motionary.models.query_learning.clips import Clips
-from motionary.models.query_learning.copies import vary_clip
-from motionary.models.query_learning.evolution import (
+from motionary.models.query_learning.fitness import Clips, Evaluator, augment_clip, fitness_of
+from motionary.models.query_learning.generations import (
     GeneticSettings,
-    Judge,
     RunResult,
-    evolve,
     gaps_alone,
     genetic,
     random_creation,
+    run_generations,
+    simplify,
 )
-from motionary.models.query_learning.fitness import fitness_of
-from motionary.models.query_learning.individuals import to_query
-from motionary.models.query_learning.operators import GenePool, assemble, gene_pool
-from motionary.models.query_learning.simplifying import simplify
+from motionary.models.query_learning.individuals import (
+    Accumulation,
+    GenePool,
+    accumulate,
+    assemble,
+    frequent_keyframes,
+    gene_pool,
+    to_query,
+)
 from motionary.models.templates import MotionTemplate, learn_template, quantise
 
 #: Runs, and so queries that vote.
 RUNS = 5
-#: Share of the queries that must agree.
+#: Fraction of the queries that must agree.
 AGREEMENT = 0.6
 #: Turns of each process, so that none waits long for another, and progress is seen.
 _TURNS = 4
@@ -58,14 +57,14 @@ _GAPS = 1 << 31
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Examples that a query is to tell apart, and how it is sought.
+    """Examples that a query is to tell apart, and the settings of the search.
 
     Attributes
     ----------
     positives, negatives : clips that show the class, and that do not
     groups : array, shape (positives,): number of the group of each, such as its actor
     pool : columns of the strict template of the positives
-    breeding : settings
+    settings : of the genetic algorithm
     seed : of all runs
     """
 
@@ -78,27 +77,27 @@ class Problem:
 
     @property
     def feature_set(self) -> FeatureSet:
-        """What the relations are."""
+        """The set of the features."""
         return self.positives[0].feature_set
 
     def rng(self, number: int) -> np.random.Generator:
         """Source of all chance in one run: child `number` of the seed."""
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,)))
 
-    def judge(self) -> Judge:
+    def evaluator(self) -> Evaluator:
         """Scores on the examples."""
         return clip_evaluator(
             self.positives, self.negatives, groups=self.groups, settings=self.settings
         )
 
-    def judge_varied(self, rng: np.random.Generator) -> Judge:
+    def augmented_evaluator(self, rng: np.random.Generator) -> Evaluator:
         """Scores on the examples and varied copies of them."""
         augmentation = self.settings.augmentation
         positives, negatives = [*self.positives], [*self.negatives]
         for _ in range(augmentation.copies):
-            positives += [vary_clip(clip, augmentation, rng) for clip in self.positives]
+            positives += [augment_clip(clip, augmentation, rng) for clip in self.positives]
         for _ in range(augmentation.negative_copies):
-            negatives += [vary_clip(clip, augmentation, rng) for clip in self.negatives]
+            negatives += [augment_clip(clip, augmentation, rng) for clip in self.negatives]
         groups = np.tile(self.groups, augmentation.copies + 1)
         return clip_evaluator(positives, negatives, groups=groups, settings=self.settings)
 
@@ -109,7 +108,7 @@ def clip_evaluator(
     *,
     settings: GeneticSettings,
     groups: NDArray[np.intp] | None = None,
-) -> Judge:
+) -> Evaluator:
     """Scores on clips; without groups all positives are one."""
     if groups is None:
         groups = np.zeros(len(positives), dtype=np.intp)
@@ -122,16 +121,16 @@ def clip_evaluator(
         feature_set=feature_set.name,
         feature_ids=feature_set.ids,
     )
-    return Judge(Clips(index), fitness_of(groups, beta=settings.beta, across=settings.across))
+    return Evaluator(Clips(index), fitness_of(groups, beta=settings.beta, across=settings.across))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedQueries:
-    """What many runs found.
+    """Results of many runs, whose queries vote.
 
     Attributes
     ----------
-    problem : what they sought
+    problem : examples and settings
     runs : result of each, by number
     votes : queries that must agree
     """
@@ -155,17 +154,17 @@ class LearnedQueries:
         return accumulate([run.best for run in self.runs], self.problem.pool)
 
     def search(self, index: PostingIndex) -> HitRanges:
-        """Frames to look at for the class: ranges of hits with what the template has around them.
+        """Windows in which the class may lie: hits with what the template has around them.
 
         Parameters
         ----------
-        index : of documents, over the features of the examples
+        index : of sequences, over the features of the examples
         """
         n_columns = len(self.problem.pool)
         return select_in_index(self.queries, n_columns, index, votes=self.votes)
 
-    def documents(self, index: PostingIndex) -> NDArray[np.int64]:
-        """Documents in which enough queries have a hit, ascending."""
+    def sequences(self, index: PostingIndex) -> NDArray[np.int64]:
+        """Sequences in which enough queries have a hit, ascending."""
         hits = np.zeros(index.n_sequences, dtype=np.int64)
         for query in self.queries:
             hits[search_query(query, index).hit_sequences] += 1
@@ -188,10 +187,10 @@ def learn_query(
     Parameters
     ----------
     positives, negatives : clips of the class, at least two, and of others
-    breeding : settings
+    settings : of the genetic algorithm; the default ones if left out
     groups : of each positive, such as its actor; for settings that look across groups
     seed : same seed, same result
-    runs : of the evolution; each gives a query
+    runs : of the genetic algorithm; each gives a query
     jobs : processes; the result does not depend on it
     on_done : called with the number of each run that is done
 
@@ -199,7 +198,7 @@ def learn_query(
     ------
     InvalidInput
         If there are too few examples, they do not fit together, or the positives have no
-        relation in common.
+        feature in common.
     """
     if runs < 1:
         raise InvalidInput(f"learning needs at least 1 run, got {runs}")
@@ -222,7 +221,7 @@ def continue_learning(
 
 
 def default_votes(n_queries: int) -> int:
-    """Queries that must agree unless told otherwise."""
+    """Queries that must agree by default."""
     return max(1, round(AGREEMENT * n_queries))
 
 
@@ -262,7 +261,7 @@ def learn_runs(
     *,
     jobs: int = 1,
     random_search: bool = False,
-    verification: Judge | None = None,
+    verification: Evaluator | None = None,
     on_done: Callable[[int], None] | None = None,
 ) -> Iterator[RunResult]:
     """Results of the runs of these numbers, in their order.
@@ -272,8 +271,8 @@ def learn_runs(
 
     Parameters
     ----------
-    random_search : random search with as many individuals in place of the evolution
-    verification : judge whose scores are to be recorded beside
+    random_search : random search with as many individuals in place of the genetic algorithm
+    verification : evaluator whose scores are to be recorded beside
     """
     run = partial(_runs, problem=problem, random_search=random_search, verification=verification)
     wanted = list(numbers)
@@ -284,12 +283,12 @@ def learn_runs(
 
 
 def combine_runs(learned: LearnedQueries) -> RunResult:
-    """One query of the keyframes that most runs agree on, its gaps bred by mutation alone."""
+    """One query of the keyframes that most runs agree on, its gaps by mutation alone."""
     problem = learned.problem
     keyframes = frequent_keyframes([run.best for run in learned.runs], problem.pool)
     rng = problem.rng(_GAPS)
-    ways = gaps_alone(partial(assemble, keyframes))
-    return evolve(ways, problem.judge(), settings=problem.settings, rng=rng)
+    reproduction = gaps_alone(partial(assemble, keyframes))
+    return run_generations(reproduction, problem.evaluator(), settings=problem.settings, rng=rng)
 
 
 def _in_order(
@@ -314,18 +313,21 @@ def _listed(
 
 
 def _runs(
-    numbers: Sequence[int], *, problem: Problem, random_search: bool, verification: Judge | None
+    numbers: Sequence[int], *, problem: Problem, random_search: bool, verification: Evaluator | None
 ) -> Iterator[RunResult]:
     """Runs one after the other; only bitmaps of clips pass from one to the next."""
-    shared = problem.judge()
-    ways = random_creation(problem.pool) if random_search else genetic(problem.pool)
+    shared = problem.evaluator()
+    reproduction = random_creation(problem.pool) if random_search else genetic(problem.pool)
     for number in numbers:
         rng = problem.rng(number)
-        judge = Judge(shared.clips, shared.fitness)
-        run = evolve(ways, judge, settings=problem.settings, rng=rng, verification=verification)
+        evaluator = Evaluator(shared.clips, shared.fitness)
+        run = run_generations(
+            reproduction, evaluator,
+            settings=problem.settings, rng=rng, verification=verification,
+        )  # fmt: skip
         if problem.settings.simplify:
-            best = simplify(run.best, problem.judge_varied(rng), rng)
-            run = run._replace(best=best, score=judge(best))
+            best = simplify(run.best, problem.augmented_evaluator(rng), rng)
+            run = run._replace(best=best, score=evaluator(best))
         yield run
 
 
@@ -344,8 +346,8 @@ def _strict_pool(template: MotionTemplate) -> GenePool:
     strict = quantise(template, tolerance=0.0)
     if strict.n_fixed == 0:
         raise InvalidInput(
-            "the positives have no relation in common at any moment, so that there is nothing "
-            "to breed from; split the class, or leave out examples that do not belong"
+            "the positives have no feature in common at any moment, so that no individual "
+            "can be made; split the class, or leave out examples that do not belong"
         )
     return gene_pool(template, strict)
 
