@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.features import FULL_BODY, compute_features
-from motionary.io import read
-from motionary.io.queries import read_query_collections
+from motionary.io import read, read_query_collections
 from motionary.models.keyframes import KeyframeQuery, from_patterns, index_packed, search_query
 from motionary.models.keyframes.posting_lists import EMPTY, Intervals, Layout, join
 from motionary.packing import PackedFeatures

@@ -16,7 +16,7 @@ from evidence.common.pages import claim, fraction, number, picture, table
 from evidence.common.queries import RETRIEVAL_2008, index_of, manual_records, query_of
 from evidence.common.recordings import BANDAI, CMU, HDM05, Clip, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
-from motionary.io.queries import QueryRecord
+from motionary.io import QueryRecord
 from motionary.models.keyframes import KeyframeQuery, PostingIndex, search_query, select_in_index
 from motionary.plots.style import BLUE, VERMILLION, house_style
 

@@ -13,7 +13,7 @@ from evidence.common.ranking import TOLERANCE_2006, corpus_of, template_of
 from evidence.common.recordings import Clip, Recordings
 from motionary.batch import Failure, map_ordered
 from motionary.features import FULL_BODY, FeatureSequence
-from motionary.io.queries import read_query_collections
+from motionary.io import read_query_collections
 from motionary.matching import Pattern, corpus_distance
 from motionary.models.keyframes import (
     HitRanges,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evidence.common.ranking import TOLERANCE_2006, corpus_of, templates_of
 from evidence.common.recordings import Clip, Recordings
 from motionary.features import FeatureSequence
-from motionary.io.queries import QueryRecord, read_query_collections
+from motionary.io import QueryRecord, read_query_collections
 from motionary.matching import Pattern, corpus_distance
 from motionary.models.keyframes import (
     ChoiceSettings,

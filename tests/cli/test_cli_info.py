@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cli_cases import run
-from motionary.io import read, read_labels, write, write_labels
-from motionary.io.tables import write_table
+from motionary.io import read, read_labels, write, write_labels, write_table
 from motionary.labels import Label, LabelTrack
 from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.plots import describe_facing, plot_recordings

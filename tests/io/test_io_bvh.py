@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io import find_recordings, read
-from motionary.io.formats.bvh import read_bvh
-from motionary.io.normalise.units import METRES
+from motionary.io.normalise.units_axes import METRES
 from motionary.motion import forward_kinematics
 from motionary.rotations import quaternions_to_matrices
 from oracles import kinematics as oracle
@@ -127,7 +126,7 @@ def test_joints_turn_and_move_as_the_channels_say(tmp_path_factory, n_joints, se
     rng = np.random.default_rng(seed)
     nodes = files.random_bvh(rng, n_joints)
     rows = random_rows(rng, nodes, 3)
-    motion = read_bvh(write(tmp_path_factory.mktemp("bvh"), nodes, rows), unit="m")
+    motion = read(write(tmp_path_factory.mktemp("bvh"), nodes, rows), unit="m")
     assert motion.names == tuple(name for name, *_ in nodes)
     assert motion.skeleton.parents.tolist() == [parent for _, parent, *_ in nodes]
     for frame, row in enumerate(rows):
@@ -163,14 +162,14 @@ def test_skeleton_and_rotations_give_the_positions_again(data):
 )
 def test_rounded_rates_become_whole(tmp_path, printed, rate_hz):
     path = write(tmp_path, STICK, np.zeros((3, 5)), frame_time=printed)
-    assert read_bvh(path).rate_hz == rate_hz
+    assert read(path).rate_hz == rate_hz
 
 
 @pytest.mark.parametrize("printed", ["0.0", "0", "-0.01", "nan", "inf", "soon", "1e-300", "1e999"])
 def test_no_rate_is_an_error_unless_it_is_given(tmp_path, printed):
     path = write(tmp_path, STICK, np.zeros((3, 5)), frame_time=printed)
     with pytest.raises(UnreadableFile, match=r"Frame Time.*--rate"):
-        read_bvh(path)
+        read(path)
     assert read(path, rate_hz=50).rate_hz == 50
     for wrong in (0, -1, float("nan")):
         with pytest.raises(InvalidInput, match="rate_hz"):
@@ -182,13 +181,13 @@ def test_position_channels_replace_the_offset(tmp_path):
         ("Root", -1, [7, 7, 7], ["Yposition"]),
         ("Joint", 0, [5, 5, 5], ["Zposition", "Xposition"]),
     ]
-    motion = read_bvh(write(tmp_path, nodes, [[1, 2, 3]] * 3), unit="m")
+    motion = read(write(tmp_path, nodes, [[1, 2, 3]] * 3), unit="m")
     np.testing.assert_array_equal(motion.positions[0], [[7, 1, 7], [10, 6, 9]])
 
 
 def test_end_sites_without_length_are_missing_joints(tmp_path):
     nodes = [*STICK, ("Head", 0, [0, 1, 0], ["Xrotation"]), ("End of Head", 3, [0, -0.0, 0], [])]
-    motion = read_bvh(write(tmp_path, nodes, np.zeros((3, 6))))
+    motion = read(write(tmp_path, nodes, np.zeros((3, 6))))
     assert motion.names == ("Hips", "Arm", "End of Arm", "Head")
     assert "1 End Sites without length count as missing joints" in motion.notes
 
@@ -199,7 +198,7 @@ def test_several_roots_and_names_that_occur_twice(tmp_path):
     ]
     rows = np.zeros((3, 10))
     rows[:, 5] = 4.0
-    motion = read_bvh(write(tmp_path, nodes, rows), unit="m")
+    motion = read(write(tmp_path, nodes, rows), unit="m")
     assert motion.names[3:] == ("Hips (2)", "Arm (2)", "End of Arm (2)")
     np.testing.assert_array_equal(motion.positions[0, 3:, 0], 4.0)
     assert any("twice" in note for note in motion.notes)
@@ -221,7 +220,7 @@ def test_looks_of_a_file_do_not_matter(tmp_path, small, change):
     }[change]
     other = tmp_path / "other.bvh"
     other.write_text(changed, encoding="utf-8", newline="")
-    a, b = read_bvh(path, unit=1), read_bvh(other, unit=1)
+    a, b = read(path, unit=1), read(other, unit=1)
     assert a.names == b.names
     np.testing.assert_array_equal(a.positions, b.positions)
 
@@ -341,12 +340,12 @@ def test_broken_files_are_refused_with_the_place(tmp_path, change, words):
     path = tmp_path / "b.bvh"
     path.write_text(change(text))
     with pytest.raises(UnreadableFile, match=words) as caught:
-        read_bvh(path)
+        read(path)
     assert "b.bvh" in str(caught.value)
 
 
 def test_more_frames_than_promised_are_read_and_said(tmp_path):
-    motion = read_bvh(write(tmp_path, STICK, np.zeros((3, 5)), n_frames=2))
+    motion = read(write(tmp_path, STICK, np.zeros((3, 5)), n_frames=2))
     assert motion.n_frames == 3
     assert any("promises 2 frames, all 3" in note for note in motion.notes)
 

@@ -7,7 +7,7 @@ import pytest
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import compute_features
 from motionary.io import read
-from motionary.io.formats.c3d import read_c3d, write_c3d
+from motionary.io.formats.c3d import write_c3d
 from motionary.motion import GENERIC_JOINTS, Event, Motion
 from motionary.skeletons import named_mapping
 from oracles.c3d_files import DEC, INTEL, MIPS, c3d_bytes
@@ -241,7 +241,7 @@ def test_hips_lie_below_the_markers_of_the_pelvis(tmp_path):
     places |= {"LBWT": (-80, -100, 1000), "RBWT": (80, -100, 1000)}
     mapping = named_mapping("hdm05_markers")
     path = put(tmp_path, np.array([list(places.values())] * 2, dtype=float), list(places))
-    motion = read_c3d(path, up="z")
+    motion = read(path, up="z")
     motion = Motion(motion.names, motion.positions, 100.0, mapping)
     generic = motion.generic_positions()[0]
     length = np.hypot(20, 200)

@@ -9,9 +9,7 @@ import pytest
 from cli_cases import write_bvh
 from motionary.batch import Failure
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.io import read
-from motionary.io.clips import cut_clips, plan_clips
-from motionary.io.cutting import can_cut, copy_skeleton, cut_file
+from motionary.io import ReadOptions, can_cut, copy_skeleton, cut_clips, cut_file, plan_clips, read
 from motionary.labels import Label, LabelTrack
 from motionary.samples import synthetic_motion
 
@@ -269,11 +267,13 @@ def test_labels_made_in_seconds_are_cut_at_the_rate_of_the_file(bvh, amc, tmp_pa
         LabelTrack("take.bvh", (Label("after", 98.0, 99.0),)),
     ]
     files = {"take.bvh": bvh, "body_walk.amc": amc}
-    *done, after = cut_clips(plan_clips(tracks, files, tmp_path / "out"), rate_hz=None)
+    *done, after = cut_clips(plan_clips(tracks, files, tmp_path / "out"))
     whole = read(bvh)
     assert np.array_equal(read(done[0].target).positions, whole.positions[3:15])
     assert np.array_equal(read(done[1].target).positions, whole.positions[30:])
     assert read(done[2].target).n_frames == 20
     assert "asked for is 98.00 to 99.00 s" in str(after.error)
-    (slow,) = cut_clips(plan_clips(tracks[1:2], files, tmp_path / "slow"), rate_hz=30.0)
+    (slow,) = cut_clips(
+        plan_clips(tracks[1:2], files, tmp_path / "slow"), options=ReadOptions(rate_hz=30.0)
+    )
     assert read(slow.target).n_frames == 6

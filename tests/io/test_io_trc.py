@@ -72,11 +72,11 @@ def test_rate_and_times_must_agree(tmp_path):
     [
         ("hello", "expected a TRC file"),
         (trc_text(n_frames=7), "promises 7 frames, the file ends after 3"),
-        (trc_text(["1\t0\t1\t2\tx\t4\t5\t6"]), "line 7: expected numbers"),
-        (trc_text(["1\t0\t1\t2\t3\t4\t5\t6\t7"]), "line 7: a frame has 8 cells, this one 9"),
+        (trc_text(["1\t0\t1\t2\tx\t4\t5\t6"]), "line 7: expected a number, got 'x'"),
+        (trc_text(["1\t0\t1\t2\t3\t4\t5\t6\t7"]), "line 7: a frame has 8 numbers, this one 9"),
         (trc_text([]), "holds no frames"),
         (trc_text(names="\t\t\t\t\t"), "names no markers|expected Frame#"),
-        (trc_text(["1\t0\t1\t2\tinf\t4\t5\t6"]), "line 7: expected finite numbers"),
+        (trc_text(["1\t0\t1\t2\tinf\t4\t5\t6"]), "line 7: expected a number, got 'inf'"),
     ],
 )
 def test_broken_files_say_where(tmp_path, text, words):
@@ -129,10 +129,10 @@ def test_joint_angles_say_what_to_export(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ("0\t1,2,3\n0.01\t1,2\n", "line 6: expected 4 numbers, got 3"),
+        ("0\t1,2,3\n0.01\t1,2\n", "line 6: a frame has 4 numbers, this one 3"),
         ("0\t1,2,3\n", "give no frame rate"),
         ("0\t1,2,3\n0.01\t1,2,3\n0.02\t1,2,3\n0.05\t1,2,3\n", "not evenly spaced"),
-        ("0\tx,2,3\n", "line 5: expected numbers"),
+        ("0\tx,2,3\n", "line 5: expected a number, got 'x'"),
     ],
 )
 def test_broken_tables_of_opensim(tmp_path, rows, words):

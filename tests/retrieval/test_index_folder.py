@@ -12,7 +12,8 @@ import pytest
 
 from cli_cases import write_bvh
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.features import FULL_BODY_2006, Reading
+from motionary.features import FULL_BODY_2006
+from motionary.io import ReadOptions
 from motionary.retrieval.index import CACHE_VARIABLE, Index, collect
 from motionary.retrieval.search import search
 from motionary.samples import synthetic_motion
@@ -188,7 +189,7 @@ def test_a_recording_that_broke_is_a_failure_and_no_longer_found(folder, place):
 
 def test_paths_are_not_written(folder, place):
     (folder / "broken.bvh").write_text("HIERARCHY")
-    update(folder, place, reading=Reading(asf=str(folder / "person.asf")))
+    update(folder, place, reading=ReadOptions(asf=str(folder / "person.asf")))
     assert str(folder) not in (place / "index.json").read_text("utf-8")
     assert "person.asf" in (place / "index.json").read_text("utf-8")
 
@@ -324,7 +325,7 @@ def test_the_cache_has_an_index_for_each_way_of_reading(folder, tmp_path, monkey
     indexes = [
         Index.open(folder),
         Index.open(folder, feature_set=FULL_BODY_2006),
-        Index.open(folder, reading=Reading(unit="cm")),
+        Index.open(folder, reading=ReadOptions(unit="cm")),
         Index.open(folder / "deep"),
     ]
     assert len({index.place for index in indexes}) == len(indexes)
@@ -348,7 +349,7 @@ def test_an_index_of_other_features_is_refused(folder, place):
 def test_an_index_read_otherwise_is_refused(folder, place):
     update(folder, place)
     with pytest.raises(InvalidInput, match="read with unit not told, now cm"):
-        Index.open(folder, at=place, reading=Reading(unit="cm"))
+        Index.open(folder, at=place, reading=ReadOptions(unit="cm"))
 
 
 def edit(place, **values):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from motionary import read, write
-from motionary.features import Reading, compute_features
-from motionary.io.skeleton_files import save_skeleton
+from motionary.features import compute_features
+from motionary.io import ReadOptions, save_skeleton
 from motionary.motion import Motion
 from motionary.retrieval.index import Index
 from motionary.samples import synthetic_motion
@@ -99,7 +99,7 @@ def test_an_index_counts_what_a_mapping_says_not_what_it_is_called(tmp_path):
     write(synthetic_motion("squat", seed=1), folder / "squat.bvh")
     table = tmp_path / "rig.toml"
     save_skeleton(read(folder / "squat.bvh"), table)
-    reading = Reading(skeleton=str(table))
+    reading = ReadOptions(skeleton=str(table))
     Index.open(folder, reading=reading).update()
     assert len(Index.open(folder, reading=reading)) == 1
     table.write_text(table.read_text().replace('lfingers = "lfingers"\n', ""))

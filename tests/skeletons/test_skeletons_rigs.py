@@ -9,7 +9,7 @@ import pytest
 from motionary import read, write
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, compute_features
-from motionary.io.skeleton_files import save_skeleton
+from motionary.io import save_skeleton
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton
 from motionary.samples import synthetic_motion
 from motionary.skeletons import find_mapping, known_mappings, named_mapping

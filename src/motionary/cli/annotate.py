@@ -76,7 +76,7 @@ def annotate(
     with screen.progress("labelling", len(found.files)) as done:
         sequences = read_features(
             found.files.items(),
-            reading=reading.reading(),
+            options=reading.reading(),
             feature_set=library.feature_set,
             jobs=jobs,
             on_done=done,

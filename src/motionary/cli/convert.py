@@ -11,7 +11,8 @@ from motionary.cli.inputs import check_target, find_files, read_as_told, warn_of
 from motionary.cli.options import AsJson, Jobs, ReadingOptions
 
 if TYPE_CHECKING:
-    from motionary.features import NamedFile, Reading
+    from motionary.features import NamedFile
+    from motionary.io import ReadOptions
 
 _COLUMNS = ("recording", "written", ">joints", ">frames", ">rate_hz", "not kept")
 
@@ -69,7 +70,7 @@ def convert(
 
 
 def convert_file(
-    file: "NamedFile", *, targets: dict[str, Path], reading: "Reading"
+    file: "NamedFile", *, targets: dict[str, Path], reading: "ReadOptions"
 ) -> dict[str, Any]:
     """Read and write one recording; what was written, for JSON.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from motionary.cli import screen
 
 if TYPE_CHECKING:
-    from motionary.features import Reading
+    from motionary.io import ReadOptions
     from motionary.labels import LabelTrack
 
 
@@ -16,19 +16,17 @@ def cut_labels(
     files: Mapping[str, Path],
     folder: str,
     *,
-    reading: "Reading",
+    reading: "ReadOptions",
     jobs: int,
 ) -> bool:
     """Write a clip a label; tells what could not be cut. Whether all could."""
     from motionary.batch import Failure
-    from motionary.io.clips import cut_clips, plan_clips
+    from motionary.io import cut_clips, plan_clips
 
     clips = plan_clips(tracks, files, folder)
     failures = []
     with screen.progress("cutting", len(clips)) as done:
-        written = cut_clips(
-            clips, asf=reading.asf, rate_hz=reading.rate_hz, jobs=jobs, on_done=done
-        )
+        written = cut_clips(clips, options=reading, jobs=jobs, on_done=done)
         failures = [clip for clip in written if isinstance(clip, Failure)]
     for failure in failures:
         screen.warn(f"{failure.item.target.name}: {failure.error}")

@@ -11,7 +11,7 @@ from motionary.cli.inputs import read_as_told
 from motionary.cli.options import AsJson, Jobs, LibraryDefault, ReadingOptions
 
 if TYPE_CHECKING:
-    from motionary.features import Reading
+    from motionary.io import ReadOptions
     from motionary.motion import Motion
     from motionary.retrieval.duplicates import DuplicateResult, Stretch
 
@@ -82,7 +82,7 @@ def duplicates(
     return 0 if complete and result.duplicates else 1
 
 
-def _reader(opened: Opened, reading: "Reading") -> "Callable[[str], Motion]":
+def _reader(opened: Opened, reading: "ReadOptions") -> "Callable[[str], Motion]":
     return lambda name: read_as_told(opened.files[name], reading)
 
 

@@ -9,7 +9,8 @@ import typer
 from motionary.cli.inputs import read_as_told
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSequence, Reading
+    from motionary.features import FeatureSequence
+    from motionary.io import ReadOptions
     from motionary.motion import Motion
 
 #: Nine packed: below, hardly a relation changes, and everything is like everything.
@@ -34,7 +35,7 @@ class Example(NamedTuple):
 
 
 def read_example(
-    path: Path, *, from_s: float | None, to_s: float | None, reading: "Reading"
+    path: Path, *, from_s: float | None, to_s: float | None, reading: "ReadOptions"
 ) -> Example:
     """The stretch of a recording from one second to another; to its ends where left out."""
     from motionary.features import SEQUENCE_HZ, compute_features

@@ -10,7 +10,7 @@ from motionary.cli.options import Excel, ReadingOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
-    from motionary.io.tables import Cell
+    from motionary.io import Cell
 
 
 def features(
@@ -72,7 +72,7 @@ def _write_npz(words: "FeatureSequence", path: str) -> None:
 
 
 def _write_csv(words: "FeatureSequence", path: str, *, excel: bool) -> None:
-    from motionary.io.tables import write_table
+    from motionary.io import write_table
 
     table: list[list[Cell]] = [["time_s", *words.feature_set.names]]
     for i, (held, known) in enumerate(zip(words.features, words.known_features, strict=True)):

@@ -12,7 +12,8 @@ from motionary.cli.inputs import find_files, warn_of_all
 from motionary.errors import UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSet, Reading
+    from motionary.features import FeatureSet
+    from motionary.io import ReadOptions
     from motionary.retrieval.index import Changes, Collection, Index
 
 
@@ -54,7 +55,7 @@ def open_recordings(
     paths: Sequence[str],
     options: IndexOptions,
     *,
-    reading: "Reading",
+    reading: "ReadOptions",
     feature_set: "FeatureSet",
     jobs: int,
 ) -> Opened:
@@ -117,7 +118,7 @@ class _FilesOf(Mapping[str, Path]):
 
 
 def _update(
-    folder: str, at: str | None, reading: "Reading", feature_set: "FeatureSet", jobs: int
+    folder: str, at: str | None, reading: "ReadOptions", feature_set: "FeatureSet", jobs: int
 ) -> "tuple[Index | None, bool]":
     """The index of a folder, up to date; None where the cache cannot be written."""
     from motionary.retrieval.index import Index
@@ -133,7 +134,7 @@ def _update(
 
 
 def _read(
-    paths: Sequence[str], *, reading: "Reading", feature_set: "FeatureSet", jobs: int
+    paths: Sequence[str], *, reading: "ReadOptions", feature_set: "FeatureSet", jobs: int
 ) -> Opened:
     from motionary.retrieval.index import read_collection
 
@@ -150,7 +151,7 @@ def _open_several(
     paths: Sequence[str],
     folders: Sequence[str],
     *,
-    reading: "Reading",
+    reading: "ReadOptions",
     feature_set: "FeatureSet",
     jobs: int,
 ) -> Opened:

@@ -21,8 +21,8 @@ from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.features import NamedFile, Reading
-    from motionary.io.tables import Cell
+    from motionary.features import NamedFile
+    from motionary.io import Cell, ReadOptions
     from motionary.motion import Motion
 
 _COLUMNS = (
@@ -111,7 +111,7 @@ def info(
     return 1 if failed else 0
 
 
-def describe_file(file: "NamedFile", *, reading: "Reading") -> dict[str, Any]:
+def describe_file(file: "NamedFile", *, reading: "ReadOptions") -> dict[str, Any]:
     """What a file holds, for JSON.
 
     Raises
@@ -164,9 +164,9 @@ def _features(motion: "Motion") -> tuple[int, float, str]:
     return int(known.any(axis=0).sum()), float(known.mean()), ""
 
 
-def _save_mapping(files: dict[str, Path], path: str, reading: "Reading") -> None:
+def _save_mapping(files: dict[str, Path], path: str, reading: "ReadOptions") -> None:
     """Write the mapping of the joints of the files; it must be one for all."""
-    from motionary.io.skeleton_files import save_skeleton
+    from motionary.io import save_skeleton
 
     if not files:
         raise InvalidInput(f"{path}: no recording whose joints could be written down")
@@ -180,7 +180,7 @@ def _save_mapping(files: dict[str, Path], path: str, reading: "Reading") -> None
     save_skeleton(motions[0], path)
 
 
-def _draw(files: dict[str, Path], path: str, reading: "Reading") -> None:
+def _draw(files: dict[str, Path], path: str, reading: "ReadOptions") -> None:
     """The first poses of the recordings that can be read, as many as a picture holds."""
     from motionary.errors import MotionaryError
     from motionary.plots import MOST_RECORDINGS, plot_recordings, save
@@ -200,7 +200,7 @@ def _draw(files: dict[str, Path], path: str, reading: "Reading") -> None:
 
 
 def _write(rows: Sequence[dict[str, Any]], path: str, *, excel: bool) -> None:
-    from motionary.io.tables import write_table
+    from motionary.io import write_table
 
     table: list[list[Cell]] = [list(_WRITTEN)]
     for row in rows:

@@ -12,7 +12,8 @@ from motionary.errors import NO_MOTION, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
     from motionary.batch import Failure
-    from motionary.features import FeatureSequence, FeatureSet, NamedFile, Reading
+    from motionary.features import FeatureSequence, FeatureSet, NamedFile
+    from motionary.io import ReadOptions
     from motionary.motion import Motion
 
 
@@ -43,7 +44,7 @@ def read_words(
     files: "Mapping[str, Path]",
     told: str,
     *,
-    reading: "Reading",
+    reading: "ReadOptions",
     feature_set: "FeatureSet",
     jobs: int,
 ) -> "tuple[list[FeatureSequence], list[Failure[NamedFile]]]":
@@ -54,7 +55,7 @@ def read_words(
     words, failures = [], []
     with progress(told, len(files)) as done:
         for item in read_features(
-            files.items(), reading=reading, feature_set=feature_set, jobs=jobs, on_done=done
+            files.items(), options=reading, feature_set=feature_set, jobs=jobs, on_done=done
         ):
             if isinstance(item, Failure):
                 failures.append(item)
@@ -63,11 +64,11 @@ def read_words(
     return words, failures
 
 
-def read_as_told(path: Path, reading: "Reading") -> "Motion":
+def read_as_told(path: Path, reading: "ReadOptions") -> "Motion":
     """A motion, read as its words were: what only one format needs is kept from others."""
     from motionary.io import read
 
-    return read(path, **reading.of(path))
+    return read(path, reading.for_file(path))
 
 
 def warn_of_all(

@@ -19,7 +19,8 @@ from motionary.cli.pictures import draw_class
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSequence, Reading
+    from motionary.features import FeatureSequence
+    from motionary.io import ReadOptions
     from motionary.models.library import ClassLibrary, Examples, TrainingOptions
     from motionary.models.library.examples import ReadExamples
 
@@ -77,7 +78,7 @@ def learn(
 
 
 def _read_examples(
-    folder: Path, features: str | None, reading: "Reading", *, jobs: int
+    folder: Path, features: str | None, reading: "ReadOptions", *, jobs: int
 ) -> "tuple[ReadExamples, list[str]]":
     """Words of the examples, and which classes have none."""
     from motionary.models.library import list_examples, read_examples
@@ -96,7 +97,7 @@ def _read_examples(
 
 
 def _read_others(
-    thresholds: ThresholdOptions, features: str | None, reading: "Reading", *, jobs: int
+    thresholds: ThresholdOptions, features: str | None, reading: "ReadOptions", *, jobs: int
 ) -> "tuple[list[FeatureSequence], list[str]]":
     """Words of recordings without the classes, and which of them could not be read."""
     if not thresholds.negatives:

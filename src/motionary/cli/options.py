@@ -18,7 +18,8 @@ import typer
 from motionary.errors import InvalidInput, UnreadableFile
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSet, Reading
+    from motionary.features import FeatureSet
+    from motionary.io import ReadOptions
 
 
 class LibraryDefault:
@@ -55,7 +56,7 @@ def _check_rate(value: float | None) -> float | None:
 
 def _check_skeleton(value: str | None) -> str | None:
     if value is not None and value.lower().endswith(".toml"):
-        from motionary.io.skeleton_files import find_skeleton
+        from motionary.io import find_skeleton
 
         try:
             find_skeleton(value)
@@ -72,7 +73,7 @@ def _check_skeleton(value: str | None) -> str | None:
 
 def _check_unit(value: str | None) -> str | None:
     if value is not None:
-        from motionary.io.normalise.units import metres_per_unit
+        from motionary.io.normalise.units_axes import metres_per_unit
 
         try:
             metres_per_unit(value)
@@ -191,13 +192,13 @@ class ReadingOptions:
         ),
     ] = None
 
-    def reading(self) -> "Reading":
+    def reading(self) -> "ReadOptions":
         """The same for the library."""
-        from motionary.features import Reading
+        from motionary.io import ReadOptions
 
         if self.fill_by is not None and self.fill_gaps is None:
             raise typer.BadParameter("goes with --fill-gaps SECONDS", param_hint="--fill-by")
-        return Reading(
+        return ReadOptions(
             asf=self.asf,
             rate_hz=self.rate,
             skeleton=self.skeleton,
@@ -205,7 +206,7 @@ class ReadingOptions:
             up=self.up,
             sides=self.sides,
             fill_gaps_s=self.fill_gaps,
-            fill_by=self.fill_by,
+            **({} if self.fill_by is None else {"fill_by": self.fill_by}),
         )
 
 

@@ -9,7 +9,8 @@ from motionary.cli.inputs import read_as_told
 
 if TYPE_CHECKING:
     from motionary.cli.example import Example
-    from motionary.features import FeatureSequence, FeatureSet, Reading
+    from motionary.features import FeatureSequence, FeatureSet
+    from motionary.io import ReadOptions
     from motionary.labels import LabelTrack
     from motionary.models.library import ClassLibrary, MotionClass
     from motionary.models.templates import MotionTemplate
@@ -23,7 +24,7 @@ def draw_sheet(
     *,
     example: "Example | None",
     files: Mapping[str, Path],
-    reading: "Reading",
+    reading: "ReadOptions",
 ) -> None:
     """Stick figures of an example and its hits; without an example the best hit leads."""
     from motionary.plots import plot_sheet, save

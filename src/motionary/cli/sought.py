@@ -12,7 +12,8 @@ from motionary.cli.options import LibraryDefault
 from motionary.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSequence, FeatureSet, Reading
+    from motionary.features import FeatureSequence, FeatureSet
+    from motionary.io import ReadOptions
     from motionary.models.keyframes import KeyframeQuery
     from motionary.models.library import MotionClass
     from motionary.retrieval.search import Hit, RelevanceFeedback
@@ -128,7 +129,7 @@ def check_query(options: QueryOptions) -> None:
             raise wrong(option, "goes with --like FILE")
 
 
-def read_wanted(options: QueryOptions, reading: "Reading") -> Wanted:
+def read_wanted(options: QueryOptions, reading: "ReadOptions") -> Wanted:
     """What is sought, read from its files.
 
     Raises
@@ -230,7 +231,7 @@ def _read_queries(options: QueryOptions, feature_set: "FeatureSet") -> "tuple[Ke
 
 def _query_of(path: Path, name: str | None, feature_set: "FeatureSet") -> "KeyframeQuery":
     """One query of a collection, by its name or as COLLECTION/NAME."""
-    from motionary.io.queries import read_query_collections
+    from motionary.io import read_query_collections
     from motionary.models.keyframes import from_patterns
 
     records = {

@@ -10,7 +10,7 @@ from motionary.features.computing import (
 )
 from motionary.features.definitions import describe_set, set_from_rows
 from motionary.features.feature_set import Feature, FeatureSet
-from motionary.features.files import NamedFile, Reading, read_features
+from motionary.features.files import NamedFile, read_features
 from motionary.features.naming import find_feature
 from motionary.features.sequence import SEQUENCE_HZ, FeatureSequence
 from motionary.features.sets import LEGS, THREE_LEVELS, known_sets
@@ -27,7 +27,6 @@ __all__ = [
     "FeatureSequence",
     "FeatureSet",
     "NamedFile",
-    "Reading",
     "compute_features",
     "describe_reference_lengths",
     "describe_set",

@@ -1,36 +1,95 @@
-"""Readers and writers, one module per file format."""
+"""Reading and writing: recordings, labels, tables, collections of keyframe queries.
 
-from motionary.io.finding import (
-    FileState,
-    find_recordings,
-    match_recording,
-    name_recordings,
-    recording_name,
-    scan_folder,
-)
-from motionary.io.labels.table import read_labels, write_labels
-from motionary.io.reading import MOTION_SUFFIXES, options_of, read
-from motionary.io.sidecars import Sidecars, has_sidecar
-from motionary.io.suffixes import format_suffix, stem_of
-from motionary.io.writing import WRITTEN_SUFFIXES, what_is_lost, write
+A module is imported when one of its names is first used (PEP 562): options are declared without
+NumPy.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from motionary.io.cutting import can_cut, copy_skeleton, cut_clips, cut_file, plan_clips
+    from motionary.io.finding import (
+        FileState,
+        Sidecars,
+        find_recordings,
+        has_sidecar,
+        match_recording,
+        name_recordings,
+        recording_name,
+        scan_folder,
+    )
+    from motionary.io.formats import MOTION_SUFFIXES, WRITTEN_SUFFIXES, options_of
+    from motionary.io.keyframe_collections import QueryRecord, read_query_collections
+    from motionary.io.labels import read_labels, write_labels
+    from motionary.io.options import ReadOptions, find_skeleton, save_skeleton
+    from motionary.io.recordings import read, what_is_lost, write
+    from motionary.io.text import Cell, format_suffix, read_text, stem_of, write_table, write_text
 
 __all__ = [
     "MOTION_SUFFIXES",
     "WRITTEN_SUFFIXES",
+    "Cell",
     "FileState",
+    "QueryRecord",
+    "ReadOptions",
     "Sidecars",
+    "can_cut",
+    "copy_skeleton",
+    "cut_clips",
+    "cut_file",
     "find_recordings",
+    "find_skeleton",
     "format_suffix",
     "has_sidecar",
     "match_recording",
     "name_recordings",
     "options_of",
+    "plan_clips",
     "read",
     "read_labels",
+    "read_query_collections",
+    "read_text",
     "recording_name",
+    "save_skeleton",
     "scan_folder",
     "stem_of",
     "what_is_lost",
     "write",
     "write_labels",
+    "write_table",
+    "write_text",
 ]
+
+_CONTENTS = {
+    "cutting": ("can_cut", "copy_skeleton", "cut_clips", "cut_file", "plan_clips"),
+    "finding": (
+        "FileState",
+        "Sidecars",
+        "find_recordings",
+        "has_sidecar",
+        "match_recording",
+        "name_recordings",
+        "recording_name",
+        "scan_folder",
+    ),
+    "formats": ("MOTION_SUFFIXES", "WRITTEN_SUFFIXES", "options_of"),
+    "keyframe_collections": ("QueryRecord", "read_query_collections"),
+    "labels": ("read_labels", "write_labels"),
+    "options": ("ReadOptions", "find_skeleton", "save_skeleton"),
+    "recordings": ("read", "what_is_lost", "write"),
+    "text": ("Cell", "format_suffix", "read_text", "stem_of", "write_table", "write_text"),
+}
+_HOME = {name: module for module, names in _CONTENTS.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'motionary.io' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"motionary.io.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

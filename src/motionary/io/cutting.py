@@ -1,26 +1,104 @@
-"""Which lines of a motion file are a clip?
+"""Cutting clips out of recordings, and naming them.
 
 A clip is the file's own text: everything above the frames, then the lines of its frames as
 they stand there, so that rig, channels and every digit stay. Only what counts the frames
 changes: BVH states their number; AMC numbers them, in a clip from 1 on.
+
+A clip is called after its recording, its label and its seconds, in letters that every file
+system takes: `take_squat_1.20-3.40s.bvh`.
 
 Conventions: frames as the file counts them, both ends included: BVH from 0, AMC as written.
 """
 
 import re
 import shutil
-from collections.abc import Callable
-from pathlib import Path
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-from motionary.batch import write_atomically
+from motionary.batch import Failure, map_ordered, write_atomically
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.io.suffixes import PACKED, format_suffix, stem_of
-from motionary.io.text import read_text, write_text
+from motionary.io.finding import match_recording
+from motionary.io.formats import FORMATS, find_format, load_function
+from motionary.io.options import ReadOptions
+from motionary.io.recordings import read
+from motionary.io.text import PACKED, format_suffix, read_text, stem_of, write_text
+from motionary.labels import Label, LabelTrack
 
-_CHANNELS = re.compile(r"^\s*CHANNELS\s+(\d+)", re.MULTILINE | re.IGNORECASE)
-_COUNT = re.compile(r"(Frames\s*:\s*)\d+", re.IGNORECASE)
+_LONGEST = 80
 _MARKS = (b"\xff\xfe", b"\xfe\xff")
+
+
+class Clip(NamedTuple):
+    """A segment of a recording that becomes a file.
+
+    Attributes
+    ----------
+    recording : name of the recording, as the label has it
+    label : what was labelled
+    source : the recording's file; None if there is none of its name
+    target : file of the clip
+    """
+
+    recording: str
+    label: Label
+    source: Path | None
+    target: Path
+
+
+def plan_clips(
+    tracks: Iterable[LabelTrack], files: Mapping[str, Path], folder: str | Path
+) -> list[Clip]:
+    """Clips of labels, in their order, each with a file of its own.
+
+    Parameters
+    ----------
+    tracks : labels
+    files : recordings by name; a label's recording is matched as in `match_recording`
+    folder : where the clips go
+    """
+    pairs = [(track.recording, label) for track in tracks for label in track]
+    names = {recording: match_recording(recording, files) for recording, _ in pairs}
+    stems = _stems({name for name in names.values() if name is not None})
+    clips: list[Clip] = []
+    taken: set[str] = set()
+    for recording, label in pairs:
+        name = names[recording]
+        stem = stems[name] if name is not None else _plain(stem_of(recording))
+        title = f"{stem}_{_plain(label.name)}_{label.start_s:.2f}-{label.end_s:.2f}s"
+        suffix = format_suffix(name or recording)
+        target, number = f"{title}{suffix}", 2
+        while target.casefold() in taken:
+            target, number = f"{title}-{number}{suffix}", number + 1
+        taken.add(target.casefold())
+        source = None if name is None else files[name]
+        clips.append(Clip(recording, label, source, Path(folder, target)))
+    return clips
+
+
+def cut_clips(
+    clips: Iterable[Clip],
+    *,
+    options: ReadOptions | None = None,
+    jobs: int = 1,
+    on_done: Callable[[Clip], None] | None = None,
+) -> Iterator[Clip | Failure[Clip]]:
+    """Write clips, each whole or not at all; what cannot be cut does not stop the others.
+
+    Acclaim clips get a copy of their skeleton beside them.
+
+    Parameters
+    ----------
+    clips : from `plan_clips`
+    options : skeleton and rate, where files do not say them; labels that know their frames
+        need no rate
+    jobs : processes
+    on_done : called after each clip
+    """
+    work = partial(_cut, options=options or ReadOptions())
+    return map_ordered(work, clips, jobs=jobs, on_done=on_done)
 
 
 class _Text(NamedTuple):
@@ -32,7 +110,8 @@ class _Text(NamedTuple):
 
 def can_cut(path: str | Path) -> bool:
     """Whether clips can be cut out of a file, by its name."""
-    return _suffix(path) in _CUTTERS
+    form = find_format(path)
+    return form is not None and bool(form.cut)
 
 
 def cut_file(path: str | Path, first_frame: int, last_frame: int, out: str | Path) -> None:
@@ -54,14 +133,14 @@ def cut_file(path: str | Path, first_frame: int, last_frame: int, out: str | Pat
         If the clip cannot be written.
     """
     path, out = Path(path), Path(out)
-    if not can_cut(path):
-        raise UnreadableFile(
-            f"{path}: clips can be cut out of {', '.join(_CUTTERS)}, not out of {path.suffix!r}"
-        )
+    form = find_format(path)
+    if form is None or not form.cut:
+        known = ", ".join(form.suffix for form in FORMATS if form.cut)
+        raise UnreadableFile(f"{path}: clips can be cut out of {known}, not out of {path.suffix!r}")
     if out.exists() and out.samefile(path):
         raise UnwritableFile(f"{out}: would replace the recording; write to another folder")
     text = _read(path)
-    lines = _CUTTERS[_suffix(path)](text.lines, first_frame, last_frame, path.name)
+    lines = load_function(form.cut)(text.lines, first_frame, last_frame, path.name)
     content = "".join(lines)
     if out.suffix.lower() == PACKED or not text.is_raw:
         write_text(out, content)
@@ -84,9 +163,9 @@ def copy_skeleton(path: str | Path, folder: str | Path, *, asf: str | Path | Non
         If it cannot be written.
     """
     path, folder = Path(path), Path(folder)
-    if _suffix(path) != ".amc":
+    if format_suffix(path).removesuffix(PACKED) != ".amc":
         return
-    from motionary.io.formats.acclaim import find_asf
+    from motionary.io.formats.asf import find_asf
 
     source = find_asf(path) if asf is None else Path(asf)
     stem = stem_of(path)
@@ -97,51 +176,50 @@ def copy_skeleton(path: str | Path, folder: str | Path, *, asf: str | Path | Non
             shutil.copyfile(source, beside)
 
 
-def _cut_bvh(lines: list[str], first: int, last: int, name: str) -> list[str]:
-    motion = _find(lines, r"MOTION")
-    count = _find(lines, r"Frames\s*:\s*\d+", motion + 1)
-    time = _find(lines, r"Frame\s+Time\s*:\s*\S+", count + 1)
-    if len(lines) in (motion, count, time):
-        raise UnreadableFile(f"{name}: no MOTION with 'Frames:' and 'Frame Time:' found")
-    frames = [line for line in lines[time + 1 :] if line.strip()]
-    _check_range(first, last, 0, len(frames), name)
-    chosen = frames[first : last + 1]
-    n_channels = sum(map(int, _CHANNELS.findall("".join(lines[:motion]))))
-    if any(len(line.split()) != n_channels for line in chosen):
-        raise UnreadableFile(
-            f"{name}: a frame does not stand on one line of {n_channels} numbers, so that it "
-            "cannot be cut out"
+def _cut(clip: Clip, *, options: ReadOptions) -> Clip:
+    if clip.source is None:
+        raise UnreadableFile(f"{clip.recording}: there is no recording of this name, or not one")
+    label = clip.label
+    if label.start_frame is None or label.end_frame is None:
+        first, last = _frames(clip.source, label, options)
+    else:
+        first, last = label.start_frame, label.end_frame
+    cut_file(clip.source, first, last, clip.target)
+    copy_skeleton(clip.source, clip.target.parent, asf=options.acclaim_skeleton)
+    return clip
+
+
+def _frames(path: Path, label: Label, options: ReadOptions) -> tuple[int, int]:
+    """Frames of a label that was made in seconds, cut at the ends of the recording."""
+    # Frames and their rate alone count here.
+    plain = ReadOptions(asf=options.acclaim_skeleton, rate_hz=options.rate_hz)
+    motion = read(path, plain.for_file(path))
+    first = max(round(label.start_s * motion.rate_hz), 0)
+    stop = min(round(label.end_s * motion.rate_hz), motion.n_frames)
+    if first >= stop:
+        raise InvalidInput(
+            f"{path.name}: lasts {motion.duration_s:.2f} s, asked for is {label.start_s:.2f} to "
+            f"{label.end_s:.2f} s"
         )
-    header = lines[: time + 1]
-    header[count] = _COUNT.sub(rf"\g<1>{len(chosen)}", header[count])
-    return header + _ended(chosen, lines[time])
+    return motion.first_frame + first, motion.first_frame + stop - 1
 
 
-def _cut_amc(lines: list[str], first: int, last: int, name: str) -> list[str]:
-    starts = [i for i, line in enumerate(lines) if line.strip().isdecimal()]
-    if not starts:
-        raise UnreadableFile(f"{name}: no frame number found; expected an Acclaim motion (AMC)")
-    first_number = int(lines[starts[0]])
-    _check_range(first, last, first_number, len(starts), name)
-    starts.append(len(lines))
-    clip = lines[: starts[0]]
-    for number, place in enumerate(range(first - first_number, last - first_number + 1), start=1):
-        start, stop = starts[place], starts[place + 1]
-        if int(lines[start]) != first_number + place:
-            raise UnreadableFile(f"{name}: frame {first_number + place} is missing")
-        clip.append(re.sub(r"\d+", str(number), lines[start], count=1))
-        clip += lines[start + 1 : stop]
-    return _ended(clip, lines[starts[0]])
+def _stems(names: Iterable[str]) -> dict[str, str]:
+    """What clips of each recording begin with: its stem, or its path if that is not one."""
+    names = sorted(names)
+    counts = Counter(stem_of(name).casefold() for name in names)
+    return {
+        name: _plain(
+            stem_of(name)
+            if counts[stem_of(name).casefold()] == 1
+            else "_".join([*PurePosixPath(name).parts[:-1], stem_of(name)])
+        )
+        for name in names
+    }
 
 
-_CUTTERS: dict[str, Callable[[list[str], int, int, str], list[str]]] = {
-    ".amc": _cut_amc,
-    ".bvh": _cut_bvh,
-}
-
-
-def _suffix(path: str | Path) -> str:
-    return format_suffix(path).removesuffix(PACKED)
+def _plain(text: str) -> str:
+    return re.sub(r"[^\w.+-]+", "_", text).strip("._")[:_LONGEST] or "clip"
 
 
 def _read(path: Path) -> _Text:
@@ -161,24 +239,3 @@ def _read(path: Path) -> _Text:
 def _split(text: str) -> list[str]:
     # Not `splitlines`: in Latin-1 some letters would end a line.
     return re.findall(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+$", text)
-
-
-def _ended(lines: list[str], model: str) -> list[str]:
-    """Lines of which the last one ends as another does."""
-    end = model[len(model.rstrip("\r\n")) :]
-    return [*lines[:-1], lines[-1].rstrip("\r\n") + end]
-
-
-def _find(lines: list[str], pattern: str, start: int = 0) -> int:
-    """Number of the first line that is like a pattern; of lines if there is none."""
-    wanted = re.compile(rf"\s*{pattern}\s*", re.IGNORECASE)
-    numbers = range(start, len(lines))
-    return next((i for i in numbers if wanted.fullmatch(lines[i])), len(lines))
-
-
-def _check_range(first: int, last: int, first_number: int, n_frames: int, name: str) -> None:
-    last_number = first_number + n_frames - 1
-    if not first_number <= first <= last <= last_number:
-        raise InvalidInput(
-            f"{name}: has frames {first_number} to {last_number}, asked for are {first} to {last}"
-        )

@@ -1,10 +1,14 @@
-"""Which recordings do files, folders and patterns mean, and what are they called?
+"""Recordings that files, folders and patterns name, and the sidecar files that they are read with.
 
 A recording found in a folder is called by its path below that folder, with slashes; one
 that was named itself, by its file name. Names stay clear of people's home folders.
+
+An Acclaim motion is read with its skeleton; other formats stand alone. Folders are listed
+once, so that thousands of recordings can be asked about.
 """
 
 import glob
+import hashlib
 import itertools
 import os
 from collections import Counter
@@ -13,8 +17,11 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from motionary.errors import UnreadableFile
-from motionary.io.reading import MOTION_SUFFIXES
-from motionary.io.suffixes import format_suffix, stem_of
+from motionary.io.formats import MOTION_SUFFIXES
+from motionary.io.text import format_suffix, stem_of
+
+NO_SIDECAR = 0
+_READ_WITH_SKELETON = (".amc", ".amc.gz")
 
 
 def find_recordings(
@@ -83,7 +90,7 @@ def scan_folder(
 
 
 def recording_name(path: str | Path, *, folder: str | Path | None = None) -> str:
-    """What a recording is called: its path below `folder`, with slashes.
+    """Name of a recording: its path below `folder`, with slashes.
 
     Without a folder, or outside of it, its file name.
     """
@@ -97,7 +104,7 @@ def recording_name(path: str | Path, *, folder: str | Path | None = None) -> str
 
 
 def match_recording(name: str, names: Iterable[str]) -> str | None:
-    """Which of `names` a table of labels means by `name`; None if none or not one.
+    """The one of `names` that a table of labels means by `name`; None if none or several.
 
     An equal name counts before one that differs in the suffix only, and that before one
     that has the same stem in some folder.
@@ -193,3 +200,63 @@ def _tell_apart(found: list[tuple[Path, str]]) -> dict[str, Path]:
             used = len(PurePosixPath(name).parts) + depth
             names[i] = PurePosixPath(*path.absolute().parts[-used:]).as_posix()
     return {name: path for name, (path, _) in zip(names, found, strict=True)}
+
+
+def has_sidecar(name: str) -> bool:
+    """Whether a recording of this file name is read with another file."""
+    return name.lower().endswith(_READ_WITH_SKELETON)
+
+
+class Sidecars:
+    """Skeletons beside motions; what a folder holds is remembered.
+
+    Parameters
+    ----------
+    asf : the skeleton of all Acclaim motions, where one is named
+    """
+
+    def __init__(self, asf: str | Path | None = None) -> None:
+        self._asf = None if asf is None else Path(asf)
+        self._listed: dict[Path, dict[str, Path]] = {}
+
+    def state(self, path: Path) -> int:
+        """A number that changes when the sidecar of a recording does; `NO_SIDECAR` without one."""
+        if not has_sidecar(path.name):
+            return NO_SIDECAR
+        from motionary.io.formats.asf import find_asf
+
+        try:
+            sidecar = self._asf or find_asf(path, listing=self._list)
+        except UnreadableFile:
+            return _digest(["missing"])
+        return _digest([_file_state(sidecar)])
+
+    def dependency_digest(self, folder: Path) -> int:
+        """A number that changes when anything does that the sidecars there depend on."""
+        if self._asf is not None:
+            return _digest([_file_state(self._asf)])
+        from motionary.io.formats.asf import places_of_asf
+
+        places = places_of_asf(folder / "any")
+        lines = ([*map(_file_state, sorted(self._list(p).values())), ""] for p in places)
+        return _digest(line for part in lines for line in part)
+
+    def _list(self, folder: Path) -> dict[str, Path]:
+        from motionary.io.formats.asf import list_asf
+
+        if folder not in self._listed:
+            self._listed[folder] = list_asf(folder)
+        return self._listed[folder]
+
+
+def _file_state(file: Path) -> str:
+    try:
+        stat = file.stat()
+    except OSError:
+        return f"{file.name} gone"
+    return f"{file.name} {stat.st_mtime_ns} {stat.st_size}"
+
+
+def _digest(parts: Iterable[str]) -> int:
+    content = "\n".join(parts).encode("utf-8", "surrogateescape")
+    return int.from_bytes(hashlib.blake2b(content, digest_size=8).digest(), "little")

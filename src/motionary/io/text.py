@@ -1,17 +1,40 @@
-"""What does a text file say, whatever its encoding, packed or not?"""
+"""Text files: suffixes, encodings, packing, and tables of separated values.
 
+Tables for programs have commas, decimal points, UTF-8. For Excel as it opens a file by a double
+click in most of Europe: semicolons, decimal commas, a byte order mark, lines as Windows ends them.
+"""
+
+import csv
 import gzip
+import io
 import zlib
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePath
 
 from motionary.batch import write_atomically
 from motionary.errors import UnreadableFile
-from motionary.io.suffixes import PACKED
+
+#: A text that is packed keeps its own suffix before this one: `take.bvh.gz`.
+PACKED = ".gz"
+
+Cell = str | int | float | None
 
 # Ten times the text of a day of motion: more is a mistake or an attack.
 _MOST_BYTES = 1 << 34
 _PIECE = 1 << 22
+
+
+def format_suffix(path: str | PurePath) -> str:
+    """Suffix in lower case, of a packed file both: ".bvh", ".bvh.gz"."""
+    path = PurePath(path)
+    suffix = path.suffix.lower()
+    return PurePath(path.stem).suffix.lower() + suffix if suffix == PACKED else suffix
+
+
+def stem_of(path: str | PurePath) -> str:
+    """Name of a file without folder and suffix, of a packed file without both."""
+    path = PurePath(path)
+    return PurePath(path.stem).stem if path.suffix.lower() == PACKED else path.stem
 
 
 def read_text(path: Path) -> str:
@@ -88,3 +111,35 @@ def _decode(content: bytes) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
         return content.decode("latin-1")
+
+
+def write_table(rows: Iterable[Sequence[Cell]], path: str | Path, *, excel: bool = False) -> None:
+    """Write rows of cells, headings first; None is an empty cell.
+
+    Parameters
+    ----------
+    rows : numbers that are whole as int, others as float; text stays as it is
+    path : the file
+    excel : for Excel instead of for programs
+
+    Raises
+    ------
+    UnwritableFile
+        If the file cannot be written; what was there before stays.
+    """
+    text = io.StringIO()
+    writer = csv.writer(
+        text, delimiter=";" if excel else ",", lineterminator="\r\n" if excel else "\n"
+    )
+    for row in rows:
+        writer.writerow([_format_cell(cell, "," if excel else ".") for cell in row])
+    encoding = "utf-8-sig" if excel else "utf-8"
+    with write_atomically(path) as beside:
+        # Names of files may hold bytes that are no text; they are shown as escapes.
+        beside.write_text(text.getvalue(), encoding=encoding, errors="backslashreplace", newline="")
+
+
+def _format_cell(cell: Cell, point: str) -> str:
+    if cell is None:
+        return ""
+    return repr(cell).replace(".", point) if isinstance(cell, float) else str(cell)

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from motionary.errors import UnreadableFile
-from motionary.io.queries import QueryRecord, read_query_collections
+from motionary.io import QueryRecord, read_query_collections
 
 ENTRY = {
     "groups": ["mix", "lower"],

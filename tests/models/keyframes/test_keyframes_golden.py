@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from motionary.features import FULL_BODY, compute_features
-from motionary.io import read
-from motionary.io.queries import QueryRecord, read_query_collections
+from motionary.io import QueryRecord, read, read_query_collections
 from motionary.models.keyframes import (
     KeyframeQuery,
     format_query,

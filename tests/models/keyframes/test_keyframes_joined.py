@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from motionary.features import FULL_BODY, FeatureSequence, read_features
-from motionary.io.queries import read_query_collections
+from motionary.io import read_query_collections
 from motionary.models.keyframes import from_patterns, index_packed, join_queries, search_query
 
 FIRST, SECOND, OTHER = "elbowToKnee1RepsLelbowStart", "squat1Reps", "throwBasketball"

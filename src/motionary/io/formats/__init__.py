@@ -1,1 +1,102 @@
-"""Readers of motion, one module per file format."""
+"""The formats of recordings: one table of their suffixes, readers, writers and cutters.
+
+A new format is a module here and a row in `FORMATS`. Modules are imported when a file of theirs
+is read or written.
+"""
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path, PurePath
+from typing import Any, NamedTuple
+
+from motionary.io.text import PACKED, format_suffix
+
+
+class Format(NamedTuple):
+    """How files of a format are handled; functions are named "module:function".
+
+    Attributes
+    ----------
+    suffix : lower case
+    read : (path, ReadOptions) -> FileContent
+    write : (motion, path, ...) -> None; empty where there is no writer
+    cut : (lines, first, last, name) -> lines, of texts that clips are cut out of
+    takes : options of `read` that not every format has
+    write_takes : options of `write` that not every format has
+    is_text : whether a file may be packed with gzip
+    in_folders : whether files are looked for in folders, or read where they are named only
+    lacks : what the format cannot hold of a motion
+    """
+
+    suffix: str
+    read: str
+    write: str = ""
+    cut: str = ""
+    takes: tuple[str, ...] = ()
+    write_takes: tuple[str, ...] = ()
+    is_text: bool = False
+    in_folders: bool = True
+    lacks: tuple[str, ...] = ()
+
+
+# OpenSim's tables rarely hold places: they are read where they are named.
+FORMATS = (
+    Format(
+        ".amc",
+        "amc:read_amc",
+        "amc:write_amc",
+        "amc:cut_amc",
+        takes=("asf",),
+        write_takes=("asf",),
+        is_text=True,
+        lacks=("events", "rate"),
+    ),
+    Format(
+        ".bvh",
+        "bvh:read_bvh",
+        "bvh_writing:write_bvh",
+        "bvh_writing:cut_bvh",
+        write_takes=("unit",),
+        is_text=True,
+        lacks=("events", "first frame"),
+    ),
+    Format(".c3d", "c3d:read_c3d", "c3d:write_c3d", lacks=("rig",)),
+    Format(".trc", "trc:read_trc", "trc:write_trc", is_text=True, lacks=("rig", "events")),
+    Format(".npz", "arrays:read_npz_motion", "npz:write_npz", takes=("body_model",)),
+    Format(".npy", "arrays:read_array"),
+    Format(".pkl", "pickled:read_pickle"),
+    Format(".fbx", "fbx:read_fbx"),
+    Format(".sto", "opensim:read_opensim", is_text=True, in_folders=False),
+    Format(".mot", "opensim:read_opensim", is_text=True, in_folders=False),
+)
+_BY_SUFFIX = {form.suffix: form for form in FORMATS}
+_BY_SUFFIX |= {form.suffix + PACKED: form for form in FORMATS if form.is_text}
+
+# Options that every format has.
+_COMMON = frozenset({"rate_hz", "unit", "up", "skeleton", "sides", "fill_gaps_s", "fill_by"})
+
+#: Suffixes that are looked for in folders.
+MOTION_SUFFIXES = tuple(suffix for suffix, form in _BY_SUFFIX.items() if form.in_folders)
+
+#: Suffixes of what can be written.
+WRITTEN_SUFFIXES = tuple(suffix for suffix, form in _BY_SUFFIX.items() if form.write)
+
+
+def find_format(path: str | PurePath) -> Format | None:
+    """The format of a file, by its name; None if it is unknown."""
+    return _BY_SUFFIX.get(format_suffix(path))
+
+
+def options_of(path: str | Path) -> frozenset[str]:
+    """The options of `read` that say something about a file, by its name."""
+    form = find_format(path)
+    return _COMMON | frozenset(form.takes) if form else _COMMON - {"rate_hz", "unit", "up"}
+
+
+def load_function(place: str) -> Callable[..., Any]:
+    """The function that a row of `FORMATS` names."""
+    module, _, name = place.partition(":")
+    function: Callable[..., Any] = getattr(
+        importlib.import_module(f"motionary.io.formats.{module}"), name
+    )
+    return function

@@ -1,4 +1,4 @@
-"""Where were joints, according to an array (frames, joints, 3) without a word about it?
+"""Joint positions in arrays (frames, joints, 3) of .npy and .npz files.
 
 HumanML3D (22 joints, 20 Hz), outputs of networks that lift poses to space, and whatever
 people save from NumPy. Which joint is which is told, or guessed by their number and, where
@@ -12,14 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import NO_MOTION, InvalidInput, UnreadableFile
-from motionary.io.formats.numpy_files import Array, read_npy
-from motionary.io.formats.points import FARTHEST, Points, number_doubles, to_motion
+from motionary.io.formats.content import (
+    FARTHEST,
+    POINT_UNITS,
+    RATE_HINT,
+    FileContent,
+    number_doubles,
+)
+from motionary.io.formats.npz import Array, is_own, read_npy, read_npz, read_own
+from motionary.io.formats.smpl import is_smpl, read_smpl_arrays
+from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.options import ReadOptions
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
-from motionary.skeletons import SkeletonTable, find_mapping, known_mappings, named_mapping
+from motionary.skeletons import SkeletonTable, known_mappings, named_mapping
 
 Floats = NDArray[np.float64]
 
 HUMANML3D_HZ = 20.0
+
+_POSITIONS = ("positions", "joints", "keypoints3d", "joints3d", "jtr", "xyz")
+_NAMES = ("names", "joint_names", "marker_names", "labels")
+RATES = ("rate_hz", "fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate")
 
 # Ends of the bones that every order has.
 _BONES = tuple(
@@ -37,53 +50,64 @@ class Joints(NamedTuple):
     mapping: JointMapping | None
     notes: tuple[str, ...]
 
+    def with_note(self, note: str) -> "Joints":
+        """The same with one more note."""
+        return self._replace(notes=(*self.notes, note))
 
-def read_array(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-) -> Motion:
-    """Read a .npy file of joint positions.
 
-    Parameters
-    ----------
-    path : the file
-    rate_hz : frames per second; a .npy file does not hold it, and 20 is assumed for the 22
-        joints of HumanML3D only
-    skeleton : a known skeleton, or one told, with a usual order of joints
-    unit, up : as in `read`
+def read_array(path: Path, options: ReadOptions) -> FileContent:
+    """Content of a .npy file.
+
+    A .npy file holds no rate, and 20 Hz is assumed for the 22 joints of HumanML3D only.
 
     Raises
     ------
     UnreadableFile
         If the file is missing, damaged, or holds no such array.
     InvalidInput
-        If the rate or the order of the joints is neither known nor told.
+        If the rate or the order of the joints is neither known nor given.
     """
-    path = Path(path)
     positions = check_positions(read_npy(path), path.name)
-    joints = name_joints(positions, path.name, skeleton=skeleton)
-    rate, notes = rate_hz, joints.notes
+    joints = name_joints(positions, path.name, options.skeleton_table())
+    rate = options.rate_hz
     if rate is None and joints.mapping is not None and joints.mapping.name == "humanml3d":
-        rate, notes = HUMANML3D_HZ, (*notes, f"rate assumed {HUMANML3D_HZ:g} Hz, as HumanML3D has")
-    return array_to_motion(
-        positions, joints._replace(notes=notes), path.name, rate_hz=rate, unit=unit, up=up
-    )
+        rate = HUMANML3D_HZ
+        joints = joints.with_note(f"rate assumed {HUMANML3D_HZ:g} Hz, as HumanML3D has")
+    return array_content(positions, joints, path.name, rate_hz=rate)
 
 
-def array_to_motion(
-    positions: Floats,
-    joints: Joints,
-    source: str,
-    *,
-    rate_hz: float | None,
-    unit: float | str | None,
-    up: str | None,
-) -> Motion:
-    """The motion of an array; metres and y up are assumed where the body does not tell.
+def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
+    """Content of a .npz file: one of ours, of AMASS, or positions under one of the usual names.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, damaged, or holds no motion.
+    InvalidInput
+        If rate or names are neither known nor given.
+    """
+    arrays = read_npz(path)
+    if is_own(arrays):
+        return read_own(arrays, path.name, options)
+    rate = options.rate_hz if options.rate_hz is not None else find_rate(arrays)
+    if is_smpl(arrays):
+        return read_smpl_arrays(arrays, path.name, rate_hz=rate, options=options)
+    key = next((key for key in _POSITIONS if key in arrays), None)
+    if key is None:
+        raise UnreadableFile(
+            f"{path.name}: {NO_MOTION}; expected poses and trans (AMASS) or positions "
+            f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
+        )
+    positions = check_positions(arrays[key], path.name)
+    table = options.skeleton_table()
+    joints = name_joints(positions, path.name, table, names=_find_names(arrays))
+    return array_content(positions, joints, path.name, rate_hz=rate)
+
+
+def array_content(
+    positions: Floats, joints: Joints, source: str, *, rate_hz: float | None
+) -> FileContent:
+    """Content of an array; metres and y up are assumed where the body does not tell.
 
     Raises
     ------
@@ -91,20 +115,16 @@ def array_to_motion(
         If there is no rate.
     """
     if rate_hz is None:
-        raise InvalidInput(
-            f"{source}: an array holds no frame rate; pass it with --rate (rate_hz=...)"
-        )
-    points = Points(
+        raise InvalidInput(f"{source}: an array holds no frame rate; {RATE_HINT}")
+    return FileContent(
         names=joints.names,
         positions=positions,
         rate_hz=rate_hz,
         source=source,
-        usual_unit="m",
-        usual_up="y",
-        notes=joints.notes,
+        metadata=FileMetadata(likely=POINT_UNITS),
         mapping=joints.mapping,
+        notes=joints.notes,
     )
-    return to_motion(points, unit=unit, up=up)
 
 
 def check_positions(array: Array, source: str) -> Floats:
@@ -129,11 +149,28 @@ def check_positions(array: Array, source: str) -> Floats:
     return positions
 
 
+def find_rate(arrays: dict[str, Array]) -> float | None:
+    """Frames per second, under one of the usual names; None if there is none."""
+    for key in RATES:
+        if key in arrays and arrays[key].size == 1 and arrays[key].dtype.kind in "fiu":
+            rate = float(arrays[key].reshape(()))
+            if 0 < rate < 1e6:
+                return rate
+    return None
+
+
+def _find_names(arrays: dict[str, Array]) -> list[str] | None:
+    key = next((key for key in _NAMES if key in arrays), None)
+    if key is None or arrays[key].dtype.kind not in "US" or arrays[key].ndim != 1:
+        return None
+    return [n.decode("latin-1") if isinstance(n, bytes) else n for n in arrays[key].tolist()]
+
+
 def name_joints(
     positions: Floats,
     source: str,
-    *,
     skeleton: SkeletonTable | None,
+    *,
     names: list[str] | None = None,
 ) -> Joints:
     """Which joint is which.
@@ -142,7 +179,7 @@ def name_joints(
     ----------
     positions : array, shape (frames, joints, 3)
     source : name of the file
-    skeleton : what the caller says
+    skeleton : what the caller gives
     names : what the file says
 
     Raises
@@ -154,8 +191,7 @@ def name_joints(
     if names is not None:
         if len(names) != n_joints:
             raise InvalidInput(f"{source}: has {len(names)} names for {n_joints} joints")
-        unique = number_doubles(names)
-        return Joints(unique, find_mapping(unique, None, positions, told=skeleton), ())
+        return Joints(number_doubles(names), None, ())
     if skeleton is not None:
         mapping = skeleton.resolve(())
         if len(mapping.order) != n_joints:

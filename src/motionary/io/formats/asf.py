@@ -1,4 +1,4 @@
-"""Which bones does an Acclaim skeleton (ASF) have?
+"""Acclaim skeletons (ASF): finding and reading them.
 
 Conventions: `length` of the units divides bone lengths and root translation alike, the
 result is inches. A bone turns by C R C^-1, with C from its `axis` and R from the values
@@ -9,7 +9,7 @@ starts.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -17,12 +17,15 @@ from typing import NoReturn
 import numpy as np
 
 from motionary.errors import UnreadableFile
-from motionary.io.text import read_text
+from motionary.io.text import read_text, stem_of
 from motionary.motion import Skeleton
 from motionary.rotations import Floats, euler_to_quaternions
 
 METRES_PER_INCH = 0.0254
 ROOT = "root"
+
+# The skeleton lies beside the motion or in one of this many folders above it.
+_FOLDERS_ABOVE = 2
 
 _ROTATIONS = ("rx", "ry", "rz")
 _TRANSLATIONS = ("tx", "ty", "tz")
@@ -113,6 +116,53 @@ def read_asf(path: str | Path) -> AcclaimSkeleton:
     """
     path = Path(path)
     return _Reader(path.name).read(read_text(path))
+
+
+def list_asf(folder: Path) -> dict[str, Path]:
+    """Skeletons in a folder by the stem of their names, lower case; none if it is closed."""
+    try:
+        files = sorted(file for file in folder.iterdir() if file.suffix.lower() == ".asf")
+    except OSError:
+        return {}
+    return {file.stem.lower(): file for file in files}
+
+
+def places_of_asf(path: Path) -> tuple[Path, ...]:
+    """Folders in which the skeleton of a motion is looked for, in this sequence."""
+    folder = path.absolute().parent
+    return (folder, *folder.parents[:_FOLDERS_ABOVE])
+
+
+def find_asf(path: Path, *, listing: Callable[[Path], Mapping[str, Path]] = list_asf) -> Path:
+    """The skeleton of a motion: same name, a beginning of it, or alone in the folder.
+
+    `HDM_bd_squat_001.amc` goes with `HDM_bd_squat.asf`, `HDM_bd.asf`, `HDM.asf`, looked
+    for beside the motion and up to two folders above.
+
+    Parameters
+    ----------
+    path : the motion
+    listing : says which skeletons a folder holds; for many motions, one that remembers
+
+    Raises
+    ------
+    UnreadableFile
+        If there is none; the message says what was looked for.
+    """
+    parts = stem_of(path).split("_")
+    stems = ["_".join(parts[:n]) for n in range(len(parts), 0, -1)]
+    places = places_of_asf(path)
+    for place in places:
+        found = listing(place)
+        for stem in stems:
+            if stem.lower() in found:
+                return found[stem.lower()]
+        if place == places[0] and len(found) == 1:
+            return next(iter(found.values()))
+    raise UnreadableFile(
+        f"{path}: no skeleton found; looked for {', '.join(stem + '.asf' for stem in stems)} "
+        "in its folder and two above; name the skeleton with --asf FILE (asf=...)"
+    )
 
 
 class _Reader:

@@ -1,4 +1,4 @@
-"""What did a body do, according to a BVH file?
+"""BVH files: reading them; see `bvh_writing` for writing and cutting.
 
 Conventions: a joint turns about its moving axes in the sequence of its channels.
 Position channels replace the joint's offset, on whichever joint they stand. An End Site
@@ -8,6 +8,7 @@ count from 0; a rest pose at the beginning stays.
 
 import math
 import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -15,24 +16,24 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from motionary.errors import UnreadableFile
-from motionary.io.formats.numbers import read_frames
-from motionary.io.formats.pose import place_joints
-from motionary.io.normalise.body_frame import FileMetadata, normalise
+from motionary.io.formats.content import (
+    RATE_HINT,
+    FileContent,
+    number_doubles,
+    place_joints,
+    rate_of_frame_time,
+)
+from motionary.io.formats.numbers import parse_number, read_table
+from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.options import ReadOptions
 from motionary.io.text import read_text
-from motionary.motion import Motion, Skeleton
+from motionary.motion import Skeleton
 from motionary.rotations import Floats, euler_to_quaternions
-from motionary.skeletons import SkeletonTable, find_mapping
 
 _CHANNELS = {f"{axis}{kind}": axis.upper() for axis in "xyz" for kind in ("position", "rotation")}
 _MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAMES = re.compile(r"\s*Frames\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*Frame\s+Time\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
-
-# Rates are printed rounded: within this share of a whole number they are that number, but
-# video's rates lie just as near: 29.97 is 30 / 1.001. A hair above 0.1 %: .0333 is 30.
-_ROUNDING = 1.001e-3
-_VIDEO_HZ = (24, 30, 48, 60, 120)
-_MAX_RATE_HZ = 1e5
 
 
 @dataclass(slots=True)
@@ -55,36 +56,14 @@ class _Table(NamedTuple):
     line: int
 
 
-def read_bvh(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-) -> Motion:
-    """Read a BVH file.
-
-    Parameters
-    ----------
-    path : the file
-    rate_hz : frames per second; by default what the file says
-    skeleton : what the joints are; by default what their names and tree tell
-    unit : a name of `units.METRES` or metres per file unit; by default by body size
-    up : axis that points up in the file; by default by the body, y where it does not tell
-
-    Returns
-    -------
-    Motion, metres; its notes say which unit was taken and what else was noticed
+def read_bvh(path: Path, options: ReadOptions) -> FileContent:
+    """Content of a BVH file.
 
     Raises
     ------
     UnreadableFile
         If the file is missing or broken; the message names the line.
-    InvalidInput
-        If the caller contradicts the body.
     """
-    path = Path(path)
     text = read_text(path)
     start = _MOTION.search(text)
     if start is None:
@@ -93,9 +72,8 @@ def read_bvh(
     table = _read_header(text, start.end(), path.name)
     values = _read_values(table, sum(len(node.channels) for node in nodes), path.name)
     notes += _compare_length(table, len(values), path.name)
-    rate = _rate(table, path.name) if rate_hz is None else rate_hz
-    motion = _to_motion(path.name, nodes, values, rate, skeleton, notes)
-    return normalise(motion, FileMetadata(), unit=unit, up=up)
+    rate = _rate(table, path.name) if options.rate_hz is None else options.rate_hz
+    return _to_content(path.name, nodes, values, rate, notes)
 
 
 class _HierarchyReader:
@@ -192,7 +170,7 @@ class _HierarchyReader:
             place[i] = len(kept)
             node.parent = place[node.parent]
             kept.append(node)
-        renamed = _rename_doubles(kept)
+        renamed = _number_doubles(kept)
         notes = []
         if missing:
             notes.append(f"{missing} End Sites without length count as missing joints")
@@ -201,18 +179,11 @@ class _HierarchyReader:
         return kept, notes
 
 
-def _rename_doubles(nodes: list[_Node]) -> list[str]:
+def _number_doubles(nodes: list[_Node]) -> list[str]:
     """Number the second and further joints of a name; returns the names concerned."""
-    taken = {node.name for node in nodes}
-    counts: dict[str, int] = {}
-    for node in nodes:
-        name = node.name
-        counts[name] = counts.get(name, 0) + 1
-        if counts[name] > 1:
-            while f"{name} ({counts[name]})" in taken:
-                counts[name] += 1
-            node.name = f"{name} ({counts[name]})"
-            taken.add(node.name)
+    counts = Counter(node.name for node in nodes)
+    for node, name in zip(nodes, number_doubles([node.name for node in nodes]), strict=True):
+        node.name = name
     return [name for name, count in counts.items() if count > 1]
 
 
@@ -230,33 +201,10 @@ def _read_header(text: str, start: int, name: str) -> _Table:
 def _read_values(table: _Table, n_channels: int, name: str) -> Floats:
     if not n_channels:
         raise UnreadableFile(f"{name}: no joint has channels, so nothing moves")
-    values = read_frames(table.text.encode(), [None] * n_channels)
-    if values is None:
-        _fail_at_line(table, n_channels, name)
+    values = read_table(table.text, n_channels, source=name, line=table.line)
+    if not len(values):
+        raise UnreadableFile(f"{name}: expected {n_channels} numbers per frame, got 0 in all")
     return values
-
-
-def _fail_at_line(table: _Table, n_channels: int, name: str) -> NoReturn:
-    """Go line by line to say where the numbers are wrong."""
-    seen = 0
-    for number, line in enumerate(table.text.split("\n"), start=table.line):
-        words = line.split()
-        seen += len(words)
-        for word in words:
-            if not _is_number(word):
-                raise UnreadableFile(f"{name}, line {number}: expected a number, got {word[:40]!r}")
-        if words and len(words) != n_channels:
-            raise UnreadableFile(
-                f"{name}, line {number}: a frame has {n_channels} numbers, this one {len(words)}"
-            )
-    raise UnreadableFile(f"{name}: expected {n_channels} numbers per frame, got {seen} in all")
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return math.isfinite(float(word)) and "_" not in word
-    except ValueError:
-        return False
 
 
 def _compare_length(table: _Table, n_frames: int, name: str) -> list[str]:
@@ -275,41 +223,30 @@ def _compare_length(table: _Table, n_frames: int, name: str) -> list[str]:
 
 
 def _rate(table: _Table, name: str) -> float:
-    frame_time = float(table.frame_time) if _is_number(table.frame_time) else 0.0
-    if not frame_time > 1 / _MAX_RATE_HZ:
+    rate = rate_of_frame_time(parse_number(table.frame_time))
+    if math.isnan(rate):
         raise UnreadableFile(
-            f"{name}: 'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; "
-            "pass the frames per second with --rate (rate_hz=...)"
+            f"{name}: 'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; {RATE_HINT}"
         )
-    rate = 1 / frame_time
-    usual = [float(round(rate)), *(hz / 1.001 for hz in _VIDEO_HZ)]
-    nearest = min(usual, key=lambda hz: abs(hz - rate))
-    return nearest if abs(frame_time * nearest - 1) <= _ROUNDING else rate
+    return rate
 
 
-def _to_motion(
-    name: str,
-    nodes: list[_Node],
-    values: Floats,
-    rate_hz: float,
-    told: SkeletonTable | None,
-    notes: list[str],
-) -> Motion:
-    """The motion in the file's unit and axes."""
+def _to_content(
+    name: str, nodes: list[_Node], values: Floats, rate_hz: float, notes: list[str]
+) -> FileContent:
     names = tuple(node.name for node in nodes)
     parents = np.array([node.parent for node in nodes], dtype=np.intp)
     skeleton = Skeleton(names, parents, np.array([node.offset for node in nodes]))
     rotations, translations = _split_channels(nodes, values)
     origin = np.zeros((len(values), 3))
-    positions = place_joints(skeleton, rotations, origin, translations=translations, source=name)
-    return Motion(
+    return FileContent(
         names=names,
-        positions=positions,
+        positions=place_joints(skeleton, rotations, origin, translations=translations, source=name),
         rate_hz=rate_hz,
-        mapping=find_mapping(names, skeleton, positions, told=told),
+        source=name,
+        metadata=FileMetadata(),
         skeleton=skeleton,
         rotations=rotations,
-        source=name,
         notes=tuple(notes),
     )
 

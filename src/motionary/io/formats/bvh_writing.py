@@ -1,4 +1,4 @@
-"""How is a motion written as BVH, in its own rig?
+"""BVH files: writing a motion in its own rig, and cutting clips.
 
 Joints keep their names, places and turns; angles are written in the order Z X Y, lengths in
 centimetres unless told otherwise. A joint that moves against its parent has position
@@ -6,6 +6,7 @@ channels. In an Acclaim skeleton a joint is the end of its bone and turns it: th
 joint gets a second one, "start of" it, at the place of its parent, which does the turning.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
-from motionary.io.normalise.units import metres_per_unit
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.formats.numbers import check_frames, end_alike, find_line
+from motionary.io.normalise.units_axes import metres_per_unit
 from motionary.io.text import write_text
 from motionary.motion import Motion, Skeleton
 from motionary.rotations import (
@@ -33,6 +35,9 @@ _POSITIONS = "Xposition Yposition Zposition"
 _STILL_M = 1e-6
 _TURNED = 1e-9
 _NUMBER = "%.6f"
+
+_CHANNELS = re.compile(r"^\s*CHANNELS\s+(\d+)", re.MULTILINE | re.IGNORECASE)
+_COUNT = re.compile(r"(Frames\s*:\s*)\d+", re.IGNORECASE)
 
 
 @dataclass(slots=True)
@@ -164,3 +169,24 @@ def _format_node(node: _Node, depth: int, metres: float, columns: list[Floats]) 
     for child in node.children:
         yield from _format_node(child, depth + 1, metres, columns)
     yield f"{indent}}}\n"
+
+
+def cut_bvh(lines: list[str], first: int, last: int, name: str) -> list[str]:
+    """Lines of a clip; frames count from 0, both are included."""
+    motion = find_line(lines, r"MOTION")
+    count = find_line(lines, r"Frames\s*:\s*\d+", motion + 1)
+    time = find_line(lines, r"Frame\s+Time\s*:\s*\S+", count + 1)
+    if len(lines) in (motion, count, time):
+        raise UnreadableFile(f"{name}: no MOTION with 'Frames:' and 'Frame Time:' found")
+    frames = [line for line in lines[time + 1 :] if line.strip()]
+    check_frames(first, last, first_number=0, n_frames=len(frames), name=name)
+    chosen = frames[first : last + 1]
+    n_channels = sum(map(int, _CHANNELS.findall("".join(lines[:motion]))))
+    if any(len(line.split()) != n_channels for line in chosen):
+        raise UnreadableFile(
+            f"{name}: a frame does not stand on one line of {n_channels} numbers, so that it "
+            "cannot be cut out"
+        )
+    header = lines[: time + 1]
+    header[count] = _COUNT.sub(rf"\g<1>{len(chosen)}", header[count])
+    return header + end_alike(chosen, lines[time])

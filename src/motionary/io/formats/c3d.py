@@ -1,4 +1,4 @@
-"""Where were markers, according to a C3D file, and what happened when?
+"""C3D files: reading and writing markers and events.
 
 Conventions: positions become metres with y up. A point is not seen in a frame where its
 residual is negative, its coordinates are all exactly zero, or one of them is no number.
@@ -31,17 +31,22 @@ from motionary.io.formats.c3d_head import (
     format_head,
     parse_head,
 )
-from motionary.io.formats.points import Points, number_doubles, to_motion
+from motionary.io.formats.content import (
+    MOST_RATE_HZ,
+    POINT_UNITS,
+    RATE_HINT,
+    FileContent,
+    number_doubles,
+)
 from motionary.io.normalise.axes import check_up, turn_back
-from motionary.io.normalise.units import NAMES_OF_UNITS
+from motionary.io.normalise.units_axes import NAMES_OF_UNITS, FileMetadata
+from motionary.io.options import ReadOptions
 from motionary.motion import Event, Motion
-from motionary.skeletons import SkeletonTable
 
 # Enough for header and parameters of any file: a parameter section has at most 255 blocks.
 _LONGEST_HEAD = 600 * BLOCK
 # Frames that are converted together.
 _TOGETHER = 2048
-_MOST_RATE_HZ = 1e5
 
 _VALUE_GROUPS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 _PLACE_GROUPS = ("MODELED_MARKERS", "BONES")
@@ -76,30 +81,14 @@ class _Layout(NamedTuple):
         return self.item * (4 * self.n_points + self.n_analog)
 
 
-def read_c3d(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-) -> Motion:
-    """Read the points and events of a C3D file.
-
-    Parameters
-    ----------
-    path : the file
-    rate_hz : frames per second; by default what the file says
-    skeleton : what the points are; by default what their names tell
-    unit : as in `read`; by default what the file says, else the body
-    up : axis of the file that points up; by default what the file says, else the body
+def read_c3d(path: Path, options: ReadOptions) -> FileContent:
+    """Points and events of a C3D file.
 
     Raises
     ------
     UnreadableFile
         If the file is missing, damaged or cut off, or holds no labelled point.
     """
-    path = Path(path)
     try:
         with path.open("rb") as file:
             head = parse_head(file.read(_LONGEST_HEAD), path.name)
@@ -110,21 +99,19 @@ def read_c3d(
         if isinstance(error, UnreadableFile):
             raise
         raise UnreadableFile(f"{path}: cannot be read: {error.strerror or error}") from error
-    rate = _rate(head, path.name) if rate_hz is None else rate_hz
+    rate = _rate(head, path.name) if options.rate_hz is None else options.rate_hz
     units = head.texts("POINT", "UNITS")
-    points = Points(
+    unit = NAMES_OF_UNITS.get(units[0].lower()) if units else None
+    return FileContent(
         names=names,
         positions=positions,
         rate_hz=rate,
         source=path.name,
-        skeleton=skeleton,
+        metadata=FileMetadata(unit, _stated_up(head), "mm", "z", POINT_UNITS),
         first_frame=layout.first_frame,
-        unit=NAMES_OF_UNITS.get(units[0].lower()) if units else None,
-        up=_stated_up(head),
         events=_read_events(head, layout, rate),
         notes=(*notes, *left_out, *_note_subjects(head)),
     )
-    return to_motion(points, unit=unit, up=up)
 
 
 def _lay_out(head: Head, size: int, name: str) -> tuple[_Layout, list[str]]:
@@ -241,10 +228,8 @@ def _read_points(file: BinaryIO, layout: _Layout, machine: Machine, kept: list[i
 
 def _rate(head: Head, name: str) -> float:
     rate = head.number("POINT", "RATE", head.header.rate_hz)
-    if not 0 < rate < _MOST_RATE_HZ:
-        raise UnreadableFile(
-            f"{name}: says {rate:g} frames per second; pass the rate with --rate (rate_hz=...)"
-        )
+    if not 0 < rate < MOST_RATE_HZ:
+        raise UnreadableFile(f"{name}: says {rate:g} frames per second; {RATE_HINT}")
     # 32-bit floats: 59.94 is written as 59.9399986.
     return float(np.format_float_positional(np.float32(rate)))
 

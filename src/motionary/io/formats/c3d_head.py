@@ -1,4 +1,4 @@
-"""What does a C3D file say about itself, before its frames?
+"""Header and parameters of C3D files, before the frames.
 
 A file begins with a block of 512 bytes (the header), then groups of named parameters, then
 frames. Numbers are those of the machine that wrote it: Intel, DEC (VAX floats) or MIPS.

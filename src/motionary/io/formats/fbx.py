@@ -1,31 +1,31 @@
-"""What did a body do, according to an FBX file?
+"""FBX files: reading the bones.
 
 The format is read by ufbx (extra `fbx`) in a process of its own, so that a file on which it
 crashes is an error like any other. Bones of the first take become joints; axes and unit are
-those that the file states.
+those that the file states. The child, `fbx_child`, writes names, parents, local turns and places
+in metres with y up.
 """
 
 import importlib.util
 import subprocess
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import UnreadableFile
-from motionary.io.formats.numpy_files import Array, read_npz
-from motionary.io.formats.points import number_doubles
-from motionary.io.normalise.body_frame import FileMetadata, rescale, settle_claims, turn
-from motionary.motion import Motion, Skeleton
+from motionary.io.formats.content import FileContent, number_doubles
+from motionary.io.formats.npz import Array, read_npz
+from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.options import ReadOptions
+from motionary.motion import Skeleton
 from motionary.rotations import (
     conjugate_quaternions,
     multiply_quaternions,
     rotate,
 )
-from motionary.skeletons import SkeletonTable, find_mapping
 
 Floats = NDArray[np.float64]
 
@@ -40,33 +40,15 @@ _RECIPE = (
 )
 
 
-def read_fbx(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-) -> Motion:
-    """Read the bones of an FBX file.
-
-    Parameters
-    ----------
-    path : the file
-    rate_hz : frames per second; by default what the file says
-    skeleton : what the joints are; by default what their names and tree tell
-    unit, up : of the lengths and axes once they are metres with y up by what the file says,
-        if it says it wrong
+def read_fbx(path: Path, options: ReadOptions) -> FileContent:
+    """Bones of an FBX file, in metres with y up by what the file says.
 
     Raises
     ------
     UnreadableFile
         If the file is missing or damaged, crashes its reader, holds no bones, or ufbx is not
         installed; the message then has the line that converts the file with Blender.
-    InvalidInput
-        If the caller or the file contradicts the body.
     """
-    path = Path(path)
     if not path.is_file():
         raise UnreadableFile(f"{path}: cannot be read: no such file")
     if importlib.util.find_spec("ufbx") is None:
@@ -76,14 +58,11 @@ def read_fbx(
             f"Blender: {recipe}"
         )
     arrays = _read_in_child(path)
-    notes = [] if unit is not None or up is not None else ["axes and unit as the file says"]
+    is_told = options.unit is not None or options.up is not None
+    notes = [] if is_told else ["axes and unit as the file says"]
     if int(arrays["n_takes"]) > 1:
         notes.append(f"the first of {int(arrays['n_takes'])} takes")
-    motion = _to_motion(arrays, path.name, rate_hz, skeleton, notes)
-    normalised = settle_claims(motion, FileMetadata("m", "y"), unit=unit, up=up)
-    motion = turn(rescale(motion, normalised.metres), normalised.up)
-    told = [note for note in normalised.notes if note.endswith("as told") or "; " in note]
-    return replace(motion, notes=(*motion.notes, *told))
+    return _to_content(arrays, path.name, options.rate_hz, notes)
 
 
 def _read_in_child(path: Path) -> dict[str, Array]:
@@ -105,13 +84,9 @@ def _read_in_child(path: Path) -> dict[str, Array]:
         return read_npz(target)
 
 
-def _to_motion(
-    arrays: dict[str, Array],
-    source: str,
-    rate_hz: float | None,
-    told: SkeletonTable | None,
-    notes: list[str],
-) -> Motion:
+def _to_content(
+    arrays: dict[str, Array], source: str, rate_hz: float | None, notes: list[str]
+) -> FileContent:
     names = tuple(number_doubles([str(name) for name in arrays["names"].tolist()]))
     if not names:
         raise UnreadableFile(f"{source}: holds no bones")
@@ -130,14 +105,14 @@ def _to_motion(
             away = positions[0, joint] - positions[0, parent]
             offsets[joint] = rotate(conjugate_quaternions(world[0, parent]), away)
     skeleton = Skeleton(names, parents, offsets)
-    return Motion(
+    return FileContent(
         names=names,
         positions=positions,
         rate_hz=float(arrays["rate_hz"]) if rate_hz is None else rate_hz,
-        mapping=find_mapping(names, skeleton, positions, told=told),
+        source=source,
+        metadata=FileMetadata("m", "y", noted=()),
         skeleton=skeleton,
         rotations=turns,
-        source=source,
         notes=tuple(notes),
     )
 

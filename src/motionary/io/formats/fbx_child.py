@@ -1,4 +1,4 @@
-"""What is in an FBX file: run as a program of its own by `fbx`, as ufbx may crash on one.
+"""Bones of an FBX file: a program of its own, run by `fbx`, as ufbx may crash on a file.
 
 `python -m motionary.io.formats.fbx_child IN.fbx OUT.npz` writes names, parents, local turns
 and places of the bones in metres with y up, or one line on stderr.

@@ -1,112 +1,131 @@
-"""How does a motion go into a .npz file and out of it, with all that it holds?
+"""NumPy's files, read without trusting them, and motions that are written to .npz whole.
+
+No pickles, and nothing larger is made than what a file holds.
 
 A file of ours holds `positions` (frames, joints, 3) in metres with y up, `names`, `rate_hz`,
 `first_frame` and what its joints are, of rigs also `parents`, `offsets`, `ends` and
 `rotations`, of recordings with events also `event_names`, `event_sides` and
-`event_times_s`. Files of others: motions of SMPL bodies (AMASS), or positions under one of
-the usual names.
+`event_times_s`.
 """
 
-from dataclasses import replace
+import zipfile
 from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from motionary.batch import write_atomically
-from motionary.errors import NO_MOTION, UnreadableFile
-from motionary.io.formats.arrays import array_to_motion, check_positions, name_joints
-from motionary.io.formats.numpy_files import Array, read_npz
-from motionary.io.formats.smpl import is_smpl, read_smpl_arrays
-from motionary.io.normalise.body_frame import FileMetadata, rescale, settle_claims, turn
+from motionary.errors import UnreadableFile
+from motionary.io.formats.content import FileContent
+from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.options import ReadOptions
 from motionary.motion import Event, JointMapping, Motion, Skeleton
-from motionary.skeletons import (
-    SkeletonTable,
-    find_mapping,
-    format_table,
-    known_mappings,
-    named_mapping,
-    parse_table,
-)
+from motionary.skeletons import format_table, known_mappings, named_mapping, parse_table
 
 Floats = NDArray[np.float64]
+Array = NDArray[Any]
 
 _FORMAT = 1
-_OWN = FileMetadata("m", "y")
-_POSITIONS = ("positions", "joints", "keypoints3d", "joints3d", "jtr", "xyz")
-_NAMES = ("names", "joint_names", "marker_names", "labels")
-RATES = ("rate_hz", "fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate")
+_OWN = FileMetadata("m", "y", noted=())
+
+# Ten times two hours of a body in motion: more is a mistake or an attack.
+_MOST_BYTES = 1 << 35
 
 
-def read_npz_motion(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-    body_model: str | Path | None = None,
-) -> Motion:
-    """Read a .npz file.
-
-    Parameters
-    ----------
-    path : the file
-    rate_hz, unit, up, body_model : as in `read`
-    skeleton : as in `read`; order of joints where the file has no names
+def read_npy(path: Path) -> Array:
+    """The array of a .npy file.
 
     Raises
     ------
     UnreadableFile
-        If the file is missing, damaged, or holds no motion.
-    InvalidInput
-        If rate or names are neither known nor told, or the body contradicts what is.
+        If the file is missing, damaged, or holds Python objects.
     """
-    path = Path(path)
-    arrays = read_npz(path)
-    if "motionary_motion" in arrays:
-        motion = _read_own(arrays, path.name, rate_hz, skeleton)
-        if unit is None and up is None:
-            return motion
-        normalised = settle_claims(motion, _OWN, unit=unit, up=up)
-        told = [note for note in normalised.notes if note.endswith("as told")]
-        return replace(turn(rescale(motion, normalised.metres), normalised.up), notes=tuple(told))
-    rate = rate_hz if rate_hz is not None else find_rate(arrays)
-    if is_smpl(arrays):
-        return read_smpl_arrays(
-            arrays, path.name, rate_hz=rate, unit=unit, up=up, body_model=body_model
-        )
-    key = next((key for key in _POSITIONS if key in arrays), None)
-    if key is None:
-        raise UnreadableFile(
-            f"{path.name}: {NO_MOTION}; expected poses and trans (AMASS) or positions "
-            f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
-        )
-    positions = check_positions(arrays[key], path.name)
-    joints = name_joints(positions, path.name, skeleton=skeleton, names=_find_names(arrays))
-    return array_to_motion(positions, joints, path.name, rate_hz=rate, unit=unit, up=up)
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            return _read_array(file, size)
+    except Exception as error:
+        # On damaged headers NumPy raises whatever its parser of Python raises.
+        raise _unreadable(path, error) from error
 
 
-def find_rate(arrays: dict[str, Array]) -> float | None:
-    """Frames per second, under one of the usual names; None if there is none."""
-    for key in RATES:
-        if key in arrays and arrays[key].size == 1 and arrays[key].dtype.kind in "fiu":
-            rate = float(arrays[key].reshape(()))
-            if 0 < rate < 1e6:
-                return rate
-    return None
+def read_npz(path: Path) -> dict[str, Array]:
+    """The arrays of a .npz file by name; those that hold Python objects are left out.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing or damaged.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = [m for m in archive.infolist() if m.filename.endswith(".npy")]
+            if sum(member.file_size for member in members) > _MOST_BYTES:
+                raise ValueError(f"unpacks to more than {_MOST_BYTES >> 30} GB")
+            arrays = {}
+            for member in members:
+                with archive.open(member) as file:
+                    array = _read_member(file, member.file_size)
+                if array is not None:
+                    arrays[member.filename.removesuffix(".npy")] = array
+            return arrays
+    except Exception as error:
+        raise _unreadable(path, error) from error
 
 
-def _find_names(arrays: dict[str, Array]) -> list[str] | None:
-    key = next((key for key in _NAMES if key in arrays), None)
-    if key is None or arrays[key].dtype.kind not in "US" or arrays[key].ndim != 1:
+def _read_member(file: IO[bytes], size: int) -> Array | None:
+    try:
+        return _read_array(file, size)
+    except _HoldsObjectsError:
         return None
-    return [n.decode("latin-1") if isinstance(n, bytes) else n for n in arrays[key].tolist()]
 
 
-def _read_own(
-    arrays: dict[str, Array], source: str, rate_hz: float | None, told: SkeletonTable | None
-) -> Motion:
+class _HoldsObjectsError(ValueError):
+    """The array is one of Python objects, which only a pickle can hold."""
+
+
+def _read_array(file: IO[bytes], size: int) -> Array:
+    version = npy.read_magic(file)
+    if version == (1, 0):
+        shape, fortran, dtype = npy.read_array_header_1_0(file)
+    else:
+        shape, fortran, dtype = npy.read_array_header_2_0(file)
+    if dtype.hasobject:
+        raise _HoldsObjectsError("holds Python objects; expected an array of numbers")
+    count = 1
+    for length in shape:
+        count *= length
+    if count < 0 or count * dtype.itemsize > size:
+        raise ValueError(f"promises {count} numbers and is shorter")
+    content = file.read(count * dtype.itemsize)
+    if len(content) < count * dtype.itemsize:
+        raise ValueError("is cut off")
+    array: Array = np.frombuffer(content, dtype=dtype)
+    return array.reshape(shape[::-1]).T if fortran else array.reshape(shape)
+
+
+def _unreadable(path: Path, error: Exception) -> UnreadableFile:
+    if isinstance(error, OSError) and error.strerror:
+        return UnreadableFile(f"{path}: cannot be read: {error.strerror}")
+    reason = str(error).splitlines()[0][:100] if str(error) else type(error).__name__
+    return UnreadableFile(f"{path.name}: damaged, or no file of arrays: {reason}")
+
+
+def is_own(arrays: dict[str, Array]) -> bool:
+    """Whether arrays are a motion that `write_npz` wrote."""
+    return "motionary_motion" in arrays
+
+
+def read_own(arrays: dict[str, Array], source: str, options: ReadOptions) -> FileContent:
+    """Content of a file that `write_npz` wrote.
+
+    Raises
+    ------
+    UnreadableFile
+        If it was written by a newer version, or damaged.
+    """
     try:
         if int(arrays["motionary_motion"]) > _FORMAT:
             raise UnreadableFile(f"{source}: was written by a newer version; update motionary")
@@ -121,34 +140,32 @@ def _read_own(
                 np.array(arrays["offsets"], dtype=np.float64),
                 ends=bool(arrays["ends"]),
             )
-        return Motion(
+        rate = float(arrays["rate_hz"]) if options.rate_hz is None else options.rate_hz
+        if not 0 < rate < np.inf or not names or positions.shape[1:] != (len(names), 3):
+            raise ValueError(f"{len(names)} names, positions {positions.shape}, {rate:g} Hz")
+        return FileContent(
             names=names,
             positions=positions,
-            rate_hz=float(arrays["rate_hz"]) if rate_hz is None else rate_hz,
-            mapping=_mapping(arrays, names, skeleton, told),
+            rate_hz=rate,
+            source=source,
+            metadata=None if options.unit is None and options.up is None else _OWN,
+            first_frame=int(arrays["first_frame"]),
             skeleton=skeleton,
             rotations=_rotations(arrays, positions.shape[:2]),
-            source=source,
-            first_frame=int(arrays["first_frame"]),
+            mapping=_mapping(arrays, names) if options.skeleton is None else None,
             events=_events(arrays),
         )
     except (KeyError, ValueError, TypeError, OverflowError) as error:
         raise UnreadableFile(f"{source}: is no whole motion: {error}") from error
 
 
-def _mapping(
-    arrays: dict[str, Array],
-    names: tuple[str, ...],
-    skeleton: Skeleton | None,
-    told: SkeletonTable | None,
-) -> JointMapping | None:
-    if told is None and "skeleton" in arrays:
-        name = str(arrays["skeleton"])
-        if "skeleton_table" in arrays:
-            return parse_table(name, str(arrays["skeleton_table"])).resolve(names)
-        return named_mapping(name, names)
-    positions = np.array(arrays["positions"], dtype=np.float64)
-    return find_mapping(names, skeleton, positions, told=told)
+def _mapping(arrays: dict[str, Array], names: tuple[str, ...]) -> JointMapping | None:
+    if "skeleton" not in arrays:
+        return None
+    name = str(arrays["skeleton"])
+    if "skeleton_table" in arrays:
+        return parse_table(name, str(arrays["skeleton_table"])).resolve(names)
+    return named_mapping(name, names)
 
 
 def _rotations(arrays: dict[str, Array], shape: tuple[int, ...]) -> Floats | None:

@@ -1,4 +1,4 @@
-"""How are the numbers of many frames read from text at once?
+"""Numbers of many frames, read from text at once; wrong ones are refused with their place.
 
 A frame is a fixed sequence of words: numbers, and names that must stand where they
 stand. Digits of equal place are converted together, for thousands of words in one
@@ -8,11 +8,14 @@ ten they are divided by.
 """
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput, UnreadableFile
 
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -34,6 +37,73 @@ class _Words(NamedTuple):
     buffer: Bytes
     starts: Places
     ends: Places
+
+
+def read_table(
+    text: str,
+    width: int,
+    *,
+    source: str,
+    line: int,
+    separator: str | None = None,
+    gaps: Collection[str] = (),
+) -> Floats:
+    """Numbers of all frames, shape (frames, width), one frame on a line.
+
+    Parameters
+    ----------
+    text : the frames
+    width : numbers of a frame
+    source, line : name of the file and the line at which the text starts, for errors
+    separator : between cells; by default blanks
+    gaps : words in lower case that become NaN; with "" among them also cells that are missing
+
+    Raises
+    ------
+    UnreadableFile
+        If a line holds something else; the message names it.
+    """
+    values = read_frames(text.encode(), [None] * width)
+    if values is not None:
+        return values
+    rows = []
+    for number, content in enumerate(text.split("\n"), start=line):
+        if not content.strip():
+            continue
+        cells = content.split(separator)
+        while len(cells) > width and not cells[-1].strip():
+            cells.pop()
+        where = f"{source}, line {number}"
+        row = [to_number(cell, where, gaps=gaps) for cell in cells]
+        if len(row) > width or (len(row) < width and "" not in gaps):
+            raise UnreadableFile(f"{where}: a frame has {width} numbers, this one {len(row)}")
+        rows.append(row + [math.nan] * (width - len(row)))
+    return np.array(rows).reshape(-1, width)
+
+
+def to_number(word: str, where: str, *, gaps: Collection[str] = ()) -> float:
+    """The number that a word is.
+
+    Raises
+    ------
+    UnreadableFile
+        If it is none; `where` says in which file and line.
+    """
+    value = parse_number(word)
+    if math.isnan(value) and word.strip().lower().lstrip("+-") not in gaps:
+        raise UnreadableFile(f"{where}: expected a number, got {word[:40]!r}")
+    return value
+
+
+def parse_number(word: str | bytes) -> float:
+    """The finite number that a word is, else NaN."""
+    try:
+        value = float(word)
+    except ValueError:
+        return math.nan
+    # `float` takes 1_000 and inf, which no recording may contain.
+    mark = b"_" if isinstance(word, bytes) else "_"
+    return value if math.isfinite(value) and mark not in word else math.nan  # type: ignore[operator]
 
 
 def read_frames(text: bytes, names: Sequence[bytes | None]) -> Floats | None:
@@ -139,7 +209,7 @@ def _to_floats(words: _Words) -> Floats:
     values /= _POWERS[decimals]
     np.negative(values, where=first == _MINUS, out=values)
     for i in np.flatnonzero(~plain).tolist():
-        values[i] = _to_float(words.text[words.starts[i] : words.ends[i]])
+        values[i] = parse_number(words.text[words.starts[i] : words.ends[i]])
     return values
 
 
@@ -153,10 +223,31 @@ def _mantissas(digits: Bytes, n_dots: Bytes, decimals: Bytes) -> Floats:
     return result
 
 
-def _to_float(word: bytes) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        return np.nan
-    # `float` takes 1_000 and inf, which no recording may contain.
-    return value if math.isfinite(value) and b"_" not in word else np.nan
+# ---- lines of clips
+
+
+def find_line(lines: list[str], pattern: str, start: int = 0) -> int:
+    """Number of the first line that matches a pattern; of lines if there is none."""
+    wanted = re.compile(rf"\s*{pattern}\s*", re.IGNORECASE)
+    numbers = range(start, len(lines))
+    return next((i for i in numbers if wanted.fullmatch(lines[i])), len(lines))
+
+
+def check_frames(first: int, last: int, *, first_number: int, n_frames: int, name: str) -> None:
+    """Refuse frames that are not in a file.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    last_number = first_number + n_frames - 1
+    if not first_number <= first <= last <= last_number:
+        raise InvalidInput(
+            f"{name}: has frames {first_number} to {last_number}, asked for are {first} to {last}"
+        )
+
+
+def end_alike(lines: list[str], model: str) -> list[str]:
+    """Lines of which the last one ends as another does."""
+    end = model[len(model.rstrip("\r\n")) :]
+    return [*lines[:-1], lines[-1].rstrip("\r\n") + end]

@@ -1,4 +1,4 @@
-"""Where were points, according to a table of OpenSim (.sto, .mot)?
+"""Points in tables of OpenSim (.sto, .mot).
 
 These tables hold whatever a tool computed. Places of points are read: tables of three-fold
 cells (`DataType=Vec3`), and columns that come as `name_X`, `name_Y`, `name_Z`, as body
@@ -16,69 +16,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import UnreadableFile
-from motionary.io.formats.points import Points, number_doubles, to_motion
+from motionary.io.formats.content import (
+    POINT_UNITS,
+    RATE_HINT,
+    FileContent,
+    number_doubles,
+    rate_of_times,
+)
+from motionary.io.formats.numbers import read_table
+from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.options import ReadOptions
 from motionary.io.text import read_text
-from motionary.motion import Motion
-from motionary.skeletons import SkeletonTable
 
 Floats = NDArray[np.float64]
 
 _END = "endheader"
 _MOST_HEADER = 200
 _EVEN = 0.02
-_LATEST_S = 1e9
+# A cell that is not there, as OpenSim writes it.
+_GAPS = ("nan", "inf", "infinity")
 
 
 class _Table(NamedTuple):
-    """Header, titles of the columns, rows as cells, and the line at which rows begin."""
+    """Header, titles of the columns, rows as text, and the line at which rows begin."""
 
     header: dict[str, str]
     titles: list[str]
-    lines: list[str]
+    text: str
     line: int
 
 
-def read_opensim(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-) -> Motion:
-    """Read points of a .sto or .mot file.
-
-    Parameters
-    ----------
-    path : the file
-    skeleton : what the points are; by default what their names tell
-    rate_hz, unit, up : as in `read`; by default what OpenSim has: its times, metres, y up
+def read_opensim(path: Path, options: ReadOptions) -> FileContent:
+    """Content of a .sto or .mot file; without a word about it in metres, y up.
 
     Raises
     ------
     UnreadableFile
         If the file is missing or broken, holds joint angles, or no places of points.
     """
-    path = Path(path)
     table = _read_table(read_text(path), path.name)
     if table.header.get("datatype", "double").lower() == "vec3":
         names = table.titles[1:]
-        times, places = _read_threefold(table, path.name)
+        values = _read_rows(table, table.text.replace(",", " "), 1 + 3 * len(names), path.name)
+        places = values[:, 1:].reshape(-1, len(names), 3)
     else:
         names, columns = _find_points(table.titles, path.name)
-        values = _read_plain(table, path.name)
-        times, places = values[:, 0], values[:, columns]
+        values = _read_rows(table, table.text, len(table.titles), path.name)
+        places = values[:, columns]
     places[np.isnan(places).any(axis=2)] = np.nan
-    points = Points(
+    return FileContent(
         names=number_doubles(names),
         positions=places,
-        rate_hz=_rate(times, path.name) if rate_hz is None else rate_hz,
+        rate_hz=_rate(values[:, 0], path.name) if options.rate_hz is None else options.rate_hz,
         source=path.name,
-        skeleton=skeleton,
-        usual_unit="m",
-        usual_up="y",
+        metadata=FileMetadata(likely=POINT_UNITS),
     )
-    return to_motion(points, unit=unit, up=up)
 
 
 def _read_table(text: str, name: str) -> _Table:
@@ -95,7 +87,7 @@ def _read_table(text: str, name: str) -> _Table:
     titles = lines[start].split()
     if titles[0].lower() != "time":
         raise UnreadableFile(f"{name}, line {start + 1}: expected columns that begin with time")
-    return _Table(header, titles, lines[start + 1 :], start + 2)
+    return _Table(header, titles, "\n".join(lines[start + 1 :]), start + 2)
 
 
 def _find_points(titles: list[str], name: str) -> tuple[list[str], NDArray[np.intp]]:
@@ -116,51 +108,15 @@ def _find_points(titles: list[str], name: str) -> tuple[list[str], NDArray[np.in
     return names, np.array(columns, dtype=np.intp)
 
 
-def _read_plain(table: _Table, name: str) -> Floats:
-    rows = [
-        _numbers(line.split(), len(table.titles), where) for line, where in _filled(table, name)
-    ]
-    return np.array(rows).reshape(-1, len(table.titles))
-
-
-def _read_threefold(table: _Table, name: str) -> tuple[Floats, Floats]:
-    n_points = len(table.titles) - 1
-    rows = [
-        _numbers(line.replace(",", " ").split(), 1 + 3 * n_points, where)
-        for line, where in _filled(table, name)
-    ]
-    values = np.array(rows).reshape(-1, 1 + 3 * n_points)
-    return values[:, 0], values[:, 1:].reshape(-1, n_points, 3)
-
-
-def _filled(table: _Table, name: str) -> list[tuple[str, str]]:
-    """Rows that hold something, each with its place for errors."""
-    return [
-        (line, f"{name}, line {number}")
-        for number, line in enumerate(table.lines, start=table.line)
-        if line.strip()
-    ]
-
-
-def _numbers(words: list[str], count: int, where: str) -> list[float]:
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        raise UnreadableFile(f"{where}: expected numbers") from None
-    if len(values) != count:
-        raise UnreadableFile(f"{where}: expected {count} numbers, got {len(values)}")
-    return [value if math.isfinite(value) else math.nan for value in values]
+def _read_rows(table: _Table, text: str, width: int, name: str) -> Floats:
+    return read_table(text, width, source=name, line=table.line, gaps=_GAPS)
 
 
 def _rate(times: Floats, name: str) -> float:
     # NaN and numbers that no clock shows give no rate.
-    steps = np.diff(times) if (np.abs(times) < _LATEST_S).all() else np.empty(0)
-    step = float(np.median(steps)) if len(steps) else math.nan
-    if not 1e-6 < step < 1e6:
-        raise UnreadableFile(
-            f"{name}: its times give no frame rate; pass it with --rate (rate_hz=...)"
-        )
-    if np.abs(steps / step - 1).max() > _EVEN:
+    rate, unevenness = rate_of_times(times)
+    if math.isnan(rate) or np.isnan(times).any():
+        raise UnreadableFile(f"{name}: its times give no frame rate; {RATE_HINT}")
+    if unevenness > _EVEN:
         raise UnreadableFile(f"{name}: its frames are not evenly spaced in time; resample it")
-    rate = 1 / step
     return float(round(rate)) if abs(rate - round(rate)) < 1e-3 * rate else rate

@@ -1,4 +1,4 @@
-"""What did a dancer do, according to a .pkl file of AIST++?
+"""Motions in .pkl files of AIST++.
 
 A pickle is a program, so this one is not run: its loader builds arrays of NumPy, numbers,
 texts, lists and dicts, and refuses every other name. Keypoints (`keypoints3d`, 17 of COCO,
@@ -15,14 +15,15 @@ from typing import Any, NoReturn
 import numpy as np
 
 from motionary.errors import NO_MOTION, InvalidInput, UnreadableFile
-from motionary.io.formats.arrays import array_to_motion, check_positions, name_joints
-from motionary.io.formats.numpy_files import Array
-from motionary.io.formats.smpl import check_pose, find_up, pose_to_motion
-from motionary.io.normalise.units import metres_per_unit
-from motionary.motion import Motion
-from motionary.skeletons import SkeletonTable
+from motionary.io.formats.arrays import array_content, check_positions, name_joints
+from motionary.io.formats.content import FileContent
+from motionary.io.formats.npz import Array
+from motionary.io.formats.smpl import check_pose, pose_content
+from motionary.io.normalise.units_axes import FileMetadata, metres_per_unit
+from motionary.io.options import ReadOptions
 
 RATE_HZ = 60.0
+_AIST = FileMetadata("m", by_definition=True, origin="AIST++", noted=("up",), takes_unit=False)
 _KEYPOINTS = ("keypoints3d_optim", "keypoints3d")
 
 # Names of NumPy's array type, which a pickle passes on and may not call.
@@ -110,55 +111,38 @@ class _Loader(pickle._Unpickler):
         raise pickle.UnpicklingError("refers to something outside")
 
 
-def read_pickle(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-) -> Motion:
-    """Read a .pkl file of AIST++.
-
-    Parameters
-    ----------
-    path : the file
-    rate_hz : frames per second; by default 60, as AIST++ has
-    skeleton, unit, up : as in `read`
+def read_pickle(path: Path, options: ReadOptions) -> FileContent:
+    """Content of a .pkl file of AIST++; without a rate that is given at 60 Hz.
 
     Raises
     ------
     UnreadableFile
         If the file is missing, damaged, holds anything but arrays, or no motion.
+    InvalidInput
+        If a skeleton is given and the file has an SMPL body.
     """
-    path = Path(path)
     content = _load(path)
-    notes = () if rate_hz is not None else (f"rate assumed {RATE_HZ:g} Hz, as AIST++ has",)
-    rate = RATE_HZ if rate_hz is None else rate_hz
+    notes: tuple[str, ...] = ()
+    rate = options.rate_hz
+    if rate is None:
+        rate, notes = RATE_HZ, (f"rate assumed {RATE_HZ:g} Hz, as AIST++ has",)
     for key in _KEYPOINTS:
         if key in content:
             positions = check_positions(content[key], path.name)
-            joints = name_joints(positions, path.name, skeleton=skeleton)
+            joints = name_joints(positions, path.name, options.skeleton_table())
             joints = joints._replace(notes=(*joints.notes, *notes))
-            return array_to_motion(positions, joints, path.name, rate_hz=rate, unit=unit, up=up)
+            return array_content(positions, joints, path.name, rate_hz=rate)
     if not {"smpl_poses", "smpl_trans"} <= set(content):
         raise UnreadableFile(
             f"{path.name}: {NO_MOTION}; expected keypoints3d or smpl_poses and smpl_trans, "
             f"got {', '.join(sorted(content))[:80] or 'no arrays'}"
         )
-    if skeleton is not None:
+    if options.skeleton is not None:
         raise InvalidInput(f"{path.name}: has an SMPL body; leave out skeleton=")
     pose = check_pose(content["smpl_poses"], content["smpl_trans"], path.name)
-    metres = _metres(content) if unit is None else metres_per_unit(unit)
+    metres = _metres(content) if options.unit is None else metres_per_unit(options.unit)
     pose = pose._replace(root=pose.root * metres)
-    axis, note = find_up(pose, path.name, up=up, usual="y", whose="AIST++")
-    return pose_to_motion(
-        pose,
-        path.name,
-        rate_hz=rate,
-        up=axis,
-        notes=(note, *notes),
-    )
+    return pose_content(pose, path.name, rate_hz=rate, metadata=_AIST, notes=notes)
 
 
 def _metres(content: dict[str, Array]) -> float:

@@ -1,8 +1,8 @@
-"""What did a body do, according to the pose parameters of an SMPL model (AMASS, AIST++)?
+"""Pose parameters of SMPL models (AMASS, AIST++).
 
 Parameters are turns of joints, not places: without the model's file they move a skeleton
 of our own, with the average proportions of Drillis and Contini (1966) as shares of the
-stature. Relations scale with the body, so they hardly notice; with `body_model=` the
+stature. Features scale with the body, so they hardly change; with `body_model=` the
 person's own joints are used. AMASS has z up and metres.
 
 Conventions: in the rest pose the body stands in a T, y up, looking along z, its left at +x.
@@ -15,17 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.io.formats.numpy_files import Array, read_npz
-from motionary.io.formats.pose import place_joints
-from motionary.io.normalise.axes import turn_up
-from motionary.io.normalise.body_frame import FileMetadata, settle_claims
-from motionary.io.normalise.units import metres_per_unit
-from motionary.motion import Motion, Skeleton
-from motionary.rotations import (
-    matrices_to_quaternions,
-    multiply_quaternions,
-    rotation_vectors_to_quaternions,
-)
+from motionary.io.formats.content import RATE_HINT, FileContent, place_joints
+from motionary.io.formats.npz import Array, read_npz
+from motionary.io.normalise.units_axes import FileMetadata, metres_per_unit
+from motionary.io.options import ReadOptions
+from motionary.motion import Skeleton
+from motionary.rotations import rotation_vectors_to_quaternions
 from motionary.skeletons import named_mapping
 
 Floats = NDArray[np.float64]
@@ -60,9 +55,10 @@ _MOST = 1e6
 # Where the pelvis of the model rests, below its origin.
 _PELVIS = (0.0, -0.13, 0.0)
 
-
-# Frames that suffice to see how a body stands.
-_LOOKED_AT = 500
+# The body is in metres; a unit concerns the places of its root only.
+_AMASS = FileMetadata(
+    "m", usual_up="z", by_definition=True, origin="AMASS", noted=("up",), takes_unit=False
+)
 
 
 class Pose(NamedTuple):
@@ -78,15 +74,9 @@ def is_smpl(arrays: dict[str, Array]) -> bool:
 
 
 def read_smpl_arrays(
-    arrays: dict[str, Array],
-    source: str,
-    *,
-    rate_hz: float | None,
-    unit: float | str | None,
-    up: str | None,
-    body_model: str | Path | None,
-) -> Motion:
-    """The motion of a file of AMASS.
+    arrays: dict[str, Array], source: str, *, rate_hz: float | None, options: ReadOptions
+) -> FileContent:
+    """Content of a file of AMASS; a unit that is given is that of `trans`.
 
     Raises
     ------
@@ -96,19 +86,19 @@ def read_smpl_arrays(
         If there is no rate.
     """
     if rate_hz is None:
-        raise InvalidInput(f"{source}: holds no frame rate; pass it with --rate (rate_hz=...)")
+        raise InvalidInput(f"{source}: holds no frame rate; {RATE_HINT}")
     if "poses" in arrays:
         poses = arrays["poses"]
     else:
         poses = np.concatenate((arrays["root_orient"], arrays["pose_body"]), axis=-1)
     pose = check_pose(poses, arrays["trans"], source)
-    pose = pose._replace(root=pose.root * (1.0 if unit is None else metres_per_unit(unit)))
-    axis, note = find_up(pose, source, up=up, usual="z", whose="AMASS")
-    if body_model is None:
-        return pose_to_motion(pose, source, rate_hz=rate_hz, up=axis, notes=(note,))
-    betas = arrays.get("betas", np.zeros(0)).astype(np.float64).ravel()
-    skeleton = read_body_model(body_model, betas)
-    return pose_to_motion(pose, source, rate_hz=rate_hz, up=axis, notes=(note,), skeleton=skeleton)
+    metres = 1.0 if options.unit is None else metres_per_unit(options.unit)
+    pose = pose._replace(root=pose.root * metres)
+    skeleton = None
+    if options.body_model is not None:
+        betas = arrays.get("betas", np.zeros(0)).astype(np.float64).ravel()
+        skeleton = read_body_model(options.body_model, betas)
+    return pose_content(pose, source, rate_hz=rate_hz, metadata=_AMASS, skeleton=skeleton)
 
 
 def check_pose(poses: Array, trans: Array, source: str) -> Pose:
@@ -136,44 +126,20 @@ def check_pose(poses: Array, trans: Array, source: str) -> Pose:
     return Pose(turns, root)
 
 
-def find_up(pose: Pose, source: str, *, up: str | None, usual: str, whose: str) -> tuple[str, str]:
-    """The axis that points up in a file, and a note on it.
-
-    Parameters
-    ----------
-    pose : as in the file
-    up : what the caller says, as in `read`
-    usual : axis that files of `whose` have
-
-    Raises
-    ------
-    InvalidInput
-        If the caller contradicts the body.
-    """
-    some = slice(None, None, 1 + len(pose.turns) // _LOOKED_AT)
-    sample = Pose(pose.turns[some], pose.root[some])
-    body = pose_to_motion(sample, source, rate_hz=1.0, up="y", notes=())
-    metadata = FileMetadata(unit="m", usual_up=usual, by_definition=True)
-    normalised = settle_claims(body, metadata, unit=None, up=up)
-    if up is None and normalised.up == usual:
-        return usual, f"{usual} up, as {whose} has"
-    return normalised.up, normalised.notes[1]
-
-
-def pose_to_motion(
+def pose_content(
     pose: Pose,
     source: str,
     *,
     rate_hz: float,
-    up: str,
-    notes: tuple[str, ...],
+    metadata: FileMetadata,
+    notes: tuple[str, ...] = (),
     skeleton: Skeleton | None = None,
-) -> Motion:
-    """Forward kinematics of a pose, turned so that y is up.
+) -> FileContent:
+    """Forward kinematics of a pose, in the file's axes.
 
     Parameters
     ----------
-    pose : turns, and places in metres with `up` up
+    pose : turns, and places in metres
     skeleton : by default the one of average proportions
     """
     if skeleton is None:
@@ -182,19 +148,15 @@ def pose_to_motion(
     rotations = np.zeros((len(pose.turns), len(NAMES), 4))
     rotations[..., 0] = 1.0
     rotations[:, :N_BODY] = rotation_vectors_to_quaternions(pose.turns)
-    world = matrices_to_quaternions(turn_up(np.eye(3), up).T)
-    rotations[:, 0] = multiply_quaternions(world, rotations[:, 0])
-    # The pelvis rests at its offset whichever way is up; what the file gives is added there.
-    pelvis = skeleton.offsets[0]
-    root = turn_up(pose.root + pelvis, up) - pelvis
-    return Motion(
+    return FileContent(
         names=NAMES,
-        positions=place_joints(skeleton, rotations, root, translations={}, source=source),
+        positions=place_joints(skeleton, rotations, pose.root, translations={}, source=source),
         rate_hz=rate_hz,
-        mapping=named_mapping("smpl"),
+        source=source,
+        metadata=metadata,
         skeleton=skeleton,
         rotations=rotations,
-        source=source,
+        mapping=named_mapping("smpl"),
         notes=notes,
     )
 

@@ -1,4 +1,4 @@
-"""Where were markers, according to a TRC file?
+"""TRC files: reading and writing markers.
 
 Conventions: cells are separated by tabs; an empty one, or a point whose coordinates are all
 zero, was not seen. OpenSim has y up, most laboratories z: the body tells.
@@ -14,13 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.io.formats.numbers import read_frames
-from motionary.io.formats.points import Points, number_doubles, to_motion
-from motionary.io.normalise.units import NAMES_OF_UNITS
-from motionary.io.suffixes import PACKED
-from motionary.io.text import read_text, write_text
+from motionary.io.formats.content import (
+    POINT_UNITS,
+    RATE_HINT,
+    FileContent,
+    number_doubles,
+    rate_of_times,
+)
+from motionary.io.formats.numbers import parse_number, read_table
+from motionary.io.normalise.units_axes import NAMES_OF_UNITS, FileMetadata
+from motionary.io.options import ReadOptions
+from motionary.io.text import PACKED, read_text, write_text
 from motionary.motion import Motion
-from motionary.skeletons import SkeletonTable
 
 Floats = NDArray[np.float64]
 
@@ -40,21 +45,8 @@ class _Head(NamedTuple):
     line: int
 
 
-def read_trc(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-) -> Motion:
-    """Read a TRC file.
-
-    Parameters
-    ----------
-    path : the file
-    skeleton : what the markers are; by default what their names tell
-    rate_hz, unit, up : as in `read`; by default what the file, else what the body says
+def read_trc(path: Path, options: ReadOptions) -> FileContent:
+    """Content of a TRC file.
 
     Raises
     ------
@@ -63,7 +55,6 @@ def read_trc(
     InvalidInput
         If the rate that the file says contradicts the times of its frames.
     """
-    path = Path(path)
     text = read_text(path)
     head = _read_head(text, path.name)
     table = _read_table(text, head, path.name)
@@ -72,21 +63,19 @@ def read_trc(
         raise UnreadableFile(f"{path.name}: no marker has a name")
     places = table[:, _COLUMNS_BEFORE:].reshape(len(table), -1, 3)[:, kept]
     places[(places == 0).all(axis=2) | np.isnan(places).any(axis=2)] = np.nan
-    rate = _rate(head, table[:, 1], path.name) if rate_hz is None else rate_hz
-    first = table[0, 0] if len(table) else 0.0
+    rate = _rate(head, table[:, 1], path.name) if options.rate_hz is None else options.rate_hz
+    first = table[0, 0]
+    unit = NAMES_OF_UNITS.get(head.values.get("Units", "").lower())
     notes = [f"{len(head.names) - len(kept)} markers have no label and are left out"]
-    points = Points(
+    return FileContent(
         names=number_doubles([head.names[i] for i in kept]),
         positions=places,
         rate_hz=rate,
         source=path.name,
-        skeleton=skeleton,
+        metadata=FileMetadata(unit=unit, usual_unit="mm", likely=POINT_UNITS),
         first_frame=int(first) if np.isfinite(first) and abs(first) < 1e15 else 0,
-        unit=NAMES_OF_UNITS.get(head.values.get("Units", "").lower()),
-        usual_up="y",
         notes=tuple(notes if len(kept) < len(head.names) else ()),
     )
-    return to_motion(points, unit=unit, up=up)
 
 
 def _read_head(text: str, name: str) -> _Head:
@@ -112,9 +101,9 @@ def _read_table(text: str, head: _Head, name: str) -> Floats:
     body = text.split("\n", head.line)[head.line :]
     content = body[0] if body else ""
     width = _COLUMNS_BEFORE + 3 * len(head.names)
-    table = read_frames(content.encode(), [None] * width)
-    if table is None:
-        table = _read_lines(content, width, head.line + 1, name)
+    table = read_table(
+        content, width, source=name, line=head.line + 1, separator="\t", gaps=("", "nan")
+    )
     if not len(table):
         raise UnreadableFile(f"{name}: holds no frames")
     promised = head.values.get("NumFrames", "")
@@ -126,51 +115,20 @@ def _read_table(text: str, head: _Head, name: str) -> Floats:
     return table
 
 
-def _read_lines(content: str, width: int, start: int, name: str) -> Floats:
-    """The same line by line: empty cells, and errors with their place."""
-    rows = []
-    for number, line in enumerate(content.split("\n"), start=start):
-        if not line.strip():
-            continue
-        cells = line.rstrip("\n").split("\t")
-        while len(cells) > width and not cells[-1].strip():
-            cells.pop()
-        if len(cells) > width:
-            raise UnreadableFile(
-                f"{name}, line {number}: a frame has {width} cells, this one {len(cells)}"
-            )
-        try:
-            row = [float(cell) if cell.strip() else math.nan for cell in cells]
-        except ValueError:
-            raise UnreadableFile(f"{name}, line {number}: expected numbers between tabs") from None
-        if any(math.isinf(value) for value in row):
-            raise UnreadableFile(f"{name}, line {number}: expected finite numbers")
-        rows.append(row + [math.nan] * (width - len(row)))
-    return np.array(rows).reshape(-1, width)
-
-
 def _rate(head: _Head, times: Floats, name: str) -> float:
     """Frames per second that header and times agree on."""
-    try:
-        said = float(head.values.get("DataRate", "nan"))
-    except ValueError:
-        said = math.nan
-    steps = np.diff(times)
-    steps = steps[np.isfinite(steps)]
-    step = float(np.median(steps)) if len(steps) else math.nan
-    timed = 1 / step if step > 0 else math.nan
-    if not 0 < said < 1e6:
-        said = float(np.round(timed, 3)) if 0 < timed < 1e6 else math.nan
-    if not 0 < said < 1e6:
-        raise UnreadableFile(
-            f"{name}: says no frame rate; pass the frames per second with --rate (rate_hz=...)"
-        )
-    if abs(timed / said - 1) > _SAME_RATE:
+    stated = parse_number(head.values.get("DataRate", ""))
+    timed, _ = rate_of_times(times)
+    if not 0 < stated < 1e6:
+        stated = float(np.round(timed, 3))
+    if not 0 < stated < 1e6:
+        raise UnreadableFile(f"{name}: says no frame rate; {RATE_HINT}")
+    if abs(timed / stated - 1) > _SAME_RATE:
         raise InvalidInput(
-            f"{name}: says {said:g} frames per second, its times {timed:.4g}; pass the right one "
+            f"{name}: says {stated:g} frames per second, its times {timed:.4g}; pass the right one "
             "with --rate (rate_hz=...)"
         )
-    return said
+    return stated
 
 
 def write_trc(motion: Motion, path: str | Path) -> None:

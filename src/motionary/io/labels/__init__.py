@@ -1,1 +1,5 @@
-"""Readers and writers of labels, one module per file format."""
+"""Reading and writing labels, one module per file format."""
+
+from motionary.io.labels.table import read_labels, write_labels
+
+__all__ = ["read_labels", "write_labels"]

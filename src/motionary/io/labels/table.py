@@ -1,4 +1,4 @@
-"""Which labels does a table of comma- or semicolon-separated values hold?
+"""Labels in tables of separated values.
 
 Conventions: one label a row, `recording,label,start_s,end_s` and, where known,
 `start_frame,end_frame,cost,known`; times in seconds from the first frame. Further
@@ -12,8 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.io.tables import Cell, write_table
-from motionary.io.text import read_text
+from motionary.io.text import Cell, read_text, write_table
 from motionary.labels import Label, LabelTrack
 
 REQUIRED = ("recording", "label", "start_s", "end_s")

@@ -31,16 +31,18 @@ class _Gap(NamedTuple):
     stop: int
 
 
-def check_filling(fill_by: str) -> str:
+def check_filling(fill_by: str, longest_s: float | None = None) -> str:
     """One of `FILLINGS`.
 
     Raises
     ------
     InvalidInput
-        If it is none.
+        If it is none, or `longest_s` is not above 0.
     """
     if fill_by not in FILLINGS:
         raise InvalidInput(f"fill_by must be one of {', '.join(FILLINGS)}, got {fill_by!r}")
+    if longest_s is not None and not 0 < longest_s < np.inf:
+        raise InvalidInput(f"fill_gaps_s must be a number of seconds above 0, got {longest_s}")
     return fill_by
 
 
@@ -58,9 +60,7 @@ def fill_gaps(motion: Motion, *, longest_s: float, fill_by: str = "cubic") -> Mo
     InvalidInput
         If `longest_s` is not above 0, or there is no such way to fill.
     """
-    check_filling(fill_by)
-    if not 0 < longest_s < np.inf:
-        raise InvalidInput(f"fill_gaps_s must be a number of seconds above 0, got {longest_s}")
+    check_filling(fill_by, longest_s)
     gaps, n_open = _find_gaps(motion.positions)
     # Frames of a gap as long as the limit, whatever the rounding of the rate.
     most = int(longest_s * motion.rate_hz + 1e-6)

@@ -10,15 +10,8 @@ from pathlib import Path
 
 from motionary.batch import Failure
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.features import (
-    FULL_BODY,
-    FeatureSequence,
-    FeatureSet,
-    NamedFile,
-    Reading,
-    read_features,
-)
-from motionary.io import MOTION_SUFFIXES, format_suffix
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
+from motionary.io import MOTION_SUFFIXES, ReadOptions, format_suffix
 
 #: Words of examples: class -> subclass -> words.
 Examples = Mapping[str, Mapping[str, Sequence[FeatureSequence]]]
@@ -35,7 +28,7 @@ class ReadExamples:
 def read_examples(
     folder: Path,
     *,
-    reading: Reading | None = None,
+    reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
     jobs: int = 1,
     on_done: Callable[[NamedFile], None] | None = None,
@@ -48,7 +41,7 @@ def read_examples(
     result = ReadExamples()
     named = [(path.relative_to(folder).as_posix(), path) for _, _, path in files]
     packed = read_features(
-        named, reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done
+        named, options=reading, feature_set=feature_set, jobs=jobs, on_done=on_done
     )
     for (name, prototype, _), item in zip(files, packed, strict=True):
         if isinstance(item, Failure):

@@ -5,13 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from motionary.errors import InvalidInput
-from motionary.features import (
-    FULL_BODY,
-    FeatureSequence,
-    FeatureSet,
-    Reading,
-    compute_features,
-)
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, compute_features
+from motionary.io import ReadOptions
 from motionary.models.library.classes import ClassLibrary
 from motionary.models.library.examples import read_examples
 from motionary.models.library.thresholds import apply_calibrations, calibrate_thresholds
@@ -25,7 +20,7 @@ def learn(
     mirror: bool = False,
     calibrate: bool = False,
     training: TrainingOptions | None = None,
-    reading: Reading | None = None,
+    reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
     jobs: int = 1,
 ) -> ClassLibrary:

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from motionary.features import Reading
-from motionary.io import FileState, Sidecars, has_sidecar, scan_folder
+from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder
 
 
 class Changes(NamedTuple):
@@ -47,7 +46,10 @@ class Seen(NamedTuple):
 
 
 def find_changes(
-    folder: Path, seen: Mapping[str, Seen], dependency_digest: Mapping[str, int], reading: Reading
+    folder: Path,
+    seen: Mapping[str, Seen],
+    dependency_digest: Mapping[str, int],
+    reading: ReadOptions,
 ) -> Changes:
     """Recordings of a folder that differ from what was seen of them.
 
@@ -64,7 +66,7 @@ def find_changes(
         If the folder is missing, or may not be read.
     """
     states = scan_folder(folder)
-    sidecars = Sidecars(named_skeleton(reading))
+    sidecars = Sidecars(reading.acclaim_skeleton)
     around = {place: sidecars.dependency_digest(folder / place) for place in _places(states)}
     moved = {place for place, state in around.items() if dependency_digest.get(place) != state}
     new, changed, read_with = [], [], {}
@@ -81,14 +83,6 @@ def find_changes(
         read_with[name] = sidecars.state(folder / name)
     gone = sorted(seen.keys() - states.keys())
     return Changes(tuple(new), tuple(changed), tuple(gone), states, read_with, around)
-
-
-def named_skeleton(reading: Reading) -> str | None:
-    """The skeleton file that all Acclaim motions are read with, where one is told."""
-    if reading.asf is not None:
-        return reading.asf
-    told = reading.skeleton
-    return told if told is not None and told.lower().endswith(".asf") else None
 
 
 def _is_other(state: FileState, before: Seen) -> bool:

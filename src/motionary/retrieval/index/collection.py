@@ -16,11 +16,10 @@ from motionary.features import (
     FeatureSequence,
     FeatureSet,
     NamedFile,
-    Reading,
     compute_features,
     read_features,
 )
-from motionary.io import name_recordings
+from motionary.io import ReadOptions, name_recordings
 from motionary.matching import prior_of_counts
 from motionary.motion import Motion
 from motionary.retrieval.index.shard import Shard, make_shard, select
@@ -145,7 +144,7 @@ class _Documents(Sequence[FeatureSequence]):
 def collect(
     recordings: str | Path | Sequence[str | Path | Motion | FeatureSequence],
     *,
-    reading: Reading | None = None,
+    reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
     jobs: int = 1,
     on_done: Callable[[NamedFile], None] | None = None,
@@ -183,7 +182,7 @@ def collect(
 def read_collection(
     files: Iterable[NamedFile],
     *,
-    reading: Reading | None = None,
+    reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
     jobs: int = 1,
     on_done: Callable[[NamedFile], None] | None = None,
@@ -196,7 +195,7 @@ def read_collection(
     reading, jobs, on_done : as in `collect`
     """
     items = list(
-        read_features(files, reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done)
+        read_features(files, options=reading, feature_set=feature_set, jobs=jobs, on_done=on_done)
     )
     return Collection(
         tuple(item for item in items if not isinstance(item, Failure)),

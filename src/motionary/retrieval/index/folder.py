@@ -19,14 +19,8 @@ import numpy as np
 from motionary import __version__
 from motionary.batch import Failure
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.features import (
-    FULL_BODY,
-    FeatureSequence,
-    FeatureSet,
-    NamedFile,
-    Reading,
-    read_features,
-)
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
+from motionary.io import ReadOptions
 from motionary.retrieval.index.changes import Changes, Seen, find_changes
 from motionary.retrieval.index.collection import Collection
 from motionary.retrieval.index.manifest import (
@@ -66,7 +60,7 @@ class Index:
     """
 
     def __init__(
-        self, folder: Path, place: Path, *, feature_set: FeatureSet, reading: Reading
+        self, folder: Path, place: Path, *, feature_set: FeatureSet, reading: ReadOptions
     ) -> None:
         self.folder = folder
         self.place = place
@@ -81,7 +75,7 @@ class Index:
         folder: str | Path,
         *,
         at: str | Path | None = None,
-        reading: Reading | None = None,
+        reading: ReadOptions | None = None,
         feature_set: FeatureSet = FULL_BODY,
     ) -> Self:
         """The index of a folder as it is; nothing is read from the recordings yet.
@@ -102,7 +96,7 @@ class Index:
         InvalidInput
             If the index at `at` has another feature set, or its files were read otherwise.
         """
-        reading = reading or Reading()
+        reading = reading or ReadOptions()
         path = Path(folder)
         making = Making.of(feature_set, reading)
         place = _cache_place(path, making) if at is None else Path(at)
@@ -189,7 +183,7 @@ class Index:
         files = [(name, self.folder / name) for name in changes.to_read]
         ready: list[tuple[str, FeatureSequence | Failure[NamedFile]]] = []
         items = read_features(
-            files, reading=self._reading, feature_set=self.feature_set, jobs=jobs, on_done=on_done
+            files, options=self._reading, feature_set=self.feature_set, jobs=jobs, on_done=on_done
         )
         try:
             for (name, _), item in zip(files, items, strict=True):

@@ -6,15 +6,15 @@ the folder is left over from a run that ended before its time.
 
 import json
 import zlib
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from motionary import __version__
 from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.features import FeatureSet, Reading
-from motionary.io import FileState
+from motionary.features import FeatureSet
+from motionary.io import FileState, ReadOptions
 from motionary.io.text import read_text
 
 #: Raised when arrays or their meaning change.
@@ -43,13 +43,13 @@ class Making(NamedTuple):
     reading: dict[str, Any]
 
     @classmethod
-    def of(cls, feature_set: FeatureSet, reading: Reading) -> "Making":
+    def of(cls, feature_set: FeatureSet, reading: ReadOptions) -> "Making":
         """The making of words over a feature set, read as told."""
-        told = asdict(reading)
-        for key in ("asf", "skeleton"):
+        told: dict[str, Any] = dict.fromkeys(f.name for f in fields(reading)) | reading.given()
+        for key in ("asf", "skeleton", "body_model"):
             # Names, not paths: an index may be passed on. A skeleton's state counts elsewhere.
             told[key] = told[key] and Path(told[key]).name
-        if reading.skeleton is not None and reading.skeleton.lower().endswith(".toml"):
+        if reading.skeleton is not None and str(reading.skeleton).lower().endswith(".toml"):
             # A mapping that was edited gives other words under the same name.
             text = read_text(Path(reading.skeleton))
             told["skeleton"] += f" ({zlib.crc32(text.encode()):08x})"

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.features import SEQUENCE_HZ, FeatureSequence, Reading, compute_features
+from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
+from motionary.io import ReadOptions
 from motionary.models.keyframes import KeyframeQuery
 from motionary.models.library import MotionClass
 from motionary.models.templates import MotionTemplate, pattern_of, quantise
@@ -50,7 +51,7 @@ def search(
     limit: int | None = 20,
     expansion: QueryExpansion | None = None,
     preselect: Preselection = None,
-    reading: Reading | None = None,
+    reading: ReadOptions | None = None,
     jobs: int = 1,
 ) -> SearchResult:
     """Ranked hits of an example, a template, a class or keyframes.
@@ -87,7 +88,7 @@ def search(
     return _result(sought, templates, collection, threshold, limit)
 
 
-def _collection(recordings: Recordings, reading: Reading | None, jobs: int) -> Collection:
+def _collection(recordings: Recordings, reading: ReadOptions | None, jobs: int) -> Collection:
     if isinstance(recordings, Index):
         return recordings.collection()
     if isinstance(recordings, Collection):

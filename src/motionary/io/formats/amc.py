@@ -1,39 +1,50 @@
-"""What did a body do, according to an Acclaim motion (AMC) and its skeleton (ASF)?
+"""Acclaim motions (AMC): reading, writing and cutting; for their skeletons see `asf`.
 
-Conventions: see `asf`. A motion file holds no frame rate; 120 Hz is assumed and said.
-Its first frame has the number that stands there, usually 1.
+Conventions: a motion file holds no frame rate; 120 Hz is assumed and noted. Its first frame has
+the number that stands there, usually 1.
+
+A written file means nothing without its skeleton, and only holds the degrees of freedom that the
+skeleton has. So the motion must be one of that skeleton, as cuts and corrections of Acclaim
+motions are.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from motionary.errors import UnreadableFile
-from motionary.io.formats.asf import AcclaimSkeleton, Bone, read_asf
-from motionary.io.formats.numbers import read_frames
-from motionary.io.formats.pose import place_joints
-from motionary.io.normalise.body_frame import FileMetadata, rescale, settle_claims, turn
-from motionary.io.suffixes import stem_of
-from motionary.io.text import read_text
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.formats.asf import AcclaimSkeleton, Bone, find_asf, read_asf
+from motionary.io.formats.content import FileContent, place_joints
+from motionary.io.formats.numbers import check_frames, end_alike, read_frames, to_number
+from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.options import ReadOptions
+from motionary.io.text import read_text, write_text
 from motionary.motion import Motion
 from motionary.rotations import (
     Floats,
+    conjugate_quaternions,
     euler_to_quaternions,
     multiply_quaternions,
+    quaternions_to_euler,
     quaternions_to_matrices,
 )
-from motionary.skeletons import SkeletonTable, find_mapping
 
 RATE_HZ = 120.0
 
-# The skeleton lies beside the motion or in one of this many folders above it.
-_FOLDERS_ABOVE = 2
-_CLAIMS = FileMetadata(unit="m", by_definition=True)
 _KEYWORDS = {":degrees": True, ":radians": False}
+
+# Lengths are inches or metres by definition; only what the body says is worth a note.
+_METADATA = FileMetadata(unit="m", by_definition=True, noted=("up",))
+
+# Bones agree with the skeleton up to this length, turns up to this angle.
+_SAME_M = 1e-5
+_SAME_RADIANS = 1e-3
+_TOGETHER = 1024
+_NUMBER = "%.7g"
 
 
 class _Layout(NamedTuple):
@@ -51,97 +62,25 @@ class _Body(NamedTuple):
     degrees: bool | None
 
 
-def read_amc(
-    path: str | Path,
-    *,
-    asf: str | Path | None = None,
-    rate_hz: float | None = None,
-    skeleton: SkeletonTable | None = None,
-    unit: float | str | None = None,
-    up: str | None = None,
-) -> Motion:
-    """Read an Acclaim motion.
-
-    Parameters
-    ----------
-    path : the AMC file
-    asf : its skeleton; by default it is looked for by name, see `find_asf`
-    rate_hz : frames per second; by default 120, with a note
-    skeleton : what the joints are; by default what their names and tree tell
-    unit : of lengths in both files; by default what the skeleton says
-    up : axis that points up; by default by the body, y where it does not tell
-
-    Returns
-    -------
-    Motion with a position per bone (its end) and `root`, metres, y up
+def read_amc(path: Path, options: ReadOptions) -> FileContent:
+    """Content of an Acclaim motion: a position per bone (its end) and `root`.
 
     Raises
     ------
     UnreadableFile
         If a file is missing or broken, or the skeleton is not found; the message names
         the line, or the names that were looked for.
-    InvalidInput
-        If the caller or the skeleton contradicts the body.
     """
-    path = Path(path)
     body = _find_body(read_text(path), path.name)
-    acclaim = read_asf(asf if asf is not None else find_asf(path))
+    acclaim = read_asf(options.acclaim_skeleton or find_asf(path))
+    if options.unit is not None:
+        # Lengths stay as they are written; what the skeleton says of them does not count.
+        acclaim = replace(acclaim, metres=1.0)
     layout = _read_layout(body, path.name)
     values = _read_block(body, layout)
     if values is None:
         values = _read_lines(body, layout, path.name)
-    numbers = values[:, 0]
-    motion = _to_motion(path.name, acclaim, layout, body, values[:, 1:], int(numbers[0]), rate_hz)
-    names, tree, positions = motion.names, motion.skeleton, motion.positions
-    motion = replace(motion, mapping=find_mapping(names, tree, positions, told=skeleton))
-    return _normalise(motion, acclaim.metres, unit, up)
-
-
-def list_asf(folder: Path) -> dict[str, Path]:
-    """Skeletons in a folder by the stem of their names, lower case; none if it is closed."""
-    try:
-        files = sorted(file for file in folder.iterdir() if file.suffix.lower() == ".asf")
-    except OSError:
-        return {}
-    return {file.stem.lower(): file for file in files}
-
-
-def places_of_asf(path: Path) -> tuple[Path, ...]:
-    """Folders in which the skeleton of a motion is looked for, in this sequence."""
-    folder = path.absolute().parent
-    return (folder, *folder.parents[:_FOLDERS_ABOVE])
-
-
-def find_asf(path: Path, *, listing: Callable[[Path], Mapping[str, Path]] = list_asf) -> Path:
-    """The skeleton of a motion: same name, a beginning of it, or alone in the folder.
-
-    `HDM_bd_squat_001.amc` goes with `HDM_bd_squat.asf`, `HDM_bd.asf`, `HDM.asf`, looked
-    for beside the motion and up to two folders above.
-
-    Parameters
-    ----------
-    path : the motion
-    listing : says which skeletons a folder holds; for many motions, one that remembers
-
-    Raises
-    ------
-    UnreadableFile
-        If there is none; the message says what was looked for.
-    """
-    parts = stem_of(path).split("_")
-    stems = ["_".join(parts[:n]) for n in range(len(parts), 0, -1)]
-    places = places_of_asf(path)
-    for place in places:
-        found = listing(place)
-        for stem in stems:
-            if stem.lower() in found:
-                return found[stem.lower()]
-        if place == places[0] and len(found) == 1:
-            return next(iter(found.values()))
-    raise UnreadableFile(
-        f"{path}: no skeleton found; looked for {', '.join(stem + '.asf' for stem in stems)} "
-        "in its folder and two above; name the skeleton with --asf FILE (asf=...)"
-    )
+    return _to_content(path.name, acclaim, layout, body, values, options.rate_hz)
 
 
 def _find_body(text: str, name: str) -> _Body:
@@ -219,7 +158,9 @@ def _read_lines(body: _Body, layout: _Layout, name: str) -> Floats:
                     f"{counts[words[0]]} in the first frame"
                 )
             start = starts[words[0]]
-            rows[-1][start : start + len(words) - 1] = _numbers(words[1:], where)
+            rows[-1][start : start + len(words) - 1] = [
+                to_number(word, where) for word in words[1:]
+            ]
             left.remove(words[0])
     if left:
         raise UnreadableFile(f"{name}: the last frame ends without {_some(left)}; cut off?")
@@ -229,7 +170,7 @@ def _read_lines(body: _Body, layout: _Layout, name: str) -> Floats:
 def _start_frame(
     word: str, rows: list[list[float]], left: set[str], where: str, width: int
 ) -> list[float]:
-    (number,) = _numbers([word], where)
+    number = to_number(word, where)
     if left:
         raise UnreadableFile(f"{where}: frame {rows[-1][0]:.0f} has no values for {_some(left)}")
     if rows and number != rows[-1][0] + 1:
@@ -237,16 +178,6 @@ def _start_frame(
             f"{where}: frame {rows[-1][0] + 1:.0f} is missing, the file goes on with {word}"
         )
     return [number] + [0.0] * (width - 1)
-
-
-def _numbers(words: list[str], where: str) -> list[float]:
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        raise UnreadableFile(f"{where}: expected numbers, got {' '.join(words)!r}") from None
-    if not np.isfinite(values).all():
-        raise UnreadableFile(f"{where}: expected finite numbers, got {' '.join(words)!r}")
-    return values
 
 
 def _why_unexpected(bone: str, known: dict[str, int]) -> str:
@@ -260,15 +191,15 @@ def _some(names: set[str]) -> str:
     return ", ".join(shown[:3]) + (f" and {len(shown) - 3} more" if len(shown) > 3 else "")
 
 
-def _to_motion(
+def _to_content(
     name: str,
     acclaim: AcclaimSkeleton,
     layout: _Layout,
     body: _Body,
     values: Floats,
-    first_frame: int,
     rate_hz: float | None,
-) -> Motion:
+) -> FileContent:
+    first_frame, values = int(values[0, 0]), values[:, 1:]
     radians = acclaim.radians if body.degrees is None else (np.pi / 180 if body.degrees else 1.0)
     columns = _match(layout, acclaim, name)
     skeleton = acclaim.to_skeleton()
@@ -286,29 +217,17 @@ def _to_motion(
     still = {bone.name for bone, _ in acclaim.in_order() if bone.dof and not columns[bone.name]}
     if still:
         notes.append(f"no values for {_some(still)}: kept at rest")
-    return Motion(
+    return FileContent(
         names=skeleton.names,
         positions=place_joints(skeleton, rotations, root, translations={}, source=name),
         rate_hz=RATE_HZ if rate_hz is None else rate_hz,
+        source=name,
+        metadata=_METADATA,
+        first_frame=first_frame,
         skeleton=skeleton,
         rotations=rotations,
-        source=name,
-        first_frame=first_frame,
         notes=tuple(notes),
     )
-
-
-def _normalise(motion: Motion, metres: float, unit: float | str | None, up: str | None) -> Motion:
-    """The motion with y up and, if told, in another unit than the skeleton says."""
-    if unit is not None:
-        motion = rescale(motion, 1 / metres)
-    # Lengths are inches or metres by definition; only what is noticed is worth a note.
-    normalised = settle_claims(
-        motion, _CLAIMS if unit is None else FileMetadata(), unit=unit, up=up
-    )
-    notes = normalised.notes if unit is not None else normalised.notes[1:]
-    motion = turn(rescale(motion, normalised.metres), normalised.up)
-    return replace(motion, notes=(*motion.notes, *notes))
 
 
 def _match(layout: _Layout, skeleton: AcclaimSkeleton, name: str) -> dict[str, dict[str, int]]:
@@ -342,3 +261,123 @@ def _rotate(
     # C R C^-1 turns by the same angle about the axis that C moves it to.
     turns[:, 1:] = turns[:, 1:] @ quaternions_to_matrices(axis).T
     return turns
+
+
+def write_amc(motion: Motion, path: str | Path, *, asf: str | Path | None = None) -> None:
+    """Write the motion of an Acclaim skeleton.
+
+    Parameters
+    ----------
+    motion : with the skeleton of `asf` and rotations
+    path : the file; packed where its name ends in .gz
+    asf : the skeleton; by default it is looked for beside `path` by name, see `find_asf`
+
+    Raises
+    ------
+    UnreadableFile
+        If there is no skeleton.
+    InvalidInput
+        If the motion is not one of this skeleton.
+    UnwritableFile
+        If the file cannot be written.
+    """
+    skeleton = read_asf(asf if asf is not None else find_asf(Path(path)))
+    rotations = _check(motion, skeleton)
+    columns = {
+        bone.name: _values(skeleton, bone, rotations[:, joint], motion)
+        for joint, (bone, _) in enumerate(skeleton.in_order())
+        if bone.dof
+    }
+    write_text(path, _format_frames(motion, columns, skeleton))
+
+
+def _check(motion: Motion, skeleton: AcclaimSkeleton) -> Floats:
+    """The rotations of a motion that is one of this skeleton."""
+    name = motion.source or "motion"
+    if motion.skeleton is None or motion.rotations is None:
+        raise InvalidInput(
+            f"{name}: AMC holds the turns of an Acclaim skeleton, and this motion has places of "
+            "points only; write .trc, .c3d or .npz"
+        )
+    expected = skeleton.to_skeleton()
+    if not motion.skeleton.ends or motion.names != expected.names:
+        raise InvalidInput(
+            f"{name}: has not the bones of {skeleton.name}; name its own skeleton with --asf "
+            "(asf=...), or write .bvh"
+        )
+    if np.abs(motion.skeleton.offsets - expected.offsets).max() > _SAME_M:
+        raise InvalidInput(
+            f"{name}: its bones are not as long as those of {skeleton.name}; name its own "
+            "skeleton with --asf (asf=...)"
+        )
+    return motion.rotations
+
+
+def _values(skeleton: AcclaimSkeleton, bone: Bone, turns: Floats, motion: Motion) -> Floats:
+    """Values of a bone's degrees of freedom, (frames, dof), in their sequence."""
+    axis = conjugate_quaternions(skeleton.axis_quaternion(bone))
+    is_root = bone is skeleton.root
+    inner = multiply_quaternions(axis, turns)
+    if not is_root:
+        inner = multiply_quaternions(inner, skeleton.axis_quaternion(bone))
+    order = bone.order[::-1]
+    missing = [i for i, letter in enumerate(order) if f"r{letter.lower()}" not in bone.dof]
+    angles = _angles(inner, order, missing)
+    if missing and np.abs(angles[:, missing]).max() > _SAME_RADIANS:
+        raise InvalidInput(
+            f"{motion.source or 'motion'}: {bone.name} turns about an axis that it has not in "
+            f"{skeleton.name}"
+        )
+    values = {
+        f"r{letter.lower()}": angles[:, i] / skeleton.radians for i, letter in enumerate(order)
+    }
+    if is_root:
+        # Which way positions are offset at rest is in the skeleton.
+        moved = motion.positions[:, 0] - np.multiply(skeleton.position, skeleton.metres)
+        values |= {f"t{x}": moved[:, i] / skeleton.metres for i, x in enumerate("xyz")}
+    return np.stack([values[dof] for dof in bone.dof], axis=1)
+
+
+def _angles(quaternions: Floats, order: str, missing: list[int]) -> Floats:
+    """Angles, of the two triples that mean the same the one that needs no missing axis."""
+    angles = quaternions_to_euler(quaternions, order)
+    if not missing:
+        return angles
+    other = np.stack((angles[:, 0] + np.pi, np.pi - angles[:, 1], angles[:, 2] + np.pi), axis=1)
+    other = (other + np.pi) % (2 * np.pi) - np.pi
+    better = np.abs(other[:, missing]).max(axis=1) < np.abs(angles[:, missing]).max(axis=1)
+    return np.where(better[:, None], other, angles)
+
+
+def _format_frames(
+    motion: Motion, columns: dict[str, Floats], skeleton: AcclaimSkeleton
+) -> Iterator[str]:
+    unit = ":DEGREES" if skeleton.degrees else ":RADIANS"
+    yield f"#!OML:ASF {skeleton.name}\n:FULLY-SPECIFIED\n{unit}\n"
+    lines = ["%d\n"]
+    lines += [f"{name} {' '.join([_NUMBER] * c.shape[1])}\n" for name, c in columns.items()]
+    frame = "".join(lines)
+    first = motion.first_frame
+    for start in range(0, motion.n_frames, _TOGETHER):
+        stop = min(start + _TOGETHER, motion.n_frames)
+        numbers = np.arange(first + start, first + stop, dtype=np.float64)[:, None]
+        block = np.concatenate((numbers, *(c[start:stop] for c in columns.values())), axis=1)
+        yield "".join(frame % tuple(row) for row in block.tolist())
+
+
+def cut_amc(lines: list[str], first: int, last: int, name: str) -> list[str]:
+    """Lines of a clip, numbered from 1; frames as the file counts them, both included."""
+    starts = [i for i, line in enumerate(lines) if line.strip().isdecimal()]
+    if not starts:
+        raise UnreadableFile(f"{name}: no frame number found; expected an Acclaim motion (AMC)")
+    number = int(lines[starts[0]])
+    check_frames(first, last, first_number=number, n_frames=len(starts), name=name)
+    starts.append(len(lines))
+    clip = lines[: starts[0]]
+    for count, place in enumerate(range(first - number, last - number + 1), start=1):
+        start, stop = starts[place], starts[place + 1]
+        if int(lines[start]) != number + place:
+            raise UnreadableFile(f"{name}: frame {number + place} is missing")
+        clip.append(re.sub(r"\d+", str(count), lines[start], count=1))
+        clip += lines[start + 1 : stop]
+    return end_alike(clip, lines[starts[0]])

@@ -1,4 +1,4 @@
-"""Which keyframe queries does a collection hold?
+"""Collections of keyframe queries in JSON files.
 
 JSON files of named collections of named queries, in the form in which the queries of
 Baak, Müller and Seidel (2008) and of Müller, Baak and Seidel (2009) are passed on: per

@@ -1,0 +1,154 @@
+"""What readers return: the content of a file, in its own unit and axes, and its rate."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import UnreadableFile
+from motionary.io.normalise.units_axes import FileMetadata
+from motionary.motion import Event, JointMapping, Skeleton, forward_kinematics
+from motionary.rotations import quaternions_to_matrices
+
+Floats = NDArray[np.float64]
+
+#: No unit is so small that a person is this many of them away.
+FARTHEST = 1e9
+
+#: Units that formats of points are in.
+POINT_UNITS = ("m", "cm", "mm", "inch")
+
+#: What to do about a rate, at the end of an error.
+RATE_HINT = "pass the rate with --rate (rate_hz=...)"
+
+MOST_RATE_HZ = 1e5
+# Times beyond are none that a clock shows.
+_LATEST_S = 1e9
+
+# Rates are printed rounded: within this fraction of a whole number they are that number, but
+# video's rates lie just as near: 29.97 is 30 / 1.001. A hair above 0.1 %: .0333 is 30.
+_ROUNDING = 1.001e-3
+_VIDEO_HZ = (24, 30, 48, 60, 120)
+
+# Matrices of this many frames stay in the processor's cache, and memory stays flat.
+_TOGETHER = 512
+
+
+@dataclass(frozen=True, slots=True)
+class FileContent:
+    """Motion of a file, as it stands there.
+
+    Attributes
+    ----------
+    names : one name per joint or point; those that occur twice are numbered
+    positions : array, shape (frames, joints, 3), file units; NaN = not seen; given away:
+        normalising changes it
+    rate_hz : frames per second, as given or as the file says
+    source : name of the file, without its folder
+    metadata : what the file says of unit and axes; None where it is known to be normal
+    first_frame, skeleton, rotations, events, notes : as in `Motion`
+    mapping : where the file, or the order of its joints, gives it
+    """
+
+    names: Sequence[str]
+    positions: Floats
+    rate_hz: float
+    source: str
+    metadata: FileMetadata | None
+    first_frame: int = 0
+    skeleton: Skeleton | None = None
+    rotations: Floats | None = None
+    mapping: JointMapping | None = None
+    events: tuple[Event, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not len(self.positions):
+            raise UnreadableFile(f"{self.source}: holds no frames")
+        # Comparing with NaN is False: what is not seen is not too far away.
+        far = self.rotations is None and (np.abs(self.positions) > FARTHEST).any()
+        if far:
+            raise UnreadableFile(f"{self.source}: has impossibly large numbers")
+
+
+def place_joints(
+    skeleton: Skeleton,
+    quaternions: Floats,
+    root_positions: Floats,
+    *,
+    translations: dict[int, Floats],
+    source: str,
+) -> Floats:
+    """Joint positions of a tree over hours of frames, shape (frames, joints, 3).
+
+    Parameters
+    ----------
+    skeleton : tree of the joints
+    quaternions : array, shape (frames, joints, 4), local rotations wxyz
+    root_positions : array, shape (frames, 3)
+    translations : per joint index, (frames, 3), in place of the offset
+    source : name of the file, for the error
+
+    Raises
+    ------
+    UnreadableFile
+        If numbers are so large that no body can be meant.
+    """
+    n_frames, n_joints = quaternions.shape[:2]
+    positions = np.empty((n_frames, n_joints, 3))
+    with np.errstate(all="ignore"):
+        for start in range(0, n_frames, _TOGETHER):
+            part = slice(start, start + _TOGETHER)
+            positions[part] = forward_kinematics(
+                skeleton,
+                quaternions_to_matrices(quaternions[part]),
+                root_positions[part],
+                {joint: moved[part] for joint, moved in translations.items()},
+            )
+    possible = np.abs(positions).max(axis=(1, 2)) < FARTHEST
+    if not possible.all():
+        frame = 1 + int(np.flatnonzero(~possible)[0])
+        raise UnreadableFile(f"{source}: frame {frame} from the start has impossibly large numbers")
+    return positions
+
+
+def number_doubles(names: Sequence[str]) -> list[str]:
+    """Names, the second and further of a kind with a number."""
+    taken, result = set(names), []
+    counts: dict[str, int] = {}
+    for name in names:
+        counts[name] = counts.get(name, 0) + 1
+        if counts[name] > 1:
+            while f"{name} ({counts[name]})" in taken:
+                counts[name] += 1
+            name = f"{name} ({counts[name]})"
+            taken.add(name)
+        result.append(name)
+    return result
+
+
+def rate_of_frame_time(frame_time_s: float) -> float:
+    """Frames per second of a printed time per frame; NaN where it gives none."""
+    if not frame_time_s > 1 / MOST_RATE_HZ:
+        return np.nan
+    rate = 1 / frame_time_s
+    usual = [float(round(rate)), *(hz / 1.001 for hz in _VIDEO_HZ)]
+    nearest = min(usual, key=lambda hz: abs(hz - rate))
+    return nearest if abs(frame_time_s * nearest - 1) <= _ROUNDING else rate
+
+
+def rate_of_times(times: Floats) -> tuple[float, float]:
+    """Frames per second by the times of frames, and how uneven they are; NaN for no rate.
+
+    Returns
+    -------
+    rate : one over the median step
+    unevenness : largest difference of a step from it, as a fraction of it
+    """
+    times = times[~np.isnan(times)]
+    steps = np.diff(times) if (np.abs(times) < _LATEST_S).all() else np.empty(0)
+    step = float(np.median(steps)) if len(steps) else np.nan
+    if not 1e-6 < step < 1e6:
+        return np.nan, np.nan
+    return 1 / step, float(np.abs(steps / step - 1).max())

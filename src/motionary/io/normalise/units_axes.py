@@ -1,0 +1,378 @@
+"""Units and axes of files: a body becomes metres with y up, once for all formats.
+
+What the caller gives counts before what the file says, that before what the body tells, that
+before what the format usually has; it is noted which. Where the caller or the file clearly
+contradict the body, neither is taken: that is an error with both readings.
+
+The unit is told by the legs: hip to knee to ankle is about 0.85 m in a grown person. The
+candidates lie more than a factor of two apart, so a child is still told from a giant; a body that
+is of no person's size in any of them has a unit of its own. Without legs the arms count, without
+a known skeleton the longest way through the body from end to end, taken for 2.2 m.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.io.normalise import axes
+from motionary.motion import GENERIC_JOINTS, Motion, Skeleton
+from motionary.rotations import matrices_to_quaternions, multiply_quaternions
+
+Floats = NDArray[np.float64]
+
+# Frames that suffice to see how a body stands.
+_LOOKED_AT = 1000
+
+METRES: Mapping[str, float] = {
+    "m": 1.0,
+    "cm": 0.01,
+    "mm": 0.001,
+    "inch": 0.0254,
+    "1/0.45 inch": 0.0254 / 0.45,
+}
+
+#: What files write for these.
+NAMES_OF_UNITS: Mapping[str, str] = {
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "cm": "cm", "centimeter": "cm", "centimeters": "cm",
+    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetres": "mm",
+    "in": "inch", "inch": "inch", "inches": "inch",
+}  # fmt: skip
+
+SPAN_M = 2.2
+
+# Limbs of a grown person.
+_LIMBS = (
+    (("hip", "knee", "ankle"), 0.85, "legs"),
+    (("shoulder", "elbow", "wrist"), 0.53, "arms"),
+)
+# As shares of a grown person: a child and a giant; and what no figure is.
+_POSSIBLE = (0.35, 1.65)
+_ABSURD = 3.5
+
+# A bone is rigid if its length varies by less than this share.
+_RIGID = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class FileMetadata:
+    """What a file or its format says of unit and axes.
+
+    Attributes
+    ----------
+    unit, up : what the file says; None where it does not
+    usual_unit, usual_up : what the format usually has, where the body does not tell either;
+        without `usual_unit` a body of no person's size is scaled to that of one
+    likely : units that files of this format are in
+    by_definition : the format has but one axis, so that a body that does not tell is no doubt
+    origin : data set whose axis `usual_up` is, for the note
+    noted : which of "unit" and "up" are worth a note where nobody gives them
+    takes_unit : whether a unit that the caller gives is that of the body; else its reader has
+        applied it
+    """
+
+    unit: str | None = None
+    up: str | None = None
+    usual_unit: str = "m"
+    usual_up: str = "y"
+    likely: tuple[str, ...] = tuple(METRES)
+    by_definition: bool = False
+    origin: str = ""
+    noted: tuple[str, ...] = ("unit", "up")
+    takes_unit: bool = True
+
+
+class _Decision(NamedTuple):
+    """An axis, the note on it, and whether the body casts doubt on it."""
+
+    axis: str
+    note: str
+    is_doubtful: bool = False
+
+
+class Length(NamedTuple):
+    """A length of a body in file units, what it is in a grown person, and its name.
+
+    `sure` is whether it is that of a limb; a tree may hold more than a body.
+    """
+
+    units: float
+    metres: float
+    what: str
+    sure: bool = True
+
+    def said(self, metres: float) -> str:
+        """The length in words, if a unit has so many metres."""
+        size = self.units * metres
+        return f"{self.what} of {size:.2f} m" if size >= 0.1 else f"{self.what} of {size:.2g} m"
+
+
+def normalise(
+    motion: Motion,
+    metadata: FileMetadata,
+    *,
+    unit: float | str | None = None,
+    up: str | None = None,
+) -> Motion:
+    """The motion in metres with y up.
+
+    Parameters
+    ----------
+    motion : in the file's unit and axes; its positions are changed
+    metadata : what the file says
+    unit, up : what the caller gives, as in `read`
+
+    Raises
+    ------
+    InvalidInput
+        If the caller or the file contradicts the body, or it lies or stands, one cannot know.
+    """
+    unit = unit if metadata.takes_unit else None
+    some = motion.positions[:: 1 + motion.n_frames // _LOOKED_AT]
+    sample = replace(motion, positions=some, rotations=None)
+    body = sample.generic_positions() if sample.mapping else None
+    length = measure_body(body, some, sample.skeleton) if metadata.takes_unit else None
+    metres, unit_note = _find_unit(motion.source, metadata, unit, length)
+    stance = None if body is None else axes.find_stance(body)
+    found = _find_axis(motion, metadata, up, stance)
+    notes = [unit_note] if unit is not None or "unit" in metadata.noted else []
+    if up is not None or "up" in metadata.noted or found.is_doubtful:
+        notes.append(found.note)
+    turned = turn(rescale(motion, metres), found.axis)
+    return replace(turned, notes=(*notes, *motion.notes))
+
+
+def rescale(motion: Motion, metres: float) -> Motion:
+    """A motion whose unit has so many metres, in metres; its positions are changed."""
+    if metres == 1.0:
+        return motion
+    positions = motion.positions
+    positions *= metres
+    skeleton = motion.skeleton
+    if skeleton is not None:
+        skeleton = replace(skeleton, offsets=skeleton.offsets * metres)
+    return replace(motion, positions=positions, skeleton=skeleton)
+
+
+def turn(motion: Motion, up: str) -> Motion:
+    """The motion with y up, of one in which `up` is; of a rig, the roots turn."""
+    if axes.check_up(up) == "y":
+        return motion
+    skeleton, rotations = motion.skeleton, motion.rotations
+    if skeleton is not None:
+        roots = skeleton.parents < 0
+        offsets = skeleton.offsets.copy()
+        offsets[roots] = axes.turn_up(offsets[roots], up)
+        skeleton = Skeleton(skeleton.names, skeleton.parents, offsets, ends=skeleton.ends)
+        if rotations is not None:
+            world = matrices_to_quaternions(axes.turn_up(np.eye(3), up).T)
+            rotations = rotations.copy()
+            rotations[:, roots] = multiply_quaternions(world, rotations[:, roots])
+    return replace(
+        motion,
+        positions=axes.turn_up(motion.positions, up),
+        skeleton=skeleton,
+        rotations=rotations,
+    )
+
+
+def _find_unit(
+    source: str, metadata: FileMetadata, unit: float | str | None, length: Length | None
+) -> tuple[float, str]:
+    if unit is not None:
+        metres = metres_per_unit(unit)
+        if not insists(unit) and length is not None and is_absurd(length, metres):
+            raise InvalidInput(
+                f"{source}: is told to be in {unit}, which makes {length.said(metres)}; by the "
+                f"body it is {nearest_unit(length)}; say which with --unit (unit=...), and "
+                f"if the body is so large, as a number: {metres:g}"
+            )
+        return metres, f"unit {str(unit).removesuffix(axes.INSISTS)}, as told"
+    if metadata.unit is not None:
+        metres = METRES[metadata.unit]
+        if length is not None and is_absurd(length, metres):
+            raise InvalidInput(
+                f"{source}: says that it is in {metadata.unit}, which makes {length.said(metres)}; "
+                f"by the body it is {nearest_unit(length)}; say which with --unit "
+                f"(unit=...), and if the body is so large, as a number: {metres:g}"
+            )
+        return metres, f"unit {metadata.unit}, as the file says"
+    if length is None:
+        return METRES[metadata.usual_unit], f"unit {metadata.usual_unit}, assumed"
+    name = detect_unit(length, metadata.likely)
+    if name is None:
+        metres = length.metres / length.units
+        return metres, f"unit {metres:.3g} m, so that the body has {length.said(metres)}"
+    return METRES[name], f"unit {name}, by {length.said(METRES[name])}"
+
+
+def _find_axis(
+    motion: Motion, metadata: FileMetadata, up: str | None, stance: axes.Stance | None
+) -> _Decision:
+    if up is not None:
+        axis = axes.check_up(up)
+        other = None if stance is None else stance.refutes(axis)
+        if other is not None and not up.strip().endswith(axes.INSISTS):
+            raise InvalidInput(
+                f"{motion.source}: is told that {axis} points up, but its head is above its feet "
+                f"along {other}; say which with --up {other} or, to insist, --up '{axis}!' (up=...)"
+            )
+        return _Decision(axis, f"{axis} up, as told")
+    usual = metadata.up or metadata.usual_up
+    seen = axes.detect_up(stance, usual=usual)
+    is_still = (
+        stance is not None and seen is not None and axes.is_still(stance, usual=usual, seen=seen)
+    )
+    found = _find_untold_axis(motion, metadata, usual, seen, is_still=is_still)
+    if metadata.origin and found.axis == usual:
+        return _Decision(usual, f"{usual} up, as {metadata.origin} has")
+    return found
+
+
+def _find_untold_axis(
+    motion: Motion, metadata: FileMetadata, usual: str, seen: str | None, *, is_still: bool
+) -> _Decision:
+    source = motion.source
+    if metadata.up is not None and seen not in (None, metadata.up) and not is_still:
+        raise InvalidInput(
+            f"{source}: says that {metadata.up} points up, but its head is above its "
+            f"feet along {seen}; say which with --up {metadata.up} or --up {seen} (up=...)"
+        )
+    if metadata.up is not None:
+        stated = "as the file says"
+    else:
+        stated = "by definition" if metadata.by_definition else "assumed"
+    if not is_still:
+        by_body = seen is not None and metadata.up is None
+        axis = seen or usual
+        return _Decision(axis, f"{axis} up, {'by the body' if by_body else stated}")
+    if metadata.up is not None or metadata.by_definition:
+        note = f"{usual} up, {stated}; the body lies along {seen}, or stands still"
+        return _Decision(usual, note, is_doubtful=True)
+    if _rest_axis(motion) not in (None, seen):
+        raise InvalidInput(
+            f"{source}: its body stands along {seen}, or lies still where {usual} points up; "
+            f"say which with --up {seen} or --up {usual} (up=...)"
+        )
+    return _Decision(str(seen), f"{seen} up, by the body, which stands or lies still")
+
+
+def _rest_axis(motion: Motion) -> str | None:
+    """The axis along which a rig stands when nothing is turned."""
+    skeleton = motion.skeleton
+    if skeleton is None or motion.mapping is None or skeleton.ends:
+        return None
+    places = np.zeros_like(skeleton.offsets)
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        places[joint] = skeleton.offsets[joint] + (places[parent] if parent >= 0 else 0.0)
+    rest = replace(motion, positions=places[None], rotations=None)
+    stance = axes.find_stance(rest.generic_positions())
+    if stance is None:
+        return None
+    return next((axis for axis in axes.UPS if stance.stands(axis)), None)
+
+
+def metres_per_unit(unit: float | str) -> float:
+    """Metres of a unit given by name or as a number.
+
+    Raises
+    ------
+    InvalidInput
+        If the name is unknown or the number not positive.
+    """
+    if isinstance(unit, str):
+        unit = unit.removesuffix(axes.INSISTS)
+        if unit in METRES:
+            return METRES[unit]
+    try:
+        metres = float(unit)
+    except ValueError:
+        metres = np.nan
+    if not 0 < metres < np.inf:
+        raise InvalidInput(
+            f"unit must be one of {', '.join(METRES)} or metres per unit, got {unit!r}"
+        )
+    return metres
+
+
+def insists(unit: float | str) -> bool:
+    """Whether a unit is meant whatever the body says: a number, or with an exclamation mark."""
+    return (
+        not isinstance(unit, str)
+        or unit.removesuffix(axes.INSISTS) not in METRES
+        or (unit.endswith(axes.INSISTS))
+    )
+
+
+def measure_body(
+    generic: Floats | None, positions: Floats, skeleton: Skeleton | None
+) -> Length | None:
+    """A length that tells the unit: of the legs, the arms, or through the whole tree.
+
+    Parameters
+    ----------
+    generic : array, shape (frames, 24, 3), generic joints, file units; None if unknown
+    positions : array, shape (frames, joints, 3), file units; some frames suffice
+    skeleton : the tree of the joints, where there is one
+    """
+    if generic is not None:
+        for joints, expected, what in _LIMBS:
+            length = _limb(generic, joints)
+            if 0 < length < np.inf:
+                return Length(length, expected, what)
+    span = _span(positions, skeleton) if skeleton is not None else 0.0
+    return Length(span, SPAN_M, "a longest span", sure=False) if 0 < span < np.inf else None
+
+
+def detect_unit(length: Length, likely: Iterable[str] = METRES) -> str | None:
+    """The unit of those likely in which a body is of a person's size, None if it is in none."""
+    name = nearest_unit(length, likely)
+    least, most = _POSSIBLE
+    fits = least < length.units * METRES[name] / length.metres < most
+    return name if fits or not length.sure else None
+
+
+def nearest_unit(length: Length, likely: Iterable[str] = METRES) -> str:
+    """The unit of those likely in which a body is nearest to a person's size."""
+    return min(likely, key=lambda unit: abs(np.log(length.units * METRES[unit] / length.metres)))
+
+
+def is_absurd(length: Length, metres: float) -> bool:
+    """Whether no person or figure has such a length, if a unit has so many metres."""
+    ratio = length.units * metres / length.metres
+    return length.sure and not 1 / _ABSURD < ratio < _ABSURD
+
+
+def _limb(generic: Floats, joints: tuple[str, str, str]) -> float:
+    """Median length over frames, mean of the sides that are seen; NaN if neither is."""
+    lengths = []
+    for side in "lr":
+        a, b, c = (generic[:, GENERIC_JOINTS.index(side + joint)] for joint in joints)
+        length = np.linalg.norm(a - b, axis=1) + np.linalg.norm(b - c, axis=1)
+        length = length[np.isfinite(length)]
+        lengths += [float(np.median(length))] if len(length) else []
+    return float(np.mean(lengths)) if lengths else np.nan
+
+
+def _span(positions: Floats, skeleton: Skeleton) -> float:
+    """Length of the longest way between two joints along rigid bones."""
+    below = np.zeros(len(skeleton.names))
+    longest = 0.0
+    for joint in range(len(skeleton.names) - 1, -1, -1):
+        parent = skeleton.parents[joint]
+        if parent < 0:
+            continue
+        lengths = np.linalg.norm(positions[:, joint] - positions[:, parent], axis=-1)
+        bone = float(np.median(lengths))
+        # Between the origin and a body that walks away from it lies no bone.
+        if np.ptp(lengths) > _RIGID * bone:
+            longest = max(longest, float(below[joint]))
+            continue
+        way = below[joint] + bone
+        longest = max(longest, float(below[parent] + way))
+        below[parent] = max(below[parent], way)
+    return longest

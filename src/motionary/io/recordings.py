@@ -1,0 +1,176 @@
+"""Reading and writing recordings in any known format."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.formats import FORMATS, WRITTEN_SUFFIXES, Format, find_format, load_function
+from motionary.io.formats.content import FileContent
+from motionary.io.normalise.gaps import fill_gaps
+from motionary.io.normalise.quality import check_quality
+from motionary.io.normalise.sides import normalise_sides
+from motionary.io.normalise.units_axes import normalise
+from motionary.io.options import ReadOptions
+from motionary.io.text import format_suffix
+from motionary.motion import NO_FEATURES, JointMapping, Motion
+from motionary.skeletons import SkeletonTable, explain_unmapped, find_mapping, known_mappings
+
+_REFUSALS = {
+    "asf": "has its own skeleton; leave out asf=",
+    "body_model": "is no motion of a body model; leave out body_model=",
+}
+
+
+def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) -> Motion:
+    """Read a recording; the suffix of its name says how.
+
+    Parameters
+    ----------
+    path : the file; texts may be packed (`take.bvh.gz`)
+    options : what the file does not say
+    **fields : fields of `ReadOptions`, instead of them or on top: `rate_hz=60`, `up="z"`
+
+    Returns
+    -------
+    Motion, positions in metres, y up
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, broken, or of an unknown format.
+    InvalidInput
+        If an option does not go with the format, or contradicts the file, or the caller, the
+        file and the body contradict each other.
+    """
+    path = Path(path)
+    form = find_format(path)
+    if form is None:
+        known = ", ".join(form.suffix for form in FORMATS)
+        raise UnreadableFile(f"{path}: unknown format {path.suffix!r}; known are {known}")
+    options = ReadOptions(**fields) if options is None else replace(options, **fields)
+    _check_options(options, form, path)
+    table = options.skeleton_table()
+    content: FileContent = load_function(form.read)(path, options)
+    motion = _to_motion(content, table)
+    if content.metadata is not None:
+        motion = normalise(motion, content.metadata, unit=options.unit, up=options.up)
+    motion = normalise_sides(_note_mapping(motion, table), options.sides)
+    if options.fill_gaps_s is not None:
+        motion = fill_gaps(motion, longest_s=options.fill_gaps_s, fill_by=options.fill_by)
+    return check_quality(motion)
+
+
+def write(
+    motion: Motion,
+    path: str | Path,
+    *,
+    asf: str | Path | None = None,
+    unit: float | str = "cm",
+) -> None:
+    """Write a motion; the suffix of the file's name says how.
+
+    `.npz` holds all that a motion has. `.bvh` holds the rig, with joints and turns as they
+    are, and `.amc` the turns of an Acclaim skeleton. `.c3d` and `.trc` hold positions, gaps
+    and the file's first frame, `.c3d` also events. The file is written whole or not at all,
+    and holds no folder's name.
+
+    Parameters
+    ----------
+    motion : what to write
+    path : the file; texts are packed where the name ends in .gz
+    asf : for .amc: the skeleton's file; by default looked for by name
+    unit : for .bvh: of lengths in the file
+
+    Raises
+    ------
+    InvalidInput
+        If the suffix is unknown, or the format cannot hold this motion.
+    UnwritableFile
+        If the file cannot be written.
+    """
+    path = Path(path)
+    form = find_format(path)
+    if form is None or not form.write:
+        raise InvalidInput(
+            f"{path.name}: motions are written as {', '.join(WRITTEN_SUFFIXES)}, got "
+            f"{format_suffix(path)!r}"
+        )
+    given = {"asf": asf, "unit": unit}
+    load_function(form.write)(motion, path, **{name: given[name] for name in form.write_takes})
+
+
+def what_is_lost(motion: Motion, path: str | Path) -> tuple[str, ...]:
+    """What a motion has and a file of this name cannot hold, each in a word or two."""
+    form = find_format(path)
+    has = {
+        "rig": motion.rotations is not None,
+        "events": bool(motion.events),
+        "first frame": motion.first_frame != 0,
+        "rate": True,
+    }
+    lacks = form.lacks if form else ()
+    return tuple(thing for thing, there in has.items() if there and thing in lacks)
+
+
+def _check_options(options: ReadOptions, form: Format, path: Path) -> None:
+    """Refuse what would be passed over in silence."""
+    for option, reason in _REFUSALS.items():
+        if option not in form.takes and getattr(options, option) is not None:
+            raise InvalidInput(f"{path.name}: this format {reason}")
+
+
+def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
+    """The motion, in the file's unit and axes, with its joints mapped."""
+    return Motion(
+        names=tuple(content.names),
+        positions=content.positions,
+        rate_hz=content.rate_hz,
+        mapping=_find_mapping(content, table),
+        skeleton=content.skeleton,
+        rotations=content.rotations,
+        source=content.source,
+        first_frame=content.first_frame,
+        events=content.events,
+        notes=content.notes,
+    )
+
+
+def _find_mapping(content: FileContent, table: SkeletonTable | None) -> JointMapping | None:
+    own = content.mapping
+    if own is not None and (table is None or own.name == table.name):
+        return own
+    return find_mapping(content.names, content.skeleton, content.positions, told=table)
+
+
+def _note_mapping(motion: Motion, table: SkeletonTable | None) -> Motion:
+    """The motion with a note on joints that cannot be mapped, or not as given."""
+    if table is not None and motion.mapping is not None:
+        names = set(motion.names)
+        if not any(names.issuperset(source) for source in motion.mapping.weights.values()):
+            raise InvalidInput(
+                f"{motion.source}: has none of the joints of skeleton {table.name}; its joints "
+                f"are {', '.join(motion.names[:6])}, ..."
+            )
+        if table.name not in known_mappings():
+            motion = replace(motion, notes=(*motion.notes, *_misnamed(table, motion.names)))
+    if motion.mapping is not None:
+        return motion
+    why = explain_unmapped(motion.names, motion.skeleton, motion.positions)
+    return replace(motion, notes=(*motion.notes, f"{NO_FEATURES}{why}"))
+
+
+def _misnamed(table: SkeletonTable, names: Sequence[str]) -> list[str]:
+    """Notes on names of a table that are nearly those of the file, as misspelt ones are."""
+    own = {name.rpartition(":")[2]: name for name in names}
+    slips = []
+    for joint, alternatives in table.joints.items():
+        if any(all(n in own or n in names for n in source) for source in alternatives):
+            continue
+        for name in alternatives[0]:
+            near = get_close_matches(name, own, n=1, cutoff=0.8)
+            if name not in own and near and not name.startswith("End of "):
+                slips.append(f"{joint} is {name!r}, which is not there; is it {near[0]!r}?")
+    return [f"{table.name}: {slip}" for slip in slips]
