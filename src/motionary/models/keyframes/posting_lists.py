@@ -205,15 +205,13 @@ def join(
 
 
 def merge_touching(
-    starts: Integers, stops: Integers, number: NDArray[np.integer] | None = None
+    starts: Integers, stops: Integers, number: NDArray[np.integer]
 ) -> tuple[Bits, Bits]:
     """Which of ascending intervals begin, and which end, one that is merged of them.
 
     number : of the sequence of each; those of different sequences stay apart
     """
-    apart = starts[1:] > stops[:-1]
-    if number is not None:
-        apart |= number[1:] != number[:-1]
+    apart = (starts[1:] > stops[:-1]) | (number[1:] != number[:-1])
     return np.concatenate([[True], apart]), np.concatenate([apart, [True]])
 
 
@@ -347,10 +345,11 @@ def _reach_back(after: Intervals, gap: Gap, layout: Layout) -> Intervals:
     if gap.least > 0:
         inside = stops > begin
         starts, stops = starts[inside], stops[inside]
-    if not len(starts):
-        return EMPTY
-    first, last = merge_touching(starts, stops)
-    return Intervals(starts[first], stops[last])
+    apart = starts[1:] > stops[:-1]
+    if not apart.all():
+        starts = starts[np.concatenate([[True], apart])]
+        stops = stops[np.concatenate([apart, [True]])]
+    return Intervals(starts, stops)
 
 
 def _latest_ends(valid: Sequence[Intervals], gaps: Sequence[Gap], limits: Integers) -> Integers:

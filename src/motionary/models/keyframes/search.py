@@ -223,11 +223,6 @@ def fit_hits(query: KeyframeQuery, corpus: Corpus) -> FittedHits:
     columns of `template_of_query`. The gap cost of a hit is the mean over its gaps, in
     [0, 1). A frame of the last keyframe has one best hit that ends there. Of a gap without
     an upper bound only the latest frame before counts: there, shorter fits better.
-
-    Raises
-    ------
-    InvalidInput
-        If the packed features do not have the shape of the query's.
     """
     packed, known = corpus.packed, corpus.known
     _check_packed(query, packed, known)
@@ -280,8 +275,14 @@ def _frames_of_keyframe(
 
 def _join(lists: Sequence[Intervals], plan: Plan, layout: Layout) -> HitRanges:
     found, number = join(lists, plan.gaps, layout)
+    return _in_sequences(*found, number, layout)
+
+
+def _in_sequences(
+    starts: Integers, stops: Integers, number: NDArray[np.int32], layout: Layout
+) -> HitRanges:
     begin = layout.starts[number]
-    return HitRanges(number.astype(np.int64), found.starts - begin, found.stops - begin)
+    return HitRanges(number.astype(np.int64), starts - begin, stops - begin)
 
 
 def _search_compiled(
@@ -303,9 +304,7 @@ def _search_compiled(
         np.array(bounds, dtype=np.int64).reshape(-1, 2),
         (layout.starts, layout.stops, layout.of_byte),
     )
-    number = layout.number(found[:, 0])
-    found = found - layout.starts[number][:, np.newaxis]
-    return HitRanges(number.astype(np.int64), found[:, 0], found[:, 1])
+    return _in_sequences(found[:, 0], found[:, 1], layout.number(found[:, 0]), layout)
 
 
 def _compiled_kernel(engine: Engine) -> Callable[..., Any] | None:
