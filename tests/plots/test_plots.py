@@ -476,8 +476,8 @@ def test_rows_of_a_sheet_have_one_scale():
 @pytest.mark.parametrize(
     ("draw", "words_of_error"),
     [
-        (lambda: plots.plot_features(words(), ids=["F99"]), "no relation 'F99'"),
-        (lambda: plots.plot_features(words(), ids=[]), "0 relations"),
+        (lambda: plots.plot_features(words(), ids=["F99"]), "no feature 'F99'"),
+        (lambda: plots.plot_features(words(), ids=[]), "0 features"),
         (lambda: plots.plot_template(template(), tolerance=0.5), "tolerance"),
         (lambda: plots.plot_distance({}), "at least one distance function"),
         (lambda: plots.plot_distance(np.ones(5)), "{name: array}"),

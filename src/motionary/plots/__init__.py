@@ -1,18 +1,15 @@
-"""Pictures: relations, templates, distances, labels and stick figures.
+"""Pictures: features, templates, distances, labels and stick figures.
 
 Every function returns a `matplotlib.figure.Figure`, made without pyplot: no window, no
 display, no state shared with the pictures of others.
 """
 
-from motionary.plots.annotation import plot_annotation
-from motionary.plots.distance import plot_distance
 from motionary.plots.features import plot_features
 from motionary.plots.figures import BONES, plot_pose
-from motionary.plots.library import plot_library
-from motionary.plots.recordings import MOST_RECORDINGS, describe_facing, plot_recordings
-from motionary.plots.saving import save
-from motionary.plots.sheet import plot_sheet
-from motionary.plots.template import plot_template
+from motionary.plots.sheets import MOST_RECORDINGS, describe_facing, plot_recordings, plot_sheet
+from motionary.plots.style import save
+from motionary.plots.templates import plot_library, plot_template
+from motionary.plots.timelines import plot_annotation, plot_distance
 
 __all__ = [
     "BONES",

@@ -1,4 +1,4 @@
-"""How is a pose drawn as a stick figure?
+"""Poses as stick figures.
 
 Seen from the person's right side, so that they face to the right: the view is turned about
 the vertical until the mean hip line points at the viewer.
@@ -81,7 +81,7 @@ def project(positions: Floats, *, turn_deg: float = 0.0) -> Floats:
 
     Parameters
     ----------
-    positions : array, shape (frames, 24, 3), one stretch; it is seen from one direction
+    positions : array, shape (frames, 24, 3), one segment; it is seen from one direction
     turn_deg : how far the figures are turned towards the viewer: 0 from the side, 90 from
         the front
     """
@@ -112,7 +112,7 @@ def mean_hip_line(positions: Floats) -> tuple[float, float]:
 
 
 def poses(positions: Floats, views: Floats, frames: Sequence[int]) -> list[Pose]:
-    """Lines of some frames of one stretch.
+    """Lines of some frames of one segment.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def plot_pose(position: ArrayLike, *, title: str = "") -> "Figure":
     positions = check_positions(np.asarray(position, dtype=np.float64)[np.newaxis], name="pose")
     layout = Layout(left=0.0, width=2.4, heights=(2.6,), n_stacks=2, above=0.2, below=0.0)
     figure, stacks = new_page(layout, title=title or "pose")
-    for (axes,), packed, turn in zip(stacks, ("right side", "front"), (0.0, 90.0), strict=True):
+    for (axes,), heading, turn in zip(stacks, ("right side", "front"), (0.0, 90.0), strict=True):
         view = project(positions, turn_deg=turn)
         low, high = np.fmin.reduce(view[0]), np.fmax.reduce(view[0])
         size = max(np.nan_to_num(high - low).max(), 1e-9)
@@ -243,6 +243,6 @@ def plot_pose(position: ArrayLike, *, title: str = "") -> "Figure":
         axes.set(xticks=[], yticks=[])
         axes.axis("off")
         unseen = np.isnan(view).all()
-        axes.set_title(f"{packed}: nothing was seen" if unseen else packed, loc="left", pad=4.0)
+        axes.set_title(f"{heading}: nothing was seen" if unseen else heading, loc="left", pad=4.0)
     add_legend(figure, legend_of_sides())
     return figure

@@ -1,18 +1,29 @@
-"""Where do axes and words stand on a page?
+"""Layout of a page: axes, text, legends, time axes, and segments along them.
 
-Pages are laid out in inches, and the room for words is measured: rows keep their height,
+Pages are laid out in inches, and the room for text is measured: rows keep their height,
 nothing is cut off, and the same input gives the same page.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.plots.lettering import fit, text_width
-from motionary.plots.style import DPI, HATCH, RULE, TEXT_PT, TITLE_PT, UNKNOWN, UNKNOWN_HATCH
+from motionary.plots.style import (
+    DPI,
+    HATCH,
+    RULE,
+    TEXT_PT,
+    TITLE_PT,
+    UNKNOWN,
+    UNKNOWN_HATCH,
+    WHITE,
+    fit,
+    text_width,
+)
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -28,6 +39,8 @@ _TICKS_S = (
     7200, 18000, 36000,
 )  # fmt: skip
 _TICK_SPACING = 0.55
+#: Blocks shorter than this fraction of the axis have no room for a line between them.
+_TOO_SHORT = 0.006
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +49,11 @@ class Layout:
 
     Attributes
     ----------
-    left, right : room for words beside the axes
+    left, right : room for text beside the axes
     width : of the axes
     heights : of the axes, from top to bottom
     gap : between axes that stand one below the other
-    above, below : room for words above the topmost and below the lowest axes
+    above, below : room for text above the topmost and below the lowest axes
     n_stacks : stacks of axes side by side
     """
 
@@ -107,7 +120,7 @@ def place(
     bold: bool = False,
     va: str = "baseline",
 ) -> None:
-    """Words at a place in inches from the lower left corner."""
+    """Text at a place in inches from the lower left corner."""
     across, up = figure.get_size_inches()
     weight = "bold" if bold else "normal"
     figure.text(left / across, bottom / up, text, size=size, weight=weight, va=va)
@@ -138,23 +151,23 @@ def unknown_swatch(label: str) -> "Artist":
     return Patch(facecolor=UNKNOWN, edgecolor=UNKNOWN_HATCH, hatch=HATCH, linewidth=0, label=label)
 
 
-def add_ramp(figure: "Figure", colours: NDArray[np.float64], packed: tuple[str, str]) -> None:
+def add_ramp(figure: "Figure", colours: NDArray[np.float64], ends: tuple[str, str]) -> None:
     """Scale of colours at the right end of the legend's line.
 
     Parameters
     ----------
     colours : array, shape (1, n, 3), from low to high
-    words : what the ends mean
+    ends : what they mean
     """
     across, up = figure.get_size_inches()
     bottom = up - _MARGIN - _TITLE_HEIGHT - 0.09
-    end = across - _MARGIN - text_width(packed[1]) - 0.06
-    axes = add_axes(figure, end - 1.1, bottom, 1.1, 0.12)
+    right = across - _MARGIN - text_width(ends[1]) - 0.06
+    axes = add_axes(figure, right - 1.1, bottom, 1.1, 0.12)
     axes.imshow(colours, aspect="auto", interpolation="nearest")
     axes.set(xticks=[], yticks=[])
-    start = end - 1.1 - 0.06 - text_width(packed[0])
-    place(figure, packed[0], start, bottom + 0.01)
-    place(figure, packed[1], end + 0.06, bottom + 0.01)
+    left = right - 1.1 - 0.06 - text_width(ends[0])
+    place(figure, ends[0], left, bottom + 0.01)
+    place(figure, ends[1], right + 0.06, bottom + 0.01)
 
 
 def mark_seconds(axes: "Sequence[Axes]", stop_s: float) -> None:
@@ -172,5 +185,49 @@ def mark_seconds(axes: "Sequence[Axes]", stop_s: float) -> None:
 
 
 def in_seconds(duration_s: float) -> str:
-    """A duration in words: two decimals below ten seconds, one above."""
+    """A duration as text: two decimals below ten seconds, one above."""
     return f"{duration_s:.2f} s" if duration_s < 10 else f"{duration_s:.1f} s"
+
+
+class Timed(Protocol):
+    """Whatever has a start and an end: a `Label`, a `Hit` or a `Segment`."""
+
+    @property
+    def start_s(self) -> float:
+        """Where it begins, seconds."""
+
+    @property
+    def end_s(self) -> float:
+        """Where it ends, seconds, half-open."""
+
+
+def draw_blocks(
+    axes: "Axes", segments: Iterable[Timed], *, low: float, height: float, colour: str,
+    stop_s: float,
+) -> None:  # fmt: skip
+    """Blocks, with a line where one follows the other without a gap.
+
+    Parameters
+    ----------
+    low, height : of the blocks, in units of the axes
+    stop_s : length of the time axis, seconds
+    """
+    spans = sorted((x.start_s, x.end_s) for x in segments)
+    # The edge keeps short blocks of long recordings visible.
+    axes.broken_barh(
+        [(start, stop - start) for start, stop in spans], (low, height), color=colour,
+        linewidth=0.6,
+    )  # fmt: skip
+    least = _TOO_SHORT * stop_s
+    for (first, end), (start, stop) in pairwise(spans):
+        if start - end < least / 2 and min(start - first, stop - start) > least:
+            axes.vlines(start, low, low + height, color=WHITE, linewidth=0.8)
+
+
+def hatch(axes: "Axes", segments: Iterable[tuple[float, float]]) -> None:
+    """Hatching over segments (start_s, end_s) that were not seen."""
+    for start, stop in segments:
+        axes.axvspan(
+            start, stop, facecolor=UNKNOWN, edgecolor=UNKNOWN_HATCH, hatch=HATCH, linewidth=0,
+            zorder=0.5,
+        )  # fmt: skip

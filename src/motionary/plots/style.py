@@ -1,13 +1,22 @@
-"""How do pictures look?
+"""Colours, fonts and text measurement of pictures, and the writing of them.
 
 Hues are those of Okabe and Ito (2008), which people with any of the common kinds of
 colour blindness tell apart; where two of them stand side by side they also differ in
-lightness, so that a print in grey still shows which is which.
+lightness, so that a print in grey still shows which is which. The width of text is measured,
+not guessed: what does not fit is shortened before it is drawn.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motionary.batch import write_atomically
+from motionary.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BLACK = "#000000"
 ORANGE = "#E69F00"
@@ -23,7 +32,7 @@ PALE_BLUE = "#C4E4F8"
 FAINT = "#D0D0D0"
 TRUNK = "#333333"
 
-#: Relations and stretches that were not seen.
+#: Features and segments that were not seen.
 UNKNOWN = "#C9D5E0"
 UNKNOWN_HATCH = "#5F7D99"
 HATCH = "//////"
@@ -34,7 +43,7 @@ FREE = "#C4C4C4"
 #: Between "in no example" (black) and "in all" (white): lightness rises all the way.
 BETWEEN = ("#6E1A00", VERMILLION, ORANGE, YELLOW)
 
-#: From a distance of nothing to the dearest one shown; what is dearer is white.
+#: From a distance of nothing to the highest one shown; what is above is white.
 NEAR_TO_FAR = ("#08306B", "#2171B5", "#6BAED6", "#C6DBEF")
 
 LEFT_SIDE = BLUE
@@ -68,6 +77,20 @@ _SETTINGS = {
     "ytick.labelsize": TEXT_PT,
 }
 
+_POINTS = 72.0
+_MISSING = "□"
+#: No text is narrower than this fraction of the font's size per letter.
+_NARROWEST = 0.2
+#: Text is set a little wider on screen than it is drawn.
+_SETTING = 1.06
+
+# The same picture gives the same bytes: no date, no version, no random names.
+_METADATA: dict[str, dict[str, str | None]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": "motionary"},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+
 
 @cache
 def font_families() -> tuple[str, ...]:
@@ -88,3 +111,92 @@ def house_style() -> Iterator[None]:
 
     with style.context(["default", _SETTINGS, {"font.family": list(font_families())}]):
         yield
+
+
+@cache
+def _writable() -> frozenset[int]:
+    """Code points that one of the fonts has."""
+    from matplotlib.font_manager import findfont, get_font
+
+    fonts = [get_font(findfont(family)) for family in font_families()]
+    return frozenset(code for font in fonts for code in font.get_charmap())
+
+
+def text_width(text: str, *, size: float = TEXT_PT, bold: bool = False) -> float:
+    """Width of a line of text, inches."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    weight = "bold" if bold else "normal"
+    font = FontProperties(family=list(font_families()), size=size, weight=weight)
+    width, _, _ = text_to_path.get_text_width_height_descent(text, font, ismath=False)
+    return float(width) * _SETTING / _POINTS
+
+
+@lru_cache(maxsize=4096)
+def fit(text: str, inches: float, *, size: float = TEXT_PT, bold: bool = False) -> str:
+    """One line of printable text that fits, its middle left out if need be."""
+    line = plain(text)
+    if text_width(line, size=size, bold=bold) <= inches:
+        return line
+    most = int(inches * _POINTS / (size * _NARROWEST)) + 1
+    short, long = 0, min(len(line), most)
+    while long - short > 1:
+        middle = (short + long) // 2
+        if text_width(_elide(line, middle), size=size, bold=bold) <= inches:
+            short = middle
+        else:
+            long = middle
+    return _elide(line, short)
+
+
+def plain(text: str) -> str:
+    """One line of letters that can be written; others become boxes."""
+    line = "".join(letter if letter.isprintable() else " " for letter in text).strip()
+    return "".join(letter if ord(letter) in _writable() else _MISSING for letter in line)
+
+
+def wrap(text: str, inches: float, *, most: int = 3) -> list[str]:
+    """Lines of text that fit; words beyond the last line are left out."""
+    lines = [""]
+    for word in plain(text).split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and text_width(longer) > inches:
+            longer = word
+            lines.append("")
+        lines[-1] = longer
+    kept = [*lines[: most - 1], " ".join(lines[most - 1 :])]
+    return [fit(line, inches) for line in kept if line]
+
+
+def _elide(line: str, keep: int) -> str:
+    head = -(-keep // 2)
+    return f"{line[:head].rstrip()}…{line[len(line) - (keep - head) :].lstrip()}"
+
+
+@house_style()
+def save(figure: "Figure", path: str | Path) -> None:
+    """Write a picture; the suffix of the name says how: png, svg or pdf.
+
+    Parameters
+    ----------
+    figure : from any function of this package
+    path : file to write; is replaced only once the new one is complete
+
+    Raises
+    ------
+    InvalidInput
+        If the suffix is another one.
+    UnwritableFile
+        If the file cannot be written.
+    """
+    kind = Path(path).suffix.lower().lstrip(".")
+    if kind not in _METADATA:
+        raise InvalidInput(
+            f"{Path(path).name}: pictures are written as .png, .svg or .pdf, got "
+            f"{Path(path).suffix!r}; give the file one of these suffixes"
+        )
+    from matplotlib import rc_context
+
+    with write_atomically(path) as beside, rc_context({"svg.hashsalt": "motionary"}):
+        figure.savefig(beside, format=kind, metadata=_METADATA[kind])

@@ -1,0 +1,314 @@
+"""Sheets of stick figures: a query with its hits, and the first pose of recordings.
+
+Of a query and its hits a row each at one scale, so that the eye can compare. Of recordings the
+first pose in its axes: a wrong unit, axis or side shows at once, since heights are in metres,
+the figure faces to the right and its left side is blue; beside it stands what was given or
+detected. Points that are no known body are drawn as points.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from motionary.errors import InvalidInput
+from motionary.motion import GENERIC_JOINTS, NO_FEATURES, Motion
+from motionary.plots.figures import (
+    Floats,
+    check_positions,
+    draw_poses,
+    legend_of_sides,
+    mean_hip_line,
+    poses,
+    project,
+)
+from motionary.plots.page import Layout, add_legend, new_page
+from motionary.plots.style import FAINT, PALE, RULE, TEXT_PT, TRUNK, fit, house_style, wrap
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH = 8.0
+_TITLE = 0.24
+_TALLEST = 1.1
+_GROUND = 0.08
+#: Inches per metre where nothing was seen.
+_ANY_SCALE = 0.6
+#: From the side, a little turned to the viewer: both arms and legs show.
+_TURN_DEG = 20.0
+_BETWEEN = 0.1
+_FULL = 0.9
+#: More rows make a picture that no program opens any more.
+_MOST_HITS = 100
+#: A joint that flies off must not shrink all others: extents beyond so many medians are cut.
+_OUTLIER = 1.6
+
+#: More recordings make no picture that one can look at.
+MOST_RECORDINGS = 24
+
+_HEIGHT = 1.75
+_WIDTH_OF_POSE = 1.9
+_TEXT = 2.9
+_MOST_LINES = 7
+_LINE = 0.16
+_ACROSS = ("hip", "shoulder")
+_AXES = {0: "+z", 90: "+x", 180: "-z", 270: "-x"}
+_STRAIGHT = 10.0
+
+
+class _Strip(NamedTuple):
+    """A row: its title, its positions, what is seen of them, and which frames are drawn.
+
+    Extents are those of the drawn figures, shape (figures,), metres.
+    """
+
+    title: str
+    positions: Floats
+    views: Floats
+    frames: list[int]
+    widths: Floats
+    heights: Floats
+
+
+@house_style()
+def plot_sheet(
+    query: tuple[str, ArrayLike] | None,
+    hits: Sequence[tuple[str, ArrayLike]],
+    *,
+    n_figures: int = 8,
+) -> "Figure":
+    """Picture of a query and its hits, each as a row of stick figures.
+
+    Time runs from the first frame on the left to the last on the right. Every row is
+    turned so that the person is seen from the right side and a little from the front; all
+    have one scale and stand on the lowest point of their segment. Of more than 100 hits
+    the first 100 are drawn.
+
+    Parameters
+    ----------
+    query, hits : title and positions of the 24 generic joints, shape (frames, 24, 3),
+        metres, y up, NaN = not seen; without a query the hits stand alone
+    n_figures : stick figures a row; rows of fewer frames show all they have
+
+    Raises
+    ------
+    InvalidInput
+        If positions have another shape, `n_figures` is below 1, or there is nothing to draw.
+    """
+    if n_figures < 1:
+        raise InvalidInput(f"n_figures must be 1 or more, got {n_figures}")
+    shown = [*([] if query is None else [query]), *hits[:_MOST_HITS]]
+    if not shown:
+        raise InvalidInput("a sheet needs a query or hits, got neither")
+    strips = [_strip(title, positions, n_figures) for title, positions in shown]
+    slot = _WIDTH / max(len(strip.frames) for strip in strips)
+    scale = _scale(strips, slot)
+    heights = [_row_height(strip, scale) for strip in strips]
+    note = _note(len(hits))
+    layout = Layout(
+        left=0.0, width=_WIDTH, heights=(sum(heights) + (_TITLE if note else 0.0),), below=0.0
+    )
+    figure, ((axes,),) = new_page(layout, title=_title(len(hits), with_query=query is not None))
+    top = layout.heights[0]
+    axes.set(xlim=(0.0, _WIDTH), ylim=(0.0, top), xticks=[], yticks=[])
+    axes.axis("off")
+    for row, (strip, height) in enumerate(zip(strips, heights, strict=True)):
+        is_query = query is not None and row == 0
+        _draw_row(axes, strip, top, height, slot=slot, scale=scale, is_query=is_query)
+        top -= height
+    axes.text(0.06, 0.08, note, color=TRUNK)
+    add_legend(figure, legend_of_sides())
+    return figure
+
+
+def _strip(title: str, positions: ArrayLike, n_figures: int) -> _Strip:
+    array = check_positions(positions, name=title)
+    views = project(array, turn_deg=_TURN_DEG)
+    floor = np.nanmin(views[..., 1]) if np.isfinite(views).any() else 0.0
+    views[..., 1] -= floor
+    frames = np.unique(np.linspace(0, len(array) - 1, n_figures).round().astype(np.intp))
+    chosen = views[frames]
+    # A figure in which nothing was seen has no extent.
+    low = np.fmin.reduce(chosen, axis=1)
+    high = np.fmax.reduce(chosen, axis=1)
+    widths, heights = np.nan_to_num(high[:, 0] - low[:, 0]), np.nan_to_num(high[:, 1])
+    centres = (low[:, 0] + high[:, 0]) / 2
+    # Where one joint flies off, the others stay in their place.
+    wild = widths > _OUTLIER * np.median(np.maximum(widths, heights))
+    centres[wild] = np.nanmedian(chosen[wild, :, 0], axis=1)
+    views[frames, :, 0] -= np.nan_to_num(centres)[:, np.newaxis]
+    return _Strip(title, array, views, frames.tolist(), widths, heights)
+
+
+def _scale(strips: Sequence[_Strip], slot: float) -> float:
+    """Inches per metre at which the figures of all rows fit."""
+    widths = np.concatenate([strip.widths for strip in strips])
+    heights = np.concatenate([strip.heights for strip in strips])
+    sizes = np.maximum(widths, heights)
+    if not sizes.any():
+        return _ANY_SCALE
+    most = _OUTLIER * float(np.median(sizes[sizes > 0]))
+    widest, tallest = min(widths.max(), most), min(heights.max(), most)
+    fits_across = _FULL * slot / widest if widest else np.inf
+    fits_up = _TALLEST / tallest if tallest else np.inf
+    return float(min(fits_across, fits_up))
+
+
+def _row_height(strip: _Strip, scale: float) -> float:
+    tall = min(scale * float(strip.heights.max()), _TALLEST)
+    return _TITLE + max(tall, 0.3) + _GROUND + _BETWEEN
+
+
+def _draw_row(
+    axes: "Axes", strip: _Strip, top: float, height: float, *, slot: float, scale: float,
+    is_query: bool,
+) -> None:  # fmt: skip
+    from matplotlib.patches import Rectangle
+
+    if is_query:
+        axes.add_patch(
+            Rectangle((0.0, top - height), _WIDTH, height, color=PALE, linewidth=0, zorder=0)
+        )
+    else:
+        axes.axhline(top, color=FAINT, linewidth=0.5)
+    title = fit(strip.title, _WIDTH - 0.12, bold=is_query)
+    axes.text(0.06, top - 0.06, title, va="top", weight="bold" if is_query else "normal")
+    floor = top - height + _GROUND
+    axes.hlines(floor, 0.06, _WIDTH - 0.06, color=RULE, linewidth=0.6, zorder=0.5)
+    if np.isnan(strip.views[strip.frames]).all():
+        axes.text(0.06, floor + 0.1, "nothing was seen", color=TRUNK)
+    n_slots = round(_WIDTH / slot)
+    at = np.arange(len(strip.frames)) * (n_slots - 1) / max(len(strip.frames) - 1, 1)
+    places = np.stack([(at + 0.5) * slot, np.full(len(at), floor)], axis=1)
+    figures = poses(strip.positions, strip.views, strip.frames)
+    draw_poses(axes, figures, places, scale=scale)
+
+
+def _title(n_hits: int, *, with_query: bool) -> str:
+    if n_hits == 0:
+        return "query without hits"
+    hits = "1 hit" if n_hits == 1 else f"{n_hits} hits"
+    return f"query and {hits}" if with_query else hits
+
+
+def _note(n_hits: int) -> str:
+    return f"and {n_hits - _MOST_HITS} more hits" if n_hits > _MOST_HITS else ""
+
+
+@house_style()
+def plot_recordings(motions: Sequence[Motion]) -> "Figure":
+    """Picture of the first pose of recordings, with what is known of their axes.
+
+    Parameters
+    ----------
+    motions : metres, y up; at most `MOST_RECORDINGS`
+
+    Raises
+    ------
+    InvalidInput
+        If there are none or too many.
+    """
+    if not 1 <= len(motions) <= MOST_RECORDINGS:
+        raise InvalidInput(f"a picture takes 1 to {MOST_RECORDINGS} recordings, got {len(motions)}")
+    layout = Layout(
+        left=_TEXT, width=_WIDTH_OF_POSE, heights=(_HEIGHT,) * len(motions), gap=0.25, above=0.2,
+        below=0.05, n_stacks=2,
+    )  # fmt: skip
+    figure, stacks = new_page(layout, title="the first pose, heights in metres")
+    for row, motion in enumerate(motions):
+        for column, view in enumerate(_views(motion)):
+            _draw(stacks[column][row], motion, view)
+            stacks[column][row].tick_params(labelleft=column == 0)
+        _write(stacks[0][row], motion)
+    for (first, *_), heading in zip(stacks, ("from its right side", "from the front"), strict=True):
+        first.set_title(heading, loc="left", pad=4.0)
+    add_legend(figure, legend_of_sides())
+    return figure
+
+
+def describe_facing(motion: Motion) -> str:
+    """Where a body faces in its first pose: "faces +z", or how far from it; "" if unseen."""
+    if motion.mapping is None:
+        return ""
+    body = _first_pose(motion)
+    if not any(np.isfinite(body[0, GENERIC_JOINTS.index(f"l{j}")]).all() for j in _ACROSS):
+        return ""
+    # Forward is up x right.
+    right_x, right_z = mean_hip_line(body)
+    angle = float(np.degrees(np.arctan2(right_z, -right_x)))
+    nearest = int(90 * np.round(angle / 90))
+    off = angle - nearest
+    if abs(off) < _STRAIGHT:
+        return f"faces {_AXES[nearest % 360]}"
+    other = _AXES[(nearest + (90 if off > 0 else -90)) % 360]
+    return f"faces {abs(off):.0f}° from {_AXES[nearest % 360]} to {other}"
+
+
+def _first_pose(motion: Motion) -> Floats:
+    """The first frame in which anything is seen, generic joints, shape (1, 24, 3)."""
+    body = motion.cut(0, min(motion.n_frames, 1000)).generic_positions()
+    seen = ~np.isnan(body).all(axis=(1, 2))
+    first = int(np.argmax(seen))
+    return body[first : first + 1]
+
+
+def _views(motion: Motion) -> list[Floats]:
+    if motion.mapping is not None:
+        body = _first_pose(motion)
+        return [project(body), project(body, turn_deg=90)]
+    points = motion.positions[:1]
+    return [points[..., [2, 1]], points[..., [0, 1]]]
+
+
+def _draw(axes: "Axes", motion: Motion, view: Floats) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    flat = view[0]
+    low, high = np.fmin.reduce(flat), np.fmax.reduce(flat)
+    unseen = bool(np.isnan(flat).all())
+    low, high = (np.zeros(2), np.ones(2)) if unseen else (low, high)
+    size = max(float((high - low).max()), 1e-9)
+    # The floor belongs to the picture, unless the body is far from it.
+    if 0 < low[1] < size:
+        low[1] = 0.0
+        size = max(size, float(high[1]))
+    across = (low[0] + high[0]) / 2
+    if motion.mapping is None:
+        axes.plot(*flat.T, ".", color=TRUNK, markersize=3)
+    else:
+        draw_poses(axes, poses(_first_pose(motion), view, [0]), np.zeros((1, 2)), scale=1.0)
+    ratio = _WIDTH_OF_POSE / _HEIGHT
+    axes.set(
+        xlim=(across - 0.575 * ratio * size, across + 0.575 * ratio * size),
+        ylim=(low[1] - 0.05 * size, low[1] + 1.1 * size),
+    )
+    axes.set_aspect("equal")
+    axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0.5)
+    axes.set_xticks([])
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    axes.tick_params(axis="y", color=RULE, length=2.5, width=0.6)
+    axes.spines[["top", "right", "bottom"]].set_visible(False)
+    if unseen:
+        axes.text(0.5, 0.5, "nothing was seen", transform=axes.transAxes, ha="center")
+
+
+def _write(axes: "Axes", motion: Motion) -> None:
+    """Name, axes, unit and side of a recording, to the left of its picture."""
+    lines = [note for note in motion.notes if _is_of_axes(note)]
+    facing = describe_facing(motion)
+    skeleton = f"skeleton {motion.mapping.name}" if motion.mapping else "no known skeleton"
+    lines = [f"{skeleton}, {motion.rate_hz:g} Hz", *([facing] if facing else []), *lines]
+    wrapped = [part for line in [motion.source, *lines] for part in wrap(line, _TEXT - 0.55)]
+    for number, line in enumerate(wrapped[:_MOST_LINES]):
+        axes.annotate(
+            line, (0.0, 1.0), xycoords="axes fraction", textcoords="offset points", size=TEXT_PT,
+            xytext=(-72 * (_TEXT - 0.05), -72 * (_LINE * number + 0.1)),
+            weight="bold" if number == 0 else "normal", annotation_clip=False,
+        )  # fmt: skip
+
+
+def _is_of_axes(note: str) -> bool:
+    starts = ("unit ", "axes and unit", "left and right", "kept in place", NO_FEATURES)
+    return note.startswith(starts) or " up, " in note

@@ -1,0 +1,304 @@
+"""What happens along a recording: its labels, and distance functions of classes.
+
+Labels after the thesis, figure 5.2: a row per class, labels above truth; over it, on request,
+the classes' modified distance functions in colours. Distance functions after Müller and Röder
+(2006), figures 7 and 8: low where a matching motion ends; where no path fits, nothing is drawn.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motionary.errors import InvalidInput
+from motionary.labels import LabelTrack
+from motionary.plots.features import pool_starts
+from motionary.plots.page import (
+    Layout,
+    Timed,
+    add_legend,
+    add_ramp,
+    draw_blocks,
+    hatch,
+    mark_seconds,
+    new_page,
+    swatch,
+    unknown_swatch,
+)
+from motionary.plots.style import (
+    BLACK,
+    BLUE,
+    FAINT,
+    NEAR_TO_FAR,
+    PALE_BLUE,
+    RULE,
+    TRUNK,
+    VERMILLION,
+    WHITE,
+    fit,
+    house_style,
+    text_width,
+    wrap,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+
+_WIDTH = 7.5
+_LABEL_ROW = 0.26
+_DISTANCE_ROW = 0.18
+_LONGEST_NAME = 2.5
+_BLOCK = 0.4
+_NOTE_LINE = 0.17
+_DISTANCE_HZ = 30.0
+_HEIGHTS = (1.9, 1.0)
+_NAME_HEIGHT = 0.2
+_TRUTH_FRACTION = 0.08
+
+
+@house_style()
+def plot_annotation(
+    track: LabelTrack,
+    truth: LabelTrack | None = None,
+    *,
+    distances: Mapping[str, ArrayLike] | None = None,
+    classes: Sequence[str] | None = None,
+) -> "Figure":
+    """Picture of a recording's labels, over those that are true.
+
+    Segments that could not be assessed are hatched.
+
+    Parameters
+    ----------
+    track : labels to show
+    truth : labels to compare with
+    distances : per class its modified distance function, shape (frames,) at 30 Hz;
+        infinite where the class is out of the question: white
+    classes : rows, in this order; labels of other classes are left out. By default all
+        classes that occur, sorted
+
+    Raises
+    ------
+    InvalidInput
+        If a distance function is empty or not one-dimensional.
+    """
+    curves = _check_curves(distances or {})
+    occurring = sorted({*track.names, *(truth.names if truth else ()), *curves})
+    names = occurring if classes is None else list(classes)
+    shown = [name for name in names if name in curves]
+    stop_s = _stop_s(track, truth, curves)
+    note = [] if len(track) else wrap(f"no labels: {track.nearest}".rstrip(": "), _WIDTH)
+    heights = [len(shown) * _DISTANCE_ROW] if shown else []
+    heights.append(max(len(names), 1) * _LABEL_ROW)
+    layout = Layout(
+        left=max([text_width(fit(name, _LONGEST_NAME)) for name in names] or [0.0]) + 0.1,
+        width=_WIDTH, heights=tuple(heights), right=0.1, above=_NOTE_LINE * len(note),
+    )  # fmt: skip
+    figure, (axes,) = new_page(layout, title=track.recording)
+    handles = _draw_labels(axes[-1], names, track, truth, stop_s)
+    if shown:
+        highest_cost = _draw_distances(axes[0], shown, curves)
+        add_ramp(
+            figure,
+            _colours(np.linspace(0, 1, 128)[np.newaxis]),
+            ("distance 0", f"{highest_cost:.2g}"),
+        )
+        handles.append(swatch("no match", WHITE))
+    if note:
+        axes[0].set_title("\n".join(note), loc="left", pad=4.0)
+    mark_seconds(axes, stop_s)
+    add_legend(figure, handles)
+    return figure
+
+
+def _check_curves(distances: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    curves = {name: np.array(values, dtype=np.float64) for name, values in distances.items()}
+    for name, curve in curves.items():
+        if curve.ndim != 1 or len(curve) == 0:
+            raise InvalidInput(f"{name}: a distance needs shape (frames,), got {curve.shape}")
+    return curves
+
+
+def _stop_s(track: LabelTrack, truth: LabelTrack | None, curves: Mapping[str, Floats]) -> float:
+    ends = [label.end_s for label in (*track, *(truth or ()))]
+    ends += [stop for _, stop in track.unassessed]
+    ends += [known.duration_s or 0.0 for known in (track, truth) if known is not None]
+    ends += [len(curve) / _DISTANCE_HZ for curve in curves.values()]
+    return max([*ends, 0.0]) or 1.0
+
+
+def _draw_labels(
+    axes: "Axes", names: Sequence[str], track: LabelTrack, truth: LabelTrack | None, stop_s: float
+) -> "list[Artist]":
+    handles = [swatch("labels", VERMILLION)]
+    # Labels stand over the truth; alone, in the middle of their row.
+    top = _BLOCK / 2 if truth is None else _BLOCK
+    for row, name in enumerate(names):
+        for labels, low, colour in ((track, row - top, VERMILLION), (truth or (), row, BLACK)):
+            own = [label for label in labels if label.name == name]
+            draw_blocks(axes, own, low=low, height=_BLOCK, colour=colour, stop_s=stop_s)
+    if truth is not None:
+        handles.append(swatch("truth", BLACK))
+    if track.unassessed:
+        hatch(axes, track.unassessed)
+        handles.append(unknown_swatch("not assessed"))
+    _name_rows(axes, names)
+    return handles
+
+
+def _name_rows(axes: "Axes", names: Sequence[str]) -> None:
+    axes.hlines(np.arange(1, len(names)) - 0.5, 0, 1, transform=axes.get_yaxis_transform(),
+                color=FAINT, linewidth=0.5, zorder=0.6)  # fmt: skip
+    axes.set_ylim(max(len(names), 1) - 0.5, -0.5)
+    axes.set_yticks(range(len(names)), labels=[fit(name, _LONGEST_NAME) for name in names])
+    axes.tick_params(axis="y", length=0)
+
+
+def _draw_distances(axes: "Axes", names: Sequence[str], curves: Mapping[str, Floats]) -> float:
+    """Rows of colours; the distance at the far end of the scale comes back."""
+    finite = [curves[name][np.isfinite(curves[name])] for name in names]
+    highest_cost = max([float(part.max()) for part in finite if len(part)] or [0.0]) or 1.0
+    for row, name in enumerate(names):
+        curve = np.where(np.isfinite(curves[name]), curves[name], np.inf)
+        # The least of neighbours drawn as one: a short match stays visible.
+        pooled = np.minimum.reduceat(curve, pool_starts(len(curve)))
+        axes.imshow(
+            _colours(pooled[np.newaxis] / highest_cost), aspect="auto", interpolation="nearest",
+            extent=(0.0, len(curve) / _DISTANCE_HZ, row + 0.5, row - 0.5),
+        )  # fmt: skip
+    _name_rows(axes, names)
+    return highest_cost
+
+
+def _colours(fractions: Floats) -> Floats:
+    """Colours of distances from 0 to 1; infinite ones are white."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    colours = LinearSegmentedColormap.from_list("near to far", NEAR_TO_FAR)(fractions)[..., :3]
+    colours[~np.isfinite(fractions)] = 1.0
+    return np.asarray(colours, dtype=np.float64)
+
+
+@house_style()
+def plot_distance(
+    distances: Mapping[str, ArrayLike],
+    *,
+    hits: Mapping[str, Sequence[Timed]] | None = None,
+    threshold: float | None = None,
+    truth: LabelTrack | None = None,
+    rate_hz: float = 30.0,
+    title: str = "",
+) -> "Figure":
+    """Picture of one or several distance functions of a recording, one below the other.
+
+    Parameters
+    ----------
+    distances : per class an array, shape (frames,); inf and NaN are left blank
+    hits : per class its hits or labels; shaded
+    threshold : largest distance of a hit; drawn as a line
+    truth : true labels of the recording; those of a panel's class stand in it as bars
+    rate_hz : frames per second
+    title : written above
+
+    Raises
+    ------
+    InvalidInput
+        If there is no distance function, one has no frame or another shape, or hits come
+        for a class without one.
+    """
+    curves = _check_panels(distances, hits or {}, rate_hz)
+    tall = _HEIGHTS[0] if len(curves) == 1 else _HEIGHTS[1]
+    layout = Layout(
+        left=0.4, width=_WIDTH, heights=(tall,) * len(curves), gap=_NAME_HEIGHT + 0.06,
+        above=_NAME_HEIGHT, right=0.1,
+    )  # fmt: skip
+    figure, (axes,) = new_page(layout, title=title or "distance")
+    stop_s = max(len(curve) for curve in curves.values()) / rate_hz
+    for ax, (name, curve) in zip(axes, curves.items(), strict=True):
+        _draw_curve(ax, curve, rate_hz)
+        _scale(ax, curve, threshold)
+        for hit in (hits or {}).get(name, ()):
+            ax.axvspan(hit.start_s, hit.end_s, color=PALE_BLUE, linewidth=0.5, zorder=0.5)
+        _draw_truth(ax, truth, name, stop_s)
+        ax.set_title(fit(name, _WIDTH), loc="left", pad=3.0)
+    mark_seconds(axes, stop_s)
+    has_hits = any(len(found) for found in (hits or {}).values())
+    has_truth = truth is not None and any(label.name in curves for label in truth)
+    add_legend(figure, _legend(hits=has_hits, threshold=threshold, truth=has_truth))
+    return figure
+
+
+def _check_panels(
+    distances: Mapping[str, ArrayLike], hits: Mapping[str, Sequence[Timed]], rate_hz: float
+) -> dict[str, Floats]:
+    if not isinstance(distances, Mapping) or not distances:
+        raise InvalidInput(
+            "a picture needs at least one distance function with its name, got "
+            f"{type(distances).__name__}; pass {{name: array}}"
+        )
+    if not rate_hz > 0:
+        raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
+    curves = _check_curves(distances)
+    for curve in curves.values():
+        curve[~np.isfinite(curve)] = np.nan
+    strangers = sorted(set(hits) - set(curves))
+    if strangers:
+        raise InvalidInput(f"hits of {strangers[0]!r} need its distance function, got none")
+    return curves
+
+
+def _draw_curve(axes: "Axes", curve: Floats, rate_hz: float) -> None:
+    # A frame's value stands at its middle: a recording of one frame shows, too.
+    seconds = (np.arange(len(curve)) + 0.5) / rate_hz
+    axes.plot(seconds, curve, color=BLUE, linewidth=1.1, solid_joinstyle="round")
+    seen = ~np.isnan(curve)
+    beside = np.concatenate([[False], seen, [False]])
+    lonely = seen & ~beside[:-2] & ~beside[2:]
+    axes.plot(seconds[lonely], curve[lonely], ".", color=BLUE, markersize=3)
+    if not seen.any():
+        axes.text(
+            0.5, 0.5, "no match fits anywhere", transform=axes.transAxes, ha="center",
+            va="center", color=TRUNK,
+        )  # fmt: skip
+
+
+def _scale(axes: "Axes", curve: Floats, threshold: float | None) -> None:
+    values = curve[~np.isnan(curve)].tolist()
+    if not values:
+        axes.set_yticks([])
+    if threshold is not None and np.isfinite(threshold):
+        axes.axhline(threshold, color=VERMILLION, linewidth=1.0, linestyle=(0, (4, 2)))
+        values.append(1.25 * threshold)
+    top = 1.08 * max([*values, 0.01])
+    axes.set_ylim(-_TRUTH_FRACTION * top, top)
+    if values:
+        axes.locator_params(axis="y", nbins=5)
+    axes.tick_params(axis="y", color=RULE, length=2.5, width=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _draw_truth(axes: "Axes", truth: LabelTrack | None, name: str, stop_s: float) -> None:
+    low, top = axes.get_ylim()
+    labels = [label for label in truth or () if label.name == name]
+    draw_blocks(axes, labels, low=low, height=0.6 * -low, colour=BLACK, stop_s=stop_s)
+    axes.set_ylim(low, top)
+
+
+def _legend(*, hits: bool, threshold: float | None, truth: bool) -> "list[Artist]":
+    from matplotlib.lines import Line2D
+
+    handles: list[Artist] = [Line2D([], [], color=BLUE, label="distance")]
+    if threshold is not None:
+        line = Line2D([], [], color=VERMILLION, linestyle=(0, (4, 2)))
+        line.set_label(f"threshold {threshold:g}")
+        handles.append(line)
+    if hits:
+        handles.append(swatch("hit", PALE_BLUE))
+    if truth:
+        handles.append(swatch("truth", BLACK))
+    return handles
