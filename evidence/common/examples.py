@@ -104,10 +104,10 @@ def score_judged(
     for query in queries:
         hits = query.hits(QueryExpansion(), limit=n_hits)
         feedback, left = query.judge(hits)
-        n_good.append(len(feedback.good))
+        n_good.append(len(feedback.relevant))
         answers = {"before": query.costs_of(hits[0].evidence.pattern)}
         for name, expansion in settings.items():
-            told = replace(feedback, bad=()) if expansion.prior < 0 else feedback
+            told = replace(feedback, irrelevant=()) if expansion.prior < 0 else feedback
             answers[name] = query.costs(expansion, feedback=told)
         for name, costs in answers.items():
             scores["all"][name].append(score(costs, query.relevant))

@@ -305,7 +305,7 @@ def test_keyframes_that_fix_nothing_are_refused(takes):
 
 @pytest.mark.parametrize("wrong", ["a text", 3, [], [1]])
 def test_what_cannot_be_sought_is_refused(takes, wrong):
-    with pytest.raises(InvalidInput, match="sought must be an example"):
+    with pytest.raises(InvalidInput, match="query must be an example"):
         search(wrong, takes)
 
 

@@ -286,7 +286,7 @@ def test_a_template_is_learned_from_the_hits_said_to_be_good():
     takes = [sequence(stream(e, seed=i)[0], source=f"take {i}") for i, e in enumerate(examples[1:])]
     example = sequence(examples[0], source="mine")
     first = search(example, takes, expansion=AS_IT_IS, limit=5)
-    good = RelevanceFeedback(example, good=(first[3], first[1]))
+    good = RelevanceFeedback(example, relevant=(first[3], first[1]))
     result = search(good, takes, expansion=QueryExpansion(by_self_information=False), limit=5)
     assert result.templates[0].provenance == "grown from mine and 2 hits"
     for hit in (first[3], first[1]):
@@ -295,7 +295,7 @@ def test_a_template_is_learned_from_the_hits_said_to_be_good():
         assert again.cost < 0.01
     packed = tuple(hit.evidence.sequence.part(*frames(hit)) for hit in (first[3], first[1]))
     same = search(
-        RelevanceFeedback(example, good=packed),
+        RelevanceFeedback(example, relevant=packed),
         takes,
         expansion=QueryExpansion(by_self_information=False),
         limit=5,
@@ -322,7 +322,7 @@ def test_what_a_bad_hit_shows_tells_less(by_self_information):
     first = search(sequence(STEP), takes, expansion=settings, limit=2)
     (bad,) = [hit for hit in first if hit.recording == "wrong"]
     result = search(
-        RelevanceFeedback(sequence(STEP), bad=(bad,)), takes, expansion=settings, limit=2
+        RelevanceFeedback(sequence(STEP), irrelevant=(bad,)), takes, expansion=settings, limit=2
     )
     assert [hit.recording for hit in result] == ["right", "wrong"]
     assert result[1].cost > 1.5 * result[0].cost
@@ -334,7 +334,7 @@ def test_what_a_bad_hit_shows_tells_less(by_self_information):
 def test_judgements_over_other_features():
     other = sequence(STEP[:, :39], feature_set=FULL_BODY_2006)
     with pytest.raises(InvalidInput, match="full-body-39"):
-        search(RelevanceFeedback(sequence(STEP), good=(other,)), [sequence(TURN)])
+        search(RelevanceFeedback(sequence(STEP), relevant=(other,)), [sequence(TURN)])
 
 
 # -- what was not seen -------------------------------------------------------------------

@@ -1,9 +1,8 @@
-"""Where in a collection is a motion like this one?"""
+"""Search in a collection by example, class, template or keyframes."""
 
-from motionary.retrieval.search.deriving import Deriving, derive_queries
-from motionary.retrieval.search.expansion import QueryExpansion, RelevanceFeedback
-from motionary.retrieval.search.results import Hit, SearchResult
-from motionary.retrieval.search.searching import search
+from motionary.retrieval.search.keyframes import Deriving, derive_queries
+from motionary.retrieval.search.ranking import Hit, SearchResult
+from motionary.retrieval.search.searching import QueryExpansion, RelevanceFeedback, search
 
 __all__ = [
     "Deriving",

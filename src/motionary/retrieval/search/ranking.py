@@ -1,21 +1,23 @@
-"""Which stretches of a collection match a template best?
+"""Ranked hits of motion templates in a collection, and the result of a search.
 
-Ranked hits below a threshold (Müller and Röder 2006, section 5.4). Where keyframes come
-first (Müller, Baak and Seidel 2009, section 5), a template is matched only around the hits
-of its query: no path leaves such a window, and the cost is infinite outside of it.
+Hits below a threshold (Müller and Röder 2006, section 5.4). A template with keyframe queries
+(Müller, Baak and Seidel 2009, section 5) is matched only around their hits: no path leaves
+such a window, and the cost is infinite outside of it.
 
 Conventions: a window belongs to a document; documents are numbered as in the collection.
 """
 
 import heapq
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.features import FeatureSequence
+from motionary.batch import Failure
+from motionary.features import FeatureSequence, NamedFile
 from motionary.matching import (
     Alignment,
     Corpus,
@@ -25,26 +27,81 @@ from motionary.matching import (
     find_hits,
 )
 from motionary.models.keyframes import HitRanges, KeyframeQuery, PostingIndex, select_in_index
-from motionary.models.templates import QuantisedTemplate
+from motionary.models.templates import MotionTemplate, QuantisedTemplate
 from motionary.packing import PackedFeatures
 from motionary.retrieval.explanation import Evidence
 from motionary.retrieval.index import Collection, Part
-from motionary.retrieval.search.results import Hit, hit_of
 
+Integers = NDArray[np.int64]
 Single = NDArray[np.float32]
 
 # Costs of the distance function are single, those of paths double.
 _ROUNDING = 1e-6
-Integers = NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sought:
-    """A template as it is sought, under the name that its hits get.
+@dataclass(frozen=True, slots=True)
+class Hit:
+    """A segment of a recording that matches.
 
     Attributes
     ----------
-    name, template, pattern : what is sought
+    recording : name of the recording
+    start_s, end_s : seconds, half-open
+    start_frame, end_frame : the file's own frame numbers, inclusive
+    cost : 0 fits in every feature
+    known : fraction of the cells of the pattern that were seen, in [0, 1]
+    evidence : what `explain` needs
+    """
+
+    recording: str
+    start_s: float
+    end_s: float
+    start_frame: int
+    end_frame: int
+    cost: float
+    known: float
+    evidence: Evidence = field(compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchResult(Sequence[Hit]):
+    """Hits, best first, and what they were found with.
+
+    Attributes
+    ----------
+    hits : best first
+    templates : of the query; expanded from the example where one was given
+    failures : files that could not be read, and why
+    nearest : without hits, a sentence on what came closest
+    queries : keyframes that chose where to match; none if everything was matched
+    fraction_matched : fraction of all frames that was matched
+    """
+
+    hits: tuple[Hit, ...]
+    templates: tuple[MotionTemplate, ...]
+    failures: tuple[Failure[NamedFile], ...] = ()
+    nearest: str = ""
+    queries: tuple[KeyframeQuery, ...] = ()
+    fraction_matched: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.hits)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        return self.hits[index]
+
+    def __iter__(self) -> Iterator[Hit]:
+        return iter(self.hits)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchPattern:
+    """A template as it is searched for, under the name that its hits get.
+
+    Attributes
+    ----------
+    name : of the class, or where the template comes from
+    template, pattern : cell by cell, and as the matcher takes it
     queries, votes : where given, the template is matched only where so many agree
     """
 
@@ -60,12 +117,12 @@ class Sought:
 
 
 class Window(NamedTuple):
-    """A stretch of a document in which a template was matched.
+    """A segment of a document in which a template was matched.
 
     Attributes
     ----------
-    start : first frame of the document
-    words, known, distance : of the stretch
+    start : its first frame in the document
+    packed, known, distance : of the segment
     """
 
     start: int
@@ -75,7 +132,7 @@ class Window(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Matched:
+class MatchedPart:
     """Costs of a template in the windows of one part of a collection.
 
     Attributes
@@ -107,117 +164,122 @@ class Matched:
             yield Window(int(self.starts[i]), packed, known, self.distance[inside])
 
 
-#: By the number of the part.
-Matches = dict[int, Matched]
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Costs of templates in a collection, computed once for any ranking.
 
+    Attributes
+    ----------
+    patterns : what was matched
+    collection : where
+    parts : for each pattern its costs, by the number of the part
+    """
 
-def rank(
-    sought: Sequence[Sought], collection: Collection, *, threshold: float, limit: int | None
-) -> list[Hit]:
-    """Hits over all documents, best first; of equal ones the earlier document's first."""
-    matched = [match(item, collection) for item in sought]
-    smallest = _smallest(matched, len(collection))
-    least = np.sort(smallest[np.isfinite(smallest)])
-    if limit is not None and limit <= len(least):
-        # So many documents have a hit at most as dear as this, unless too little was seen.
-        bound = min(threshold, float(least[limit - 1]) * (1 + _ROUNDING) + _ROUNDING)
-        hits = _collect(sought, matched, collection, smallest, bound, limit)
-        if len(hits) == limit or bound == threshold:
-            return hits
-    return _collect(sought, matched, collection, smallest, threshold, limit)
+    patterns: Sequence[SearchPattern]
+    collection: Collection
+    parts: Sequence[Mapping[int, MatchedPart]]
 
+    @property
+    def fraction(self) -> float:
+        """Fraction of the frames in which templates were matched, the mean over them."""
+        n_matched = sum(int(m.corpus.lengths.sum()) for ms in self.parts for m in ms.values())
+        return n_matched / max(len(self.patterns) * self.collection.n_frames, 1)
 
-def _collect(
-    sought: Sequence[Sought],
-    matched: "Sequence[Matches]",
-    collection: Collection,
-    smallest: NDArray[np.float64],
-    threshold: float,
-    limit: int | None,
-) -> list[Hit]:
-    """Hits of the documents in the order of their smallest cost, until no other can count."""
-    found: list[tuple[float, int, int, Hit]] = []
-    for number in np.argsort(smallest, kind="stable").tolist():
-        least = smallest[number]
-        if not np.isfinite(least) or least > threshold:
-            break
-        if limit is not None and len(found) >= limit:
-            last = heapq.nsmallest(limit, (f[:2] for f in found))[-1]
-            if (least * (1 - _ROUNDING), number) > last:
+    @cached_property
+    def smallest(self) -> NDArray[np.float64]:
+        """Smallest cost of every document over all templates, shape (documents,)."""
+        smallest = np.full(len(self.collection), np.inf)
+        for matched in self.parts:
+            for found in matched.values():
+                np.minimum.at(smallest, found.part.numbers[found.documents], found.least())
+        return smallest
+
+    def rank(self, *, threshold: float, limit: int | None) -> list[Hit]:
+        """Hits over all documents, best first; of equal ones the earlier document's first."""
+        least = np.sort(self.smallest[np.isfinite(self.smallest)])
+        if limit is not None and limit <= len(least):
+            # So many documents have a hit of at most this cost, unless too little was seen.
+            bound = min(threshold, float(least[limit - 1]) * (1 + _ROUNDING) + _ROUNDING)
+            hits = self._collect(bound, limit)
+            if len(hits) == limit or bound == threshold:
+                return hits
+        return self._collect(threshold, limit)
+
+    def _collect(self, threshold: float, limit: int | None) -> list[Hit]:
+        """Hits of the documents by their smallest cost, until no other can count."""
+        found: list[tuple[float, int, int, Hit]] = []
+        for number in np.argsort(self.smallest, kind="stable").tolist():
+            least = self.smallest[number]
+            if not np.isfinite(least) or least > threshold:
                 break
-        for hit in _hits_in(number, sought, matched, collection, threshold, limit):
-            found.append((hit.cost, number, hit.evidence.alignment.start, hit))
-    found.sort(key=lambda f: f[:3])
-    return [f[3] for f in found[:limit]]
+            if limit is not None and len(found) >= limit:
+                last = heapq.nsmallest(limit, (f[:2] for f in found))[-1]
+                if (least * (1 - _ROUNDING), number) > last:
+                    break
+            for hit in self._hits_in(number, threshold, limit):
+                found.append((hit.cost, number, hit.evidence.alignment.start, hit))
+        found.sort(key=lambda f: f[:3])
+        return [f[3] for f in found[:limit]]
+
+    def _hits_in(self, number: int, threshold: float, limit: int | None) -> list[Hit]:
+        """Hits in one document; where templates of one class overlap the cheaper one stays."""
+        part, document = self.collection.locate(number)
+        sequence = self.collection.sequences[number]
+        candidates: list[Evidence] = []
+        for pattern, parts in zip(self.patterns, self.parts, strict=True):
+            for window in parts[part].windows(document) if part in parts else ():
+                candidates += _find_matches(pattern, window, sequence, threshold, limit)
+        taken: list[Evidence] = []
+        for match in sorted(candidates, key=lambda e: (e.alignment.cost, e.alignment.start)):
+            if not any(_repeats(match.alignment, other.alignment) for other in taken):
+                taken.append(match)
+        return [hit_of(match) for match in taken]
 
 
-def match(item: Sought, collection: Collection) -> Matches:
-    """Costs of a template in a collection; around its keyframes if it has some."""
+def match(patterns: Sequence[SearchPattern], collection: Collection) -> Matches:
+    """Costs of templates in a collection; around their keyframes where they have some."""
+    return Matches(patterns, collection, [_match_one(p, collection) for p in patterns])
+
+
+def hit_of(evidence: Evidence) -> Hit:
+    """The hit that stands on some evidence."""
+    sequence, alignment = evidence.sequence, evidence.alignment
+    start_s, end_s = sequence.seconds(alignment.start), sequence.seconds(alignment.end + 1)
+    return Hit(
+        recording=sequence.source,
+        start_s=start_s,
+        end_s=end_s,
+        start_frame=sequence.file_frame(start_s),
+        end_frame=sequence.last_file_frame(end_s),
+        cost=alignment.cost,
+        known=evidence.known,
+        evidence=evidence,
+    )
+
+
+def _match_one(pattern: SearchPattern, collection: Collection) -> dict[int, MatchedPart]:
     matched = {}
     for number, part in enumerate(collection.parts):
-        if not item.queries:
-            matched[number] = _match_all(item, part)
-            continue
-        ranges = item.windows(part.shard.word_index)
-        if len(ranges):
+        if not pattern.queries:
+            corpus, documents = part.shard.corpus, np.arange(len(part.shard))
+            starts = np.zeros_like(documents)
+        else:
+            ranges = pattern.windows(part.shard.word_index)
+            if not len(ranges):
+                continue
             corpus = part.shard.cut(ranges)
-            distance = corpus_distance(item.pattern, corpus)
-            matched[number] = Matched(part, corpus, ranges.sequences, ranges.starts, distance)
+            documents, starts = ranges.sequences, ranges.starts
+        distance = corpus_distance(pattern.pattern, corpus)
+        matched[number] = MatchedPart(part, corpus, documents, starts, distance)
     return matched
 
 
-def fraction_matched(sought: Sequence[Sought], collection: Collection) -> float:
-    """Share of the frames in which templates are matched, the mean over the templates."""
-    chosen = 0
-    for item in sought:
-        for part in collection.parts:
-            index = part.shard.word_index
-            if not item.queries:
-                chosen += index.n_frames
-            else:
-                chosen += item.windows(index).n_frames
-    return chosen / max(len(sought) * collection.n_frames, 1)
-
-
-def _match_all(item: Sought, part: Part) -> Matched:
-    corpus, documents = part.shard.corpus, np.arange(len(part.shard))
-    distance = corpus_distance(item.pattern, corpus)
-    return Matched(part, corpus, documents, np.zeros_like(documents), distance)
-
-
-def _smallest(matched: Sequence[Matches], n_documents: int) -> NDArray[np.float64]:
-    """Smallest cost of every document over all templates, shape (documents,)."""
-    smallest = np.full(n_documents, np.inf)
-    for parts in matched:
-        for found in parts.values():
-            np.minimum.at(smallest, found.part.numbers[found.documents], found.least())
-    return smallest
-
-
-def _hits_in(
-    number: int,
-    sought: Sequence[Sought],
-    matched: Sequence[Matches],
-    collection: Collection,
+def _find_matches(
+    item: SearchPattern,
+    window: Window,
+    sequence: FeatureSequence,
     threshold: float,
     limit: int | None,
-) -> list[Hit]:
-    """Hits in one document; where templates of one class overlap the cheaper one stays."""
-    part, document = collection.locate(number)
-    sequence = collection.sequences[number]
-    candidates: list[Evidence] = []
-    for item, parts in zip(sought, matched, strict=True):
-        for window in parts[part].windows(document) if part in parts else ():
-            candidates += _matches(item, window, sequence, threshold, limit)
-    taken: list[Evidence] = []
-    for match in sorted(candidates, key=lambda e: (e.alignment.cost, e.alignment.start)):
-        if not any(_repeats(match.alignment, other.alignment) for other in taken):
-            taken.append(match)
-    return [hit_of(match) for match in taken]
-
-
-def _matches(
-    item: Sought, window: Window, sequence: FeatureSequence, threshold: float, limit: int | None
 ) -> list[Evidence]:
     """Hits of one template in one window of which enough was seen."""
     _, packed, known, distance = window

@@ -1,33 +1,89 @@
-"""Where in a collection is a motion like this one?
+"""Search in a collection by example, class, template or keyframes.
 
 By class or template: ranked hits below a threshold (Müller and Röder 2006, section 5.4);
-where a class has keyframes, only around them. By example: see `growing`. By keyframes alone:
-see `by_query`.
+where a class has keyframes, only around them. By keyframes alone: see `keyframes`.
+
+By example with query expansion: the example's features are the first template; one learned
+from the example and its nearest hits shows what may vary. It is learned in steps, from one
+hit, then two, four, ..., each time found anew: what a few sure hits free, brings the next ones
+nearer. With relevance feedback the template is learned from the relevant hits; what the
+irrelevant ones show at the same moments has little weight.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
-from motionary.io import ReadOptions
+from motionary.features import SEQUENCE_HZ, FeatureSequence, Reading, compute_features
+from motionary.matching import Pattern, align, distance_function
 from motionary.models.keyframes import KeyframeQuery
 from motionary.models.library import MotionClass
-from motionary.models.templates import MotionTemplate, pattern_of, quantise
+from motionary.models.templates import MotionTemplate, learn_template, pattern_of, quantise
 from motionary.motion import Motion
+from motionary.packing import unpack
 from motionary.retrieval.explanation import describe_nearest
 from motionary.retrieval.index import Collection, Index, collect
-from motionary.retrieval.search.by_query import explain_absence, rank_queries
-from motionary.retrieval.search.deriving import Deriving, derive_queries
-from motionary.retrieval.search.expansion import Narrower, QueryExpansion, RelevanceFeedback, grow
-from motionary.retrieval.search.ranking import Sought, fraction_matched, rank
-from motionary.retrieval.search.results import SearchResult
+from motionary.retrieval.search.keyframes import (
+    Preselection,
+    explain_absence,
+    preselect_by,
+    queries_of,
+    rank_queries,
+)
+from motionary.retrieval.search.ranking import Hit, Matches, SearchPattern, SearchResult, match
 
-#: What can be sought.
-Wanted = (
+Floats = NDArray[np.float64]
+
+#: A hit of this cost is near, however near the nearest was.
+_NEAR = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class QueryExpansion:
+    """How an example becomes a template; defaults: docs/evidence/growing_choice.md.
+
+    Attributes
+    ----------
+    hits : nearest hits that the template is learned from in the end, beside the example; 0
+        searches the example's features as they are
+    most_cost : if the nearest hit costs more, nothing is near enough to learn from
+    reach : from the second step on, a hit may cost so many times what the nearest one did at
+        first
+    tolerance : a cell is fixed if at most this fraction of example and hits differs
+    by_self_information : whether what is rare in the collection weighs more
+    prior : how many frames of the collection at large stand beside those of irrelevant hits
+        when it is counted what they show
+    """
+
+    hits: int = 3
+    most_cost: float = 0.35
+    reach: float = 0.6
+    tolerance: float = 0.1
+    by_self_information: bool = True
+    prior: float = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RelevanceFeedback:
+    """An example, and which of its hits a person found relevant.
+
+    Attributes
+    ----------
+    example : its features
+    relevant, irrelevant : hits, or their features
+    """
+
+    example: FeatureSequence
+    relevant: tuple[Hit | FeatureSequence, ...] = ()
+    irrelevant: tuple[Hit | FeatureSequence, ...] = ()
+
+
+#: What a person searches for.
+Query = (
     Motion
     | FeatureSequence
     | RelevanceFeedback
@@ -39,31 +95,28 @@ Wanted = (
 #: What can be searched.
 Recordings = Collection | Index | str | Path | Sequence[str | Path | Motion | FeatureSequence]
 
-#: Where to match: by default, everywhere or not, or around the hits of queries.
-Preselection = bool | KeyframeQuery | Sequence[KeyframeQuery] | None
-
 
 def search(
-    query: Wanted,
+    query: Query,
     recordings: Recordings,
     *,
     threshold: float | None = None,
     limit: int | None = 20,
     expansion: QueryExpansion | None = None,
     preselect: Preselection = None,
-    reading: ReadOptions | None = None,
+    reading: Reading | None = None,
     jobs: int = 1,
 ) -> SearchResult:
     """Ranked hits of an example, a template, a class or keyframes.
 
     Parameters
     ----------
-    query : an example (a motion or its words, cut to what is sought), one whose hits a
-        person has judged, a template, a class, or keyframes alone, of which any may be found
-    recordings : a folder or files, motions, words, an index, or a collection of them
+    query : an example (a motion or its features, cut to the motion itself), one with relevance
+        feedback, a template, a class, or keyframes alone, of which any may be found
+    recordings : a folder or files, motions, features, an index, or a collection of them
     threshold : largest cost; by default the class's own, otherwise none
     limit : most hits; None for all
-    growing : how an example becomes a template
+    expansion : how an example becomes a template
     preselect : where to match: by default around the keyframes of a class that has some,
         otherwise everywhere; False: everywhere; True: around keyframes, derived from the
         template where none are given, which is faster and misses some hits; or around hits
@@ -78,122 +131,106 @@ def search(
     """
     if limit is not None and limit < 1:
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
-    collection = _collection(recordings, reading, jobs)
-    queries = _as_queries(query)
-    if queries:
-        return _by_query(queries, collection, threshold, limit)
+    if isinstance(recordings, Index):
+        collection = recordings.collection()
+    elif isinstance(recordings, Collection):
+        collection = recordings
+    else:
+        collection = collect(recordings, reading=reading, jobs=jobs)
     if isinstance(query, MotionClass) and threshold is None:
         threshold = query.threshold
-    sought, templates = _seek(query, collection, expansion or QueryExpansion(), preselect)
-    return _result(sought, templates, collection, threshold, limit)
-
-
-def _collection(recordings: Recordings, reading: ReadOptions | None, jobs: int) -> Collection:
-    if isinstance(recordings, Index):
-        return recordings.collection()
-    if isinstance(recordings, Collection):
-        return recordings
-    return collect(recordings, reading=reading, jobs=jobs)
-
-
-def _as_queries(given: object) -> tuple[KeyframeQuery, ...]:
-    """Keyframe queries, one or several; none if something else is given."""
-    if isinstance(given, KeyframeQuery):
-        return (given,)
-    if isinstance(given, Sequence) and not isinstance(given, str):
-        queries = tuple(item for item in given if isinstance(item, KeyframeQuery))
-        return queries if len(queries) == len(given) else ()
-    return ()
-
-
-def _by_query(
-    queries: tuple[KeyframeQuery, ...],
-    collection: Collection,
-    threshold: float | None,
-    limit: int | None,
-) -> SearchResult:
     most = np.inf if threshold is None else threshold
-    hits = rank_queries(queries, collection, threshold=most, limit=limit)
-    why = "" if hits else explain_absence(queries, collection)
-    return SearchResult(tuple(hits), (), collection.failures, why, queries)
+    queries = queries_of(query)
+    if queries:
+        hits = rank_queries(queries, collection, threshold=most, limit=limit)
+        why = "" if hits else explain_absence(queries, collection)
+        return SearchResult(tuple(hits), (), collection.failures, why, queries)
+    patterns, templates = _patterns_of(query, collection, expansion or QueryExpansion(), preselect)
+    for pattern in patterns:
+        _check_pattern(pattern, collection)
+    return _result(match(patterns, collection), templates, threshold=most, limit=limit)
 
 
-def _seek(
+def expand(
+    feedback: RelevanceFeedback,
+    collection: Collection,
+    expansion: QueryExpansion,
+    *,
+    preselect: Preselection = None,
+) -> tuple[MotionTemplate, SearchPattern]:
+    """Template of an example and its nearest or its relevant hits, and its pattern.
+
+    Parameters
+    ----------
+    feedback : the example, and the hits found relevant or not
+    collection : where the nearest hits are found
+    expansion : settings
+    preselect : where to look for them
+
+    Raises
+    ------
+    InvalidInput
+        If the example is over other features, or nothing of it is fixed.
+    """
+    example = feedback.example
+    _check_features(feedback, collection)
+    ones = collection.feature_prior if expansion.by_self_information else None
+    if feedback.relevant or feedback.irrelevant:
+        relevant = [_features_of(hit) for hit in feedback.relevant if not _is_example(hit, example)]
+        template = _learn(example, relevant)
+        pattern = _to_pattern(example, template, expansion, ones)
+        irrelevant = [_features_of(hit) for hit in feedback.irrelevant]
+        return template, _weigh_against(irrelevant, pattern, ones, expansion.prior)
+    template, most, is_first = _learn(example, []), expansion.most_cost, True
+    for n_hits in _steps(expansion.hits):
+        pattern = _to_pattern(example, template, expansion, ones)
+        pattern = preselect_by(preselect, pattern, template, collection)
+        nearest = match([pattern], collection).rank(threshold=most, limit=n_hits + 1)
+        others = [hit for hit in nearest if not _is_example(hit, example)][:n_hits]
+        if not others:
+            break
+        if is_first:
+            most, is_first = max(expansion.reach * others[0].cost, _NEAR), False
+        template = _learn(example, [_features_of(hit) for hit in others])
+    return template, _to_pattern(example, template, expansion, ones)
+
+
+def _patterns_of(
     query: object, collection: Collection, expansion: QueryExpansion, preselect: Preselection
-) -> tuple[list[Sought], list[MotionTemplate]]:
-    """What is sought and where, and its templates."""
+) -> tuple[list[SearchPattern], list[MotionTemplate]]:
+    """Patterns of a query with the queries that preselect, and its templates."""
     if isinstance(query, MotionClass):
         templates = [prototype.template for prototype in query.prototypes]
-        sought = [
-            Sought(query.name, template, pattern, prototype.queries, prototype.votes)
+        patterns = [
+            SearchPattern(query.name, template, pattern, prototype.queries, prototype.votes)
             for prototype, (template, pattern) in zip(query.prototypes, query.sought(), strict=True)
         ]
     elif isinstance(query, MotionTemplate):
         quantised = quantise(query, tolerance=expansion.tolerance)
-        sought = [Sought(query.provenance or "template", quantised, pattern_of(quantised))]
+        patterns = [SearchPattern(query.provenance or "template", quantised, pattern_of(quantised))]
         templates = [query]
     elif isinstance(query, Motion | FeatureSequence | RelevanceFeedback):
         if isinstance(query, Motion):
             query = compute_features(query, feature_set=collection.feature_set)
         if isinstance(query, FeatureSequence):
             query = RelevanceFeedback(query)
-        template, expanded = grow(query, collection, expansion, narrow=_narrower(preselect))
-        sought, templates = [expanded], [template]
+        template, expanded = expand(query, collection, expansion, preselect=preselect)
+        patterns, templates = [expanded], [template]
     else:
         raise InvalidInput(
-            "sought must be an example, a template, a class or keyframes, got "
+            "query must be an example, a template, a class or keyframes, got "
             f"{type(query).__name__}"
         )
-    narrow = _narrower(preselect)
-    pairs = zip(sought, templates, strict=True)
-    return [narrow(item, template, collection) for item, template in pairs], templates
+    pairs = zip(patterns, templates, strict=True)
+    return [preselect_by(preselect, p, template, collection) for p, template in pairs], templates
 
 
-def _narrower(preselect: Preselection) -> Narrower:
-    """Says where something is matched."""
-
-    def narrow(item: Sought, template: MotionTemplate, collection: Collection) -> Sought:
-        if preselect is None:
-            return item
-        if preselect is True and item.queries:
-            return item
-        if preselect is True:
-            queries = derive_queries(template, collection, Deriving())
-        else:
-            queries = _as_queries(preselect)
-        return replace(item, queries=queries, votes=1)
-
-    return narrow
-
-
-def _result(
-    sought: Sequence[Sought],
-    templates: Sequence[MotionTemplate],
-    collection: Collection,
-    threshold: float | None,
-    limit: int | None,
-) -> SearchResult:
-    for item in sought:
-        _check_sought(item, collection)
-    most = np.inf if threshold is None else threshold
-    hits = tuple(rank(sought, collection, threshold=most, limit=limit))
-    queries = tuple(dict.fromkeys(query for item in sought for query in item.queries))
-    return SearchResult(
-        hits,
-        tuple(templates),
-        collection.failures,
-        "" if hits else _nearest(sought, collection, most),
-        queries,
-        fraction_matched(sought, collection) if queries else 1.0,
-    )
-
-
-def _check_sought(item: Sought, collection: Collection) -> None:
+def _check_pattern(item: SearchPattern, collection: Collection) -> None:
     template, feature_set = item.template, collection.feature_set
     if template.feature_names != feature_set.ids:
         raise InvalidInput(
             f"{item.name}: a template over {template.feature_set!r}, but the collection is over "
-            f"{feature_set.name!r}; compute its words with the template's set"
+            f"{feature_set.name!r}; compute its features with the template's set"
         )
     if template.n_fixed == 0:
         raise InvalidInput(
@@ -201,17 +238,137 @@ def _check_sought(item: Sought, collection: Collection) -> None:
         )
 
 
-def _nearest(sought: Sequence[Sought], collection: Collection, threshold: float) -> str:
+def _result(
+    matches: Matches,
+    templates: Sequence[MotionTemplate],
+    *,
+    threshold: float,
+    limit: int | None,
+) -> SearchResult:
+    hits = tuple(matches.rank(threshold=threshold, limit=limit))
+    queries = tuple(dict.fromkeys(q for pattern in matches.patterns for q in pattern.queries))
+    return SearchResult(
+        hits,
+        tuple(templates),
+        matches.collection.failures,
+        "" if hits else _nearest(matches, queries, threshold),
+        queries,
+        matches.fraction if queries else 1.0,
+    )
+
+
+def _nearest(matches: Matches, queries: Sequence[KeyframeQuery], threshold: float) -> str:
     """What came closest, for a search without hits."""
-    best = rank(sought, collection, threshold=np.inf, limit=1)
+    best = matches.rank(threshold=np.inf, limit=1)
     if best:
         return describe_nearest(best[0].evidence, what=best[0].recording, threshold=threshold)
-    queries = tuple(query for item in sought for query in item.queries)
     if queries:
-        return f"nothing to match: {explain_absence(queries, collection)}"
+        return f"nothing to match: {explain_absence(queries, matches.collection)}"
     # Two columns go through one frame, but for the first.
-    least_s = min(s.template.n_columns // 2 + 1 for s in sought) / SEQUENCE_HZ
+    least_s = min(p.template.n_columns // 2 + 1 for p in matches.patterns) / SEQUENCE_HZ
     return (
-        f"no recording is long enough for what is sought (at least {least_s:.1f} s), "
+        f"no recording is long enough for the query (at least {least_s:.1f} s), "
         "or too little of it was seen"
     )
+
+
+def _steps(hits: int) -> Iterator[int]:
+    """1, 2, 4, ... and at last all."""
+    n = 1
+    while n < hits:
+        yield n
+        n *= 2
+    if hits:
+        yield hits
+
+
+def _check_features(feedback: RelevanceFeedback, collection: Collection) -> None:
+    hits = (*feedback.relevant, *feedback.irrelevant)
+    for sequence in (feedback.example, *map(_features_of, hits)):
+        if sequence.feature_set.name != collection.feature_set.name:
+            raise InvalidInput(
+                f"the example has features of {sequence.feature_set.name!r}, the collection of "
+                f"{collection.feature_set.name!r}"
+            )
+
+
+def _to_pattern(
+    example: FeatureSequence,
+    template: MotionTemplate,
+    expansion: QueryExpansion,
+    ones: Floats | None,
+) -> SearchPattern:
+    quantised = quantise(template, tolerance=expansion.tolerance)
+    if quantised.n_fixed == 0:
+        raise InvalidInput(
+            f"{example.source}: nothing of the example is known and common to its hits; "
+            "give a longer segment or an example in which more joints are seen"
+        )
+    name = f"like {example.source}" if example.source else "like the example"
+    return SearchPattern(name, quantised, pattern_of(quantised, ones=ones))
+
+
+def _weigh_against(
+    irrelevant: Sequence[FeatureSequence],
+    pattern: SearchPattern,
+    ones: Floats | None,
+    prior: float,
+) -> SearchPattern:
+    """Pattern whose entries weigh by their self-information among the irrelevant hits."""
+    if not irrelevant:
+        return pattern
+    template = pattern.template
+    at_large = np.full(template.n_features, 0.5) if ones is None else ones
+    shown, seen = _count_shown(pattern.pattern, irrelevant, template.n_features)
+    fractions = (shown + prior * at_large) / (seen + prior)
+    return SearchPattern(pattern.name, template, pattern_of(template, ones=fractions))
+
+
+def _count_shown(
+    pattern: Pattern, hits: Sequence[FeatureSequence], n_features: int
+) -> tuple[Floats, Floats]:
+    """How often each feature holds, and is known, where a column meets hits."""
+    shown, seen = np.zeros((len(pattern), n_features)), np.zeros((len(pattern), n_features))
+    for sequence in hits:
+        distance = distance_function(pattern, sequence.packed, sequence.known)
+        end = int(np.argmin(distance))
+        if not np.isfinite(distance[end]):
+            continue
+        columns, frames = align(pattern, sequence.packed, sequence.known, [end])[0].path.T
+        np.add.at(shown, columns, unpack(sequence.packed & sequence.known, n_features)[frames])
+        np.add.at(seen, columns, unpack(sequence.known, n_features)[frames])
+    return shown, seen
+
+
+def _learn(example: FeatureSequence, hits: Sequence[FeatureSequence]) -> MotionTemplate:
+    parts = [example, *hits]
+    n_hits = "1 hit" if len(hits) == 1 else f"{len(hits)} hits"
+    every = all(bool(p.known_features.all()) for p in parts)
+    return learn_template(
+        [p.features for p in parts],
+        known=None if every else [p.known_features.astype(np.bool_) for p in parts],
+        feature_names=example.feature_set.ids,
+        feature_set=example.feature_set.name,
+        provenance=f"grown from {example.source or 'an example'} and {n_hits}",
+    )
+
+
+def _features_of(hit: Hit | FeatureSequence) -> FeatureSequence:
+    if isinstance(hit, FeatureSequence):
+        return hit
+    found = hit.evidence
+    return found.sequence.part(found.alignment.start, found.alignment.end + 1)
+
+
+def _is_example(hit: Hit | FeatureSequence, example: FeatureSequence) -> bool:
+    """Whether a hit is the example itself, found in the collection: nothing to learn from."""
+    if isinstance(hit, FeatureSequence):
+        return hit is example
+    packed, n = hit.evidence.sequence.packed, len(example)
+    start, stop = hit.evidence.alignment.start, hit.evidence.alignment.end + 1
+    # Where a body stands still, a hit may begin or end beside the example.
+    for first in range(max(0, start - n), min(stop, len(packed) - n + 1)):
+        shared = min(first + n, stop) - max(first, start)
+        if 2 * shared > n and bool((packed[first : first + n] == example.packed).all()):
+            return True
+    return False
