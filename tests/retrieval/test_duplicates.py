@@ -10,10 +10,17 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features
 from motionary.motion import GENERIC_JOINTS
 from motionary.packing import pack
+from motionary.retrieval.duplicate_evidence import (
+    MIRROR_ORDER,
+    agreement,
+    changes_of,
+    curves_of,
+    find_candidates,
+    mirrored,
+    rates_of,
+    weigh,
+)
 from motionary.retrieval.duplicates import Comparing, find_duplicates
-from motionary.retrieval.duplicates.curves import MIRROR_ORDER, agreement, curves_of
-from motionary.retrieval.duplicates.evidence import rates_of, weigh
-from motionary.retrieval.duplicates.landmarks import changes_of, find_candidates, mirrored
 from motionary.retrieval.index import Collection
 from motionary.samples import synthetic_stream
 from packing_cases import N, random_rows, sequence
@@ -162,7 +169,7 @@ def test_a_recording_that_is_gone_is_a_failure(first):
 def test_what_cannot_be_compared_is_refused(first):
     packed = Collection((compute_features(first),))
     other = Collection((compute_features(first, feature_set=FULL_BODY_2006),), FULL_BODY_2006)
-    with pytest.raises(InvalidInput, match="words of one feature set"):
+    with pytest.raises(InvalidInput, match="features of one feature set"):
         find_duplicates(packed, other, read=lambda name: first)
     with pytest.raises(InvalidInput, match="no readable recording"):
         find_duplicates(Collection(()), read=lambda name: first)

@@ -1,9 +1,9 @@
-"""Which files show the same motion?
+"""The same motion in different files: across rigs and rates, cut, mirrored.
 
-Words say where to look: landmarks propose pairs of recordings and an offset, the surprise of
-what they share says how much that means. Then the files themselves are compared, since a
-motion that is repeated well changes its relations in the same sequence. Compared is at equal
-tempo; recordings in which hardly anything changes cannot be told apart and are left out.
+Features say where to look: landmarks propose pairs of recordings and an offset, the bits of
+what they share say how much that means. Then the files themselves are compared, since a motion
+that is repeated well changes its features in the same sequence. Compared is at equal tempo;
+recordings in which hardly anything changes cannot be told apart and are left out.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,25 +18,31 @@ from motionary.batch import Failure
 from motionary.errors import InvalidInput, MotionaryError
 from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.motion import Motion
-from motionary.retrieval.duplicates.curves import MIRROR_ORDER, RATE_HZ, agreement, curves_of
-from motionary.retrieval.duplicates.evidence import Evidence, Signs, rates_of, weigh
-from motionary.retrieval.duplicates.landmarks import (
+from motionary.retrieval.duplicate_evidence import (
+    CURVE_HZ,
+    MIRROR_ORDER,
     Candidates,
     Changes,
+    Evidence,
+    Signs,
+    agreement,
     changes_of,
+    curves_of,
     find_candidates,
     mirrored,
+    rates_of,
+    weigh,
 )
 from motionary.retrieval.index import Collection
 
 
 @dataclass(frozen=True, slots=True)
 class Comparing:
-    """When two stretches are the same motion.
+    """When two segments are the same motion.
 
     Attributes
     ----------
-    least_bits : surprise of the changes that both show
+    least_bits : self-information of the changes that both show
     least_agreement : of the changes of acceleration; chosen on HDM05, CMU and Bandai, where
         two performances reach .71 and one by two systems .80 to 1
     least_s : length of what both show; within less, two performances may agree
@@ -65,8 +71,8 @@ class Duplicate:
     ----------
     left, right : where it is
     is_mirrored : whether one is the mirror image of the other
-    bits : surprise of the changes of relations that both show
-    shared : share of the changes that both show
+    bits : self-information of the changes of features that both show
+    shared : fraction of the changes that both show
     agreement : of the changes of acceleration, at most 1
     """
 
@@ -85,7 +91,7 @@ class DuplicateResult:
     Attributes
     ----------
     duplicates : most bits first
-    n_alike : pairs whose relations change alike, but that are performances of their own
+    n_alike : pairs whose features change alike, but that are performances of their own
     still : recordings in which too little changes to tell them apart
     failures : pairs of recordings that could not be compared, and why
     """
@@ -131,7 +137,7 @@ def find_duplicates(
     """
     settings = comparing or Comparing()
     if right is not None and right.feature_set.name != left.feature_set.name:
-        raise InvalidInput("both collections need words of one feature set")
+        raise InvalidInput("both collections need features of one feature set")
     sides = _Sides(left, right)
     pairs = sides.propose(settings)
     read_left = cache(lambda name: curves_of(read(name)))
@@ -152,7 +158,7 @@ def find_duplicates(
 
 
 class _Sides:
-    """Words and changes of the recordings on both sides; the same ones if there is one side."""
+    """Features and changes of the recordings on both sides; the same ones if there is one side."""
 
     def __init__(self, left: Collection, right: Collection | None) -> None:
         self.is_one = right is None
@@ -252,18 +258,18 @@ class _Sides:
 def _compare(
     pair: _Pair, sides: _Sides, left: NDArray[np.float64], right: NDArray[np.float64]
 ) -> Duplicate:
-    """Compare the files of a pair where their words agree."""
-    per_integer = round(RATE_HZ / SEQUENCE_HZ)
+    """Compare the files of a pair where their features agree."""
+    per_frame = round(CURVE_HZ / SEQUENCE_HZ)
     start, stop = pair.evidence.start, pair.evidence.stop + 1
     if pair.is_mirrored:
         right = right[:, MIRROR_ORDER]
     value, at = agreement(
-        left[start * per_integer : stop * per_integer],
+        left[start * per_frame : stop * per_frame],
         right,
-        (pair.offset - start) * per_integer,
-        within=2 * per_integer,
+        (pair.offset - start) * per_frame,
+        within=2 * per_frame,
     )
-    shift_s = start / SEQUENCE_HZ + at / RATE_HZ
+    shift_s = start / SEQUENCE_HZ + at / CURVE_HZ
     names = sides.names(pair)
     start_s, end_s = start / SEQUENCE_HZ, stop / SEQUENCE_HZ
     return Duplicate(
