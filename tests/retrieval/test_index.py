@@ -78,7 +78,7 @@ def test_another_feature_set(folder):
 def test_words_of_several_sets_do_not_mix():
     old = sequence(random_rows(0, 9)[:, :39], feature_set=FULL_BODY_2006, source="old")
     for given in ([old], [sequence(random_rows(1, 9)), old]):
-        with pytest.raises(InvalidInput, match=r"old: words of 'full-body-39'.*'full-body-40'"):
+        with pytest.raises(InvalidInput, match=r"old: features of 'full-body-39'.*'full-body-40'"):
             collect(given)
 
 
@@ -120,7 +120,7 @@ def test_parts_hold_every_recording_once():
     for number, take in enumerate(takes):
         part, document = collection.locate(number)
         shard = collection.parts[part].shard
-        packed, known = shard.words_of(document)
+        packed, known = shard.features_of(document)
         assert np.array_equal(packed, take.packed)
         assert np.array_equal(known, take.known)
         assert collection.parts[part].numbers[document] == number

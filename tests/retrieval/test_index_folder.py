@@ -15,6 +15,7 @@ from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY_2006
 from motionary.io import ReadOptions
 from motionary.retrieval.index import CACHE_VARIABLE, Index, collect
+from motionary.retrieval.index.storage import remove_shard
 from motionary.retrieval.search import search
 from motionary.samples import synthetic_motion
 
@@ -61,7 +62,7 @@ def assert_fresh(index, folder, tmp_path):
         assert content(one.collection()) == content(fresh.collection())
     queries = [index.collection(), fresh.collection()]
     for a, b in zip(*(q.parts for q in queries), strict=False):
-        assert a.shard.word_index.n_sequences <= len(index)
+        assert a.shard.posting_index.n_sequences <= len(index)
         assert b.shard.feature_set is a.shard.feature_set
     assert np.array_equal(queries[0].feature_prior, queries[1].feature_prior)
 
@@ -258,6 +259,7 @@ def test_what_was_read_before_an_interruption_is_kept(folder, place, tmp_path, a
     with pytest.raises(KeyboardInterrupt):
         index.update(on_done=stop)
     ready = [s.source for s in index.collection().sequences]
+    assert index.count_ready(NAMES) == len(ready)
     assert ready == read == sorted(NAMES)[: after - 1]
     assert [s.source for s in Index.open(folder, at=place).collection().sequences] == ready
     index, rest = update(folder, place)
@@ -293,10 +295,11 @@ def test_a_stopped_command_leaves_what_is_ready(tmp_path, place):
         while process.poll() is None and not list(place.glob("[!.]*/words.array")):
             time.sleep(0.005)
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
+        output, errors = process.communicate(timeout=60)
     assert process.returncode == 130, errors
     index = Index.open(folder, at=place)
     assert 64 <= len(index) < 130
+    assert f"; read {len(index)}, 0 gone" in output.decode()
     assert f"stopped: {len(index)} of 130 recordings are ready" in errors.decode()
     index, read = update(folder, place)
     assert len(read) < 130
@@ -315,6 +318,30 @@ def test_leftovers_are_removed_when_they_are_old(folder, place):
     assert ".unfinished-young" in left
     assert not left & {".unfinished-old", "orphan"}
     assert len(index) == len(NAMES)
+
+
+@pytest.mark.parametrize("name", ["..", ".", "", "../recordings", "abcdefgh/x", "UPPER_CA"])
+def test_shards_of_other_names_are_refused_and_nothing_is_removed(folder, place, name):
+    update(folder, place)
+    manifest = json.loads((place / "index.json").read_text())
+    manifest["shards"] = [name]
+    (place / "index.json").write_text(json.dumps(manifest))
+    before = sorted(path for path in folder.parent.rglob("*"))
+    with pytest.raises(UnreadableFile, match="a name that no index gives"):
+        Index.open(folder, at=place)
+    for other in ("..", ".", "", "../recordings"):
+        remove_shard(place, other)
+    assert sorted(path for path in folder.parent.rglob("*")) == before
+
+
+def test_folders_that_hold_other_files_stay(folder, place):
+    index, _ = update(folder, place)
+    (shard,) = (path for path in place.iterdir() if path.is_dir())
+    (shard / "mine.txt").write_text("mine")
+    os.utime(shard, (1, 1))
+    fill(folder, ["a.bvh", "b.bvh"], seed=9)
+    index.update()
+    assert (shard / "mine.txt").read_text() == "mine"
 
 
 # -- where it lies, and what it is made with ----------------------------------------------
@@ -348,7 +375,7 @@ def test_an_index_of_other_features_is_refused(folder, place):
 
 def test_an_index_read_otherwise_is_refused(folder, place):
     update(folder, place)
-    with pytest.raises(InvalidInput, match="read with unit not told, now cm"):
+    with pytest.raises(InvalidInput, match="read with unit not given, now cm"):
         Index.open(folder, at=place, reading=ReadOptions(unit="cm"))
 
 

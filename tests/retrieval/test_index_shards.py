@@ -12,7 +12,7 @@ from motionary.models.keyframes import HitRanges, index_packed
 from motionary.packing import full_mask
 from motionary.retrieval.index.collection import Collection, join_collections
 from motionary.retrieval.index.shard import join_shards, make_shard, select
-from motionary.retrieval.index.shard_files import read_shard, write_shard
+from motionary.retrieval.index.storage import read_shard, write_shard
 from packing_cases import N, random_rows, sequence
 
 
@@ -109,7 +109,7 @@ def test_states_of_files_are_carried_along():
 def test_a_written_shard_reads_back(tmp_path):
     given_documents = documents(4, [50, 1, 33])
     shard = make_shard(given_documents, FULL_BODY)
-    back = read_shard(tmp_path / write_shard(shard, tmp_path), FULL_BODY)
+    back = read_shard(tmp_path, write_shard(shard, tmp_path), FULL_BODY)
     assert all(same(back.sequence(i), d) for i, d in enumerate(given_documents))
     assert np.array_equal(back.table, shard.table)
     expected = index_packed(
@@ -118,7 +118,7 @@ def test_a_written_shard_reads_back(tmp_path):
         feature_set=FULL_BODY.name,
         feature_ids=FULL_BODY.ids,
     )
-    assert np.array_equal(back.word_index.planes, expected.planes)
+    assert np.array_equal(back.posting_index.planes, expected.planes)
     assert [path.suffix for path in sorted((tmp_path).glob("*/*"))].count(".npy") == 0
 
 
@@ -132,18 +132,18 @@ def test_a_damaged_shard_is_refused(tmp_path, file, harm):
     if harm != "gone":
         path.write_bytes(content[: len(content) // 2 if harm == "cut" else 0])
     with pytest.raises(UnreadableFile, match="incomplete or damaged"):
-        read_shard(folder, FULL_BODY)
+        read_shard(folder.parent, folder.name, FULL_BODY)
 
 
 def test_a_shard_of_other_features_is_refused(tmp_path):
     folder = tmp_path / write_shard(make_shard(documents(4, [50]), FULL_BODY), tmp_path)
     with pytest.raises(UnreadableFile, match="another feature set"):
-        read_shard(folder, FULL_BODY_2006)
+        read_shard(folder.parent, folder.name, FULL_BODY_2006)
 
 
 def test_a_shard_must_fit_together():
     shard = make_shard(documents(4, [5, 6]), FULL_BODY)
-    with pytest.raises(InvalidInput, match="needs words of shape"):
+    with pytest.raises(InvalidInput, match="needs features of shape"):
         type(shard)(shard.names[:1], shard.table, shard.packed, shard.masks, FULL_BODY)
 
 

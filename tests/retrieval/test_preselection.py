@@ -114,8 +114,8 @@ def test_impossible_votes_are_refused(votes):
 
 def test_windows_reach_twice_as_far_as_the_template(takes):
     shard = takes.parts[0].shard
-    found = select_in_index([QUERY], LENGTH, shard.word_index)
-    hits = search_query(QUERY, shard.word_index)
+    found = select_in_index([QUERY], LENGTH, shard.posting_index)
+    hits = search_query(QUERY, shard.posting_index)
     before, after = margins(QUERY, LENGTH)
     assert (before, after) == (20, 12)
     assert list(found) == list(extend(hits, before, after, shard.lengths))
@@ -129,8 +129,8 @@ def test_windows_of_keyframes_without_a_place_hold_the_whole_template(takes):
         QUERY.values, QUERY.fixed, QUERY.gaps, QUERY.feature_set, QUERY.feature_ids
     )
     shard = takes.parts[0].shard
-    found = select_in_index([written], LENGTH, shard.word_index)
-    hits = search_query(written, shard.word_index)
+    found = select_in_index([written], LENGTH, shard.posting_index)
+    hits = search_query(written, shard.posting_index)
     assert list(found) == list(extend(hits, LENGTH, LENGTH, shard.lengths))
 
 

@@ -41,6 +41,7 @@ def index(
     opened = Index.open(folder, at=place, reading=reading.reading())
     changes = opened.changes()
     stopped = update_index(opened, changes, jobs=jobs)
+    n_read = opened.count_ready(changes.to_read)
     missing = list_missing(opened)
     failed = warn_of_all(missing, opened.failures)
     hours = opened.n_frames / SEQUENCE_HZ / 3600
@@ -49,7 +50,7 @@ def index(
             {
                 "recordings": len(opened),
                 "words": opened.n_frames,
-                "read": len(changes.to_read),
+                "read": n_read,
                 "gone": len(changes.gone),
                 "failed": len(opened.failures),
                 "place": str(opened.place),
@@ -57,7 +58,7 @@ def index(
         )
     else:
         screen.say(
-            f"{len(opened)} recordings, {hours:.2f} hours; read {len(changes.to_read)}, "
+            f"{len(opened)} recordings, {hours:.2f} hours; read {n_read}, "
             f"{len(changes.gone)} gone, {len(opened.failures)} could not be read",
             f"kept in {opened.place}",
         )

@@ -1,6 +1,5 @@
-"""The words of many recordings, in memory and kept on disk."""
+"""The features of many recordings, in memory and kept on disk."""
 
-from motionary.retrieval.index.changes import Changes
 from motionary.retrieval.index.collection import (
     Collection,
     Part,
@@ -8,8 +7,9 @@ from motionary.retrieval.index.collection import (
     join_collections,
     read_collection,
 )
-from motionary.retrieval.index.folder import CACHE_VARIABLE, Index
+from motionary.retrieval.index.folder import Changes, Index
 from motionary.retrieval.index.shard import Shard
+from motionary.retrieval.index.storage import CACHE_VARIABLE
 
 __all__ = [
     "CACHE_VARIABLE",

@@ -1,4 +1,4 @@
-"""What is searched: the words of many recordings, and what could not be read."""
+"""Collections: the features of many recordings, and what could not be read."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -36,11 +36,11 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Collection:
-    """Recordings as words.
+    """Recordings as sequences of features.
 
     Attributes
     ----------
-    sequences : words of the recordings
+    sequences : of the recordings
     feature_set : what the bits mean
     failures : files that could not be read, and why
     """
@@ -55,7 +55,7 @@ class Collection:
         stray = [s for s in self.sequences if s.feature_set.name != self.feature_set.name]
         if stray:
             raise InvalidInput(
-                f"{stray[0].source}: words of {stray[0].feature_set.name!r}, the collection "
+                f"{stray[0].source}: features of {stray[0].feature_set.name!r}, the collection "
                 f"is of {self.feature_set.name!r}"
             )
 
@@ -104,13 +104,13 @@ class Collection:
 
     @property
     def n_frames(self) -> int:
-        """Words of all recordings."""
+        """Frames of all recordings, at 30 Hz."""
         return sum(part.shard.n_frames for part in self.parts) if len(self) else 0
 
     @cached_property
     def feature_prior(self) -> NDArray[np.float64]:
-        """Share of known frames in which each relation holds; see `matching.self_information`."""
-        counts = np.sum([part.shard.word_index.counts for part in self.parts], axis=0)
+        """Fraction of known frames in which each feature holds; see `matching.self_information`."""
+        counts = np.sum([part.shard.posting_index.counts for part in self.parts], axis=0)
         return prior_of_counts(counts[1:-1:2], counts[0:-1:2] + counts[1:-1:2])
 
 
@@ -149,11 +149,11 @@ def collect(
     jobs: int = 1,
     on_done: Callable[[NamedFile], None] | None = None,
 ) -> Collection:
-    """Words of recordings.
+    """Features of recordings.
 
     Parameters
     ----------
-    recordings : a folder, file or pattern, or a sequence of such, of motions or of words
+    recordings : a folder, file or pattern, or a sequence of such, of motions or of features
     reading : what the files do not say themselves
     jobs : processes that read; the result does not depend on it
     on_done : called after each file
@@ -166,7 +166,9 @@ def collect(
     """
     given = [recordings] if isinstance(recordings, str | Path) else list(recordings)
     paths = [g for g in given if isinstance(g, str | Path)]
-    packed = [_words(g, feature_set) for g in given if isinstance(g, Motion | FeatureSequence)]
+    packed = [
+        _sequence_of(g, feature_set) for g in given if isinstance(g, Motion | FeatureSequence)
+    ]
     if not paths:
         return Collection(tuple(packed), feature_set)
     read = read_collection(
@@ -187,7 +189,7 @@ def read_collection(
     jobs: int = 1,
     on_done: Callable[[NamedFile], None] | None = None,
 ) -> Collection:
-    """Words of files whose names are settled; otherwise as `collect`.
+    """Features of files whose names are given; otherwise as `collect`.
 
     Parameters
     ----------
@@ -230,7 +232,7 @@ def join_collections(
     return Collection.of_shards(shards, collections[0].feature_set, tuple(failures))
 
 
-def _words(item: Motion | FeatureSequence, feature_set: FeatureSet) -> FeatureSequence:
+def _sequence_of(item: Motion | FeatureSequence, feature_set: FeatureSet) -> FeatureSequence:
     if isinstance(item, Motion):
         return compute_features(item, feature_set=feature_set)
     return item

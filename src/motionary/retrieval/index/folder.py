@@ -1,47 +1,44 @@
-"""How are the words of a folder kept, so that only what changed is read again?
+"""Index of a folder of recordings, kept on disk: only what changed is read again.
 
-An index lies in the user's cache, or where it is told to. Recordings are read in portions;
-each is kept when it is complete, so that an interrupted run is taken up where it ended.
-Files that could not be read are remembered with their reason until they change.
+An index lies in the user's cache, or where the caller says. Recordings are read in portions;
+each is kept when it is complete, so that an interrupted run is taken up where it ended. Files
+that could not be read are remembered with their reason until they change. A recording is told
+from its earlier self by the time and the size of its file, and of its sidecar.
 """
 
-import hashlib
-import os
-import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from motionary import __version__
 from motionary.batch import Failure
-from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
-from motionary.io import ReadOptions
-from motionary.retrieval.index.changes import Changes, Seen, find_changes
+from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder
 from motionary.retrieval.index.collection import Collection
-from motionary.retrieval.index.manifest import (
+from motionary.retrieval.index.shard import DOCUMENT, Shard, join_shards, make_shard, select
+from motionary.retrieval.index.storage import (
     FILE,
     FailedFile,
-    Making,
     Manifest,
-    check_making,
+    Recipe,
+    cache_place,
+    check_recipe,
     read_manifest,
+    read_shard,
+    remove_shard,
     write_manifest,
+    write_shard,
 )
-from motionary.retrieval.index.shard import DOCUMENT, Shard, join_shards, make_shard, select
-from motionary.retrieval.index.shard_files import UNFINISHED, read_shard, remove_shard, write_shard
 
-#: Says where the cache is, instead of the place that the system has for it.
-CACHE_VARIABLE = "MOTIONARY_CACHE"
-
-# A portion is kept after so many files, or so many words.
+# A portion is kept after so many files, or so many frames.
 _PORTION = 64
-_PORTION_WORDS = 1 << 18
-# Shards are joined until they have so many words; so many smaller ones may stay.
+_PORTION_FRAMES = 1 << 18
+# Shards are joined until they have so many frames; so many smaller ones may stay.
 _LARGE = 1 << 20
 _SMALL_ONES = 8
 
@@ -49,14 +46,48 @@ _ATTEMPTS = 3
 _LEFT_ALONE_S = 3600.0
 
 
+class Changes(NamedTuple):
+    """Names of recordings, sorted.
+
+    Attributes
+    ----------
+    new, changed : to be read
+    gone : no longer there
+    states : of all recordings that are there
+    sidecars : states of the sidecars of those to be read
+    dependency_digest : by folder, state of what its recordings depend on
+    """
+
+    new: tuple[str, ...]
+    changed: tuple[str, ...]
+    gone: tuple[str, ...]
+    states: dict[str, FileState]
+    sidecars: dict[str, int]
+    dependency_digest: dict[str, int]
+
+    @property
+    def to_read(self) -> list[str]:
+        """New and changed recordings, sorted."""
+        return sorted(self.new + self.changed)
+
+
+class _Seen(NamedTuple):
+    """State in which a recording was last read, or could not be read."""
+
+    mtime_ns: int
+    size: int
+    sidecar: int
+    ctime_ns: int | None = None
+
+
 class Index:
-    """Words of the recordings below a folder, kept on disk: open, update, collection.
+    """Features of the recordings below a folder, kept on disk: open, update, collection.
 
     Attributes
     ----------
     folder : the recordings
     place : the folder of the index
-    feature_set : what the bits of the words mean
+    feature_set : what the bits of the features mean
     """
 
     def __init__(
@@ -66,8 +97,8 @@ class Index:
         self.place = place
         self.feature_set = feature_set
         self._reading = reading
-        self._manifest = Manifest(Making.of(feature_set, reading))
-        self._shards: tuple[Shard, ...] = ()
+        self._manifest = Manifest(Recipe.of(feature_set, reading))
+        self._shards: dict[str, Shard] = {}
 
     @classmethod
     def open(
@@ -86,7 +117,7 @@ class Index:
         at : folder of the index; by default one in the user's cache for this folder,
             feature set and reading
         reading : what the files do not say themselves
-        feature_set : relations to measure
+        feature_set : features to measure
 
         Raises
         ------
@@ -98,24 +129,24 @@ class Index:
         """
         reading = reading or ReadOptions()
         path = Path(folder)
-        making = Making.of(feature_set, reading)
-        place = _cache_place(path, making) if at is None else Path(at)
+        recipe = Recipe.of(feature_set, reading)
+        place = cache_place(path, recipe) if at is None else Path(at)
         index = cls(path, place, feature_set=feature_set, reading=reading)
         try:
             index._load()
         except (UnreadableFile, InvalidInput):
             if at is not None:
                 raise
-            index._manifest, index._shards = Manifest(making), ()
+            index._manifest, index._shards = Manifest(recipe), {}
         return index
 
     def __len__(self) -> int:
-        return sum(len(shard) for shard in self._shards)
+        return sum(len(shard) for shard in self._shards.values())
 
     @property
     def n_frames(self) -> int:
-        """Words of all recordings."""
-        return sum(shard.n_frames for shard in self._shards)
+        """Frames of all recordings, at 30 Hz."""
+        return sum(shard.n_frames for shard in self._shards.values())
 
     @property
     def n_bytes(self) -> int:
@@ -130,9 +161,15 @@ class Index:
             for name, f in sorted(self._manifest.failures.items())
         )
 
+    def count_ready(self, names: Iterable[str]) -> int:
+        """How many of some recordings have been read, or found to be unreadable."""
+        read = (name for shard in self._shards.values() for name in shard.names)
+        ready = {*self._manifest.failures, *read}
+        return sum(name in ready for name in names)
+
     def collection(self) -> Collection:
         """What is ready to be searched."""
-        return Collection.of_shards(self._shards, self.feature_set, self.failures)
+        return Collection.of_shards(tuple(self._shards.values()), self.feature_set, self.failures)
 
     def changes(self) -> Changes:
         """What is new, changed or gone in the folder; reads no recording.
@@ -143,16 +180,16 @@ class Index:
             If the folder is missing, or may not be read.
         """
         seen = {
-            name: Seen(f.state.mtime_ns, f.state.size, f.sidecar, f.state.ctime_ns)
+            name: _Seen(f.state.mtime_ns, f.state.size, f.sidecar, f.state.ctime_ns)
             for name, f in self._manifest.failures.items()
         }
-        for shard in self._shards:
+        for shard in self._shards.values():
             columns = (shard.table[key].tolist() for key in ("mtime_ns", "size", "companion"))
-            seen.update(zip(shard.names, map(Seen, *columns), strict=True))
+            seen.update(zip(shard.names, map(_Seen, *columns), strict=True))
         if self._manifest.written_by != __version__:
             # Another version may read files otherwise.
-            seen = dict.fromkeys(seen, Seen(-1, -1, 0))
-        return find_changes(self.folder, seen, self._manifest.dependency_digest, self._reading)
+            seen = dict.fromkeys(seen, _Seen(-1, -1, 0))
+        return _find_changes(self.folder, seen, self._manifest.dependency_digest, self._reading)
 
     def update(
         self,
@@ -188,12 +225,13 @@ class Index:
         try:
             for (name, _), item in zip(files, items, strict=True):
                 ready.append((name, item))
-                if len(ready) == _PORTION or _count_integers(ready) >= _PORTION_WORDS:
+                if len(ready) == _PORTION or _count_frames(ready) >= _PORTION_FRAMES:
                     self._keep(ready, changes)
                     ready = []
         finally:
             # Keeping a portion may itself have been interrupted, before its end or after.
-            kept = self._shards[-1].names if self._shards else ()
+            latest = next(reversed(self._shards.values()), None)
+            kept = latest.names if latest else ()
             self._keep([pair for pair in ready if pair[0] not in kept], changes)
         self._join_small()
         self._clean()
@@ -204,38 +242,30 @@ class Index:
             manifest = read_manifest(self.place)
             if manifest is None:
                 return
-            check_making(self._manifest.making, manifest.making, self.place)
+            check_recipe(self._manifest.recipe, manifest.recipe, self.place)
             try:
-                shards = [
-                    read_shard(self.place / name, self.feature_set) for name in manifest.shards
-                ]
+                shards = {n: read_shard(self.place, n, self.feature_set) for n in manifest.shards}
             except UnreadableFile as error:
                 # Another process may have joined these shards meanwhile.
                 if attempt < _ATTEMPTS and read_manifest(self.place) != manifest:
                     continue
                 raise UnreadableFile(f"{error}; delete the index to make it anew") from error
-            self._manifest, self._shards = manifest, tuple(shards)
+            self._manifest, self._shards = manifest, shards
             return
 
     def _forget(self, changes: Changes) -> None:
         """Take out what is gone or will be read again."""
         stale = {*changes.gone, *changes.to_read}
-        shards: list[Shard] = []
-        names: list[str] = []
-        for shard, name in zip(self._shards, self._manifest.shards, strict=True):
-            fresh = np.array(
-                [i for i, n in enumerate(shard.names) if n not in stale], dtype=np.intp
-            )
+        shards: dict[str, Shard] = {}
+        for name, shard in self._shards.items():
+            fresh = np.flatnonzero([n not in stale for n in shard.names])
             if len(fresh) == len(shard):
-                shards.append(shard)
-                names.append(name)
+                shards[name] = shard
             elif len(fresh):
-                names.append(write_shard(select([shard], [fresh]), self.place))
-                shards.append(read_shard(self.place / names[-1], self.feature_set))
+                shards |= self._write(select([shard], [fresh]))
         failures = {n: f for n, f in self._manifest.failures.items() if n not in stale}
         manifest = replace(
             self._manifest,
-            shards=tuple(names),
             failures=failures,
             dependency_digest=changes.dependency_digest,
             written_by=__version__,
@@ -256,30 +286,30 @@ class Index:
             else:
                 read.append(item)
                 states.append((0, 0, 0, 0.0, state.mtime_ns, state.size, sidecar))
-        manifest, shards = replace(self._manifest, failures=failures), list(self._shards)
+        shards = dict(self._shards)
         if read:
             table = np.array(states, dtype=DOCUMENT)
-            name = write_shard(make_shard(read, self.feature_set, states=table), self.place)
-            manifest = replace(manifest, shards=(*manifest.shards, name))
-            shards.append(read_shard(self.place / name, self.feature_set))
-        self._commit(manifest, shards)
+            shards |= self._write(make_shard(read, self.feature_set, states=table))
+        self._commit(replace(self._manifest, failures=failures), shards)
 
     def _join_small(self) -> None:
         """Join small shards, so that an index that grew file by file stays fast."""
-        pairs = list(zip(self._manifest.shards, self._shards, strict=True))
-        small = [pair for pair in pairs if pair[1].n_frames < _LARGE]
+        small = [shard for shard in self._shards.values() if shard.n_frames < _LARGE]
         if len(small) <= _SMALL_ONES:
             return
-        kept = [pair for pair in pairs if pair[1].n_frames >= _LARGE]
+        shards = {n: shard for n, shard in self._shards.items() if shard.n_frames >= _LARGE}
         group: list[Shard] = []
-        for number, (_, shard) in enumerate(small, start=1):
+        for number, shard in enumerate(small, start=1):
             group.append(shard)
             if number == len(small) or sum(s.n_frames for s in group) >= _LARGE:
-                name = write_shard(join_shards(group), self.place)
-                kept.append((name, read_shard(self.place / name, self.feature_set)))
+                shards |= self._write(join_shards(group))
                 group = []
-        manifest = replace(self._manifest, shards=tuple(name for name, _ in kept))
-        self._commit(manifest, [shard for _, shard in kept])
+        self._commit(self._manifest, shards)
+
+    def _write(self, shard: Shard) -> dict[str, Shard]:
+        """A shard as it is on disk from now on, by its name; it does not count yet."""
+        name = write_shard(shard, self.place)
+        return {name: read_shard(self.place, name, self.feature_set)}
 
     def _clean(self) -> None:
         """Remove what runs that ended before their time have left."""
@@ -288,43 +318,56 @@ class Index:
             # What is young may belong to a process that is at work.
             is_left = entry.is_dir() and entry.name not in self._manifest.shards
             if is_left and entry.stat().st_mtime < latest:
-                remove_shard(entry)
+                remove_shard(self.place, entry.name)
 
-    def _commit(self, manifest: Manifest, shards: Sequence[Shard]) -> None:
+    def _commit(self, manifest: Manifest, shards: dict[str, Shard]) -> None:
         """Make a state of the index the one that counts, then remove what it left."""
         before = self._manifest
+        manifest = replace(manifest, shards=tuple(shards))
         if manifest == before and (self.place / FILE).exists():
             return
-        _check_target(self.place)
         write_manifest(manifest, self.place)
-        self._manifest, self._shards = manifest, tuple(shards)
-        for name in set(before.shards) - set(manifest.shards):
-            remove_shard(self.place / name)
+        self._manifest, self._shards = manifest, shards
+        for name in set(before.shards) - set(shards):
+            remove_shard(self.place, name)
 
 
-def _cache_place(folder: Path, making: Making) -> Path:
-    told = os.environ.get(CACHE_VARIABLE)
-    if told:
-        cache = Path(told)
-    else:
-        from platformdirs import user_cache_path
+def _find_changes(
+    folder: Path, seen: Mapping[str, _Seen], dependency_digest: Mapping[str, int], reading: ReadOptions
+) -> Changes:
+    """Recordings of a folder that differ from what was seen of them."""
+    states = scan_folder(folder)
+    sidecars = Sidecars(reading.acclaim_skeleton)
+    around = {
+        place: sidecars.dependency_digest(folder / place)
+        for place in {_place(name) for name in states if has_sidecar(name)}
+    }
+    moved = {place for place, state in around.items() if dependency_digest.get(place) != state}
+    new, changed, read_with = [], [], {}
+    for name, state in states.items():
+        before = seen.get(name)
+        if before is None:
+            new.append(name)
+        elif _is_other(state, before) or (
+            _place(name) in moved and sidecars.state(folder / name) != before.sidecar
+        ):
+            changed.append(name)
+        else:
+            continue
+        read_with[name] = sidecars.state(folder / name)
+    gone = sorted(seen.keys() - states.keys())
+    return Changes(tuple(new), tuple(changed), tuple(gone), states, read_with, around)
 
-        cache = user_cache_path("motionary", appauthor=False)
-    resolved = folder.resolve()
-    key = repr((str(resolved), making)).encode("utf-8", "surrogateescape")
-    name = re.sub(r"[^\w.-]", "_", resolved.name)[:40] or "folder"
-    return cache / "indexes" / f"{name}-{hashlib.sha256(key).hexdigest()[:16]}"
+
+def _is_other(state: FileState, before: _Seen) -> bool:
+    if (state.mtime_ns, state.size) != (before.mtime_ns, before.size):
+        return True
+    # A file that could not be read is read again after its rights changed, too.
+    return before.ctime_ns is not None and state.ctime_ns != before.ctime_ns
 
 
-def _check_target(place: Path) -> None:
-    """Refuse to write among files that are no index."""
-    if not place.is_dir() or (place / "index.json").exists():
-        return
-    foreign = [entry.name for entry in place.iterdir() if not entry.name.startswith(UNFINISHED)]
-    if foreign:
-        raise UnwritableFile(
-            f"{place}: holds files but no index ({foreign[0]}); give a new or empty folder"
-        )
+def _place(name: str) -> str:
+    return name.rpartition("/")[0]
 
 
 def _problem(failure: Failure[NamedFile]) -> str:
@@ -337,5 +380,5 @@ def _problem(failure: Failure[NamedFile]) -> str:
     return f": {text}"
 
 
-def _count_integers(portion: Sequence[tuple[str, FeatureSequence | Failure[NamedFile]]]) -> int:
+def _count_frames(portion: Sequence[tuple[str, FeatureSequence | Failure[NamedFile]]]) -> int:
     return sum(len(item) for _, item in portion if not isinstance(item, Failure))

@@ -1,7 +1,7 @@
-"""How do the words of many recordings stand in memory, and in a file of the same form?
+"""Shards: the features of many recordings in arrays, in memory as on disk.
 
-A shard: documents one behind the other as the matcher wants them, with room between, and
-bitmaps of their relations as keyframe queries want them. All are plain arrays, which may be
+Documents stand one behind the other as the matcher takes them, with room between, beside
+bitmaps of their features as keyframe queries take them. All are plain arrays, which may be
 memory-mapped.
 
 Conventions: a position counts frames of the shard, the room between documents included.
@@ -20,7 +20,7 @@ from motionary.matching import PADDING, Corpus, concatenate
 from motionary.models.keyframes import HitRanges, PostingIndex, index_packed
 from motionary.packing import PackedFeatures, full_mask
 
-#: What is known of a document beside its words. `mtime_ns`, `size` and `companion` tell the
+#: What is known of a document beside its features. `mtime_ns`, `size` and `companion` tell the
 #: state of the file that it was read from; they are 0 where there is none.
 DOCUMENT = np.dtype(
     [
@@ -37,15 +37,15 @@ DOCUMENT = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class Shard:
-    """Words of some recordings, never changed.
+    """Features of some recordings, never changed.
 
     Attributes
     ----------
     names : of the documents
     table : array, shape (documents,), of `DOCUMENT`
-    words : array, shape (positions, n_words), uint64; unknown relations are 0
-    masks : array, shape (runs, 1 + n_words), uint64
-        Which relations are known: one past the last position of a run, and the mask that
+    packed : array, shape (positions, n_integers), uint64; unknown features are 0
+    masks : array, shape (runs, 1 + n_integers), uint64
+        Which features are known: one past the last position of a run, and the mask that
         holds in it.
     feature_set : what the bits mean
     planes : bitmaps of `keyframes.PostingIndex`; made when they are needed if None
@@ -64,7 +64,7 @@ class Shard:
         shapes = self.packed.shape, self.masks.shape[1:], len(self.names)
         if shapes != ((n_positions, n_integers), (1 + n_integers,), len(self.table)):
             raise InvalidInput(
-                f"a shard of {len(self.table)} documents needs words of shape "
+                f"a shard of {len(self.table)} documents needs features of shape "
                 f"({n_positions}, {n_integers}), got {len(self.names)} names and "
                 f"{self.packed.shape}"
             )
@@ -74,18 +74,18 @@ class Shard:
 
     @property
     def lengths(self) -> NDArray[np.int64]:
-        """Words of each document, shape (documents,)."""
+        """Frames of each document, shape (documents,)."""
         return np.asarray(self.table["length"], dtype=np.int64)
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
-        """Position of the first word of each document, shape (documents,)."""
+        """Position of the first frame of each document, shape (documents,)."""
         steps = self.lengths + PADDING
         return np.cumsum(steps) - steps
 
     @property
     def n_frames(self) -> int:
-        """Words of all documents."""
+        """Frames of all documents."""
         return int(self.lengths.sum())
 
     @cached_property
@@ -97,12 +97,12 @@ class Shard:
         return Corpus(self.packed, known, self.starts, self.lengths, np.flatnonzero(blocked))
 
     @cached_property
-    def word_index(self) -> PostingIndex:
+    def posting_index(self) -> PostingIndex:
         """What keyframe queries take."""
         name, ids = self.feature_set.name, self.feature_set.ids
         if self.planes is not None:
             return PostingIndex(self.planes, self.lengths, name, ids)
-        parts = [self.words_of(i) for i in range(len(self))]
+        parts = [self.features_of(i) for i in range(len(self))]
         return index_packed(
             [packed for packed, _ in parts],
             [known for _, known in parts],
@@ -111,7 +111,7 @@ class Shard:
         )
 
     def cut(self, ranges: HitRanges) -> Corpus:
-        """Some stretches of documents, at least one, as documents of their own."""
+        """Some segments of documents, at least one, as documents of their own."""
         lengths = ranges.stops - ranges.starts
         starts = np.cumsum(lengths + PADDING) - lengths - PADDING
         n_positions = int(starts[-1] + lengths[-1])
@@ -126,15 +126,15 @@ class Shard:
         blocked[inside] = False
         return Corpus(packed, self.masks[run, 1:], starts, lengths, np.flatnonzero(blocked))
 
-    def words_of(self, number: int) -> tuple[PackedFeatures, PackedFeatures]:
-        """Words and mask of a document."""
+    def features_of(self, number: int) -> tuple[PackedFeatures, PackedFeatures]:
+        """Packed features and mask of a document."""
         start = int(self.starts[number])
         stop = start + int(self.table["length"][number])
         return self.packed[start:stop], self._known(start, stop)
 
     def sequence(self, number: int) -> FeatureSequence:
         """A document."""
-        packed, known = self.words_of(number)
+        packed, known = self.features_of(number)
         row = self.table[number]
         return FeatureSequence(
             packed,
@@ -174,7 +174,7 @@ def make_shard(
     Raises
     ------
     InvalidInput
-        If there is no recording, or words and masks do not fit.
+        If there is no recording, or features and masks do not fit.
     """
     table = np.zeros(len(sequences), dtype=DOCUMENT)
     if states is not None:
@@ -208,7 +208,7 @@ def select(shards: Sequence[Shard], chosen: Sequence[NDArray[np.intp]]) -> Shard
 
 
 def _inside(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Positions of stretches, one after the other."""
+    """Positions of segments, one after the other."""
     before = np.cumsum(lengths) - lengths
     return np.repeat(starts - before, lengths) + np.arange(lengths.sum())
 

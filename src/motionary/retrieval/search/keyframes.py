@@ -150,7 +150,7 @@ def explain_absence(queries: Sequence[KeyframeQuery], collection: Collection) ->
         alone = KeyframeQuery(
             value[np.newaxis], fixed[np.newaxis], (), query.feature_set, query.feature_ids
         )
-        found = [search_query(alone, part.shard.word_index) for part in collection.parts]
+        found = [search_query(alone, part.shard.posting_index) for part in collection.parts]
         counts.append(sum(ranges.n_frames for ranges in found))
     if 0 in counts:
         k = counts.index(0)
@@ -210,7 +210,7 @@ class _Piece(NamedTuple):
 
 def _find(query: KeyframeQuery, number: int, part: Part) -> _Piece | None:
     """The best hit for each frame at which one ends; of one keyframe the runs that show it."""
-    ranges = search_query(query, part.shard.word_index)
+    ranges = search_query(query, part.shard.posting_index)
     if len(ranges) == 0:
         return None
     if len(query) == 1:
@@ -320,6 +320,6 @@ def _runs_of(template: QuantisedTemplate, ones: NDArray[np.float64], shortest: i
 
 
 def _fraction_left(query: KeyframeQuery, n_columns: int, collection: Collection) -> float:
-    indexes = [part.shard.word_index for part in collection.parts]
+    indexes = [part.shard.posting_index for part in collection.parts]
     left = sum(select_in_index([query], n_columns, index).n_frames for index in indexes)
     return left / max(sum(index.n_frames for index in indexes), 1)

@@ -264,7 +264,7 @@ def _match_one(pattern: SearchPattern, collection: Collection) -> dict[int, Matc
             corpus, documents = part.shard.corpus, np.arange(len(part.shard))
             starts = np.zeros_like(documents)
         else:
-            ranges = pattern.windows(part.shard.word_index)
+            ranges = pattern.windows(part.shard.posting_index)
             if not len(ranges):
                 continue
             corpus = part.shard.cut(ranges)

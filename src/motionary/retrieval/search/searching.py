@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import SEQUENCE_HZ, FeatureSequence, Reading, compute_features
+from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
+from motionary.io import ReadOptions
 from motionary.matching import Pattern, align, distance_function
 from motionary.models.keyframes import KeyframeQuery
 from motionary.models.library import MotionClass
@@ -104,7 +105,7 @@ def search(
     limit: int | None = 20,
     expansion: QueryExpansion | None = None,
     preselect: Preselection = None,
-    reading: Reading | None = None,
+    reading: ReadOptions | None = None,
     jobs: int = 1,
 ) -> SearchResult:
     """Ranked hits of an example, a template, a class or keyframes.

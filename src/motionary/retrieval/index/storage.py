@@ -1,0 +1,298 @@
+"""How an index lies on disk: one manifest, and a folder for each shard.
+
+The manifest is one JSON file, replaced as a whole: it names the shards that count. A shard is
+a folder, written beside its place and moved there when it is complete: it is there as a whole
+or not at all. Whatever else lies beside is left over from a run that was interrupted. Arrays
+are NumPy files, mapped into memory when they are read.
+"""
+
+import hashlib
+import json
+import os
+import re
+import tempfile
+import zlib
+from contextlib import suppress
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary import __version__
+from motionary.batch import write_atomically
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.features import FeatureSet
+from motionary.io import FileState, ReadOptions
+from motionary.io.text import read_text
+from motionary.retrieval.index.shard import DOCUMENT, Shard
+
+#: Environment variable with the folder of the cache, instead of the system's.
+CACHE_VARIABLE = "MOTIONARY_CACHE"
+
+#: Raised when arrays or their meaning change.
+VERSION = 1
+FILE = "index.json"
+_FORMAT = "motionary index"
+_KEYS = {
+    "version": int, "feature_set": str, "features": list, "reading": dict, "written_by": str,
+    "shards": list, "failures": dict, "surroundings": dict,
+}  # fmt: skip
+
+_LATER_OPTIONS = ("body_model",)
+
+_UNFINISHED = ".unfinished-"
+# What `mkdtemp` puts behind the prefix.
+_SHARD_NAME = re.compile(r"[a-z0-9_]{8}")
+_NAMES = "names.json"
+# NumPy's format, but no .npy: an index among recordings must not be taken for motion.
+_ARRAYS = {name: f"{name}.array" for name in ("table", "words", "masks", "planes")}
+
+
+class FailedFile(NamedTuple):
+    """Why a file could not be read, and the state in which it could not."""
+
+    state: FileState
+    sidecar: int
+    problem: str
+
+
+class Recipe(NamedTuple):
+    """What an index is made with; another recipe gives other features."""
+
+    feature_set: str
+    features: tuple[str, ...]
+    reading: dict[str, Any]
+
+    @classmethod
+    def of(cls, feature_set: FeatureSet, reading: ReadOptions) -> "Recipe":
+        """The recipe of a feature set, and of what the files do not say themselves."""
+        given: dict[str, Any] = dict.fromkeys(f.name for f in fields(reading)) | reading.given()
+        for key in _LATER_OPTIONS:
+            if given[key] is None:
+                # Indexes that were made before the option came are the same without it.
+                del given[key]
+        for key in ("asf", "skeleton", "body_model"):
+            # Names, not paths: an index may be passed on. A skeleton's state counts elsewhere.
+            if given.get(key):
+                given[key] = Path(given[key]).name
+        if reading.skeleton is not None and str(reading.skeleton).lower().endswith(".toml"):
+            # A mapping that was edited gives other features under the same name.
+            text = read_text(Path(reading.skeleton))
+            given["skeleton"] += f" ({zlib.crc32(text.encode()):08x})"
+        return cls(feature_set.name, feature_set.ids, given)
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """Contents of an index.
+
+    Attributes
+    ----------
+    recipe : what it is made with
+    shards : names of the shards that count
+    failures : by name of the recording
+    dependency_digest : state of what the recordings of each folder depend on, by its name
+    written_by : version of motionary that read the files
+    """
+
+    recipe: Recipe
+    shards: tuple[str, ...] = ()
+    failures: dict[str, FailedFile] = field(default_factory=dict)
+    dependency_digest: dict[str, int] = field(default_factory=dict)
+    written_by: str = __version__
+
+
+def cache_place(folder: Path, recipe: Recipe) -> Path:
+    """Where the user's cache has the index of a folder that is made with a recipe."""
+    given = os.environ.get(CACHE_VARIABLE)
+    if given:
+        cache = Path(given)
+    else:
+        from platformdirs import user_cache_path
+
+        cache = user_cache_path("motionary", appauthor=False)
+    resolved = folder.resolve()
+    # Spelt as by the first versions, whose indexes are found again.
+    made = f"Making({', '.join(f'{k}={v!r}' for k, v in recipe._asdict().items())})"
+    key = f"({str(resolved)!r}, {made})".encode("utf-8", "surrogateescape")
+    name = re.sub(r"[^\w.-]", "_", resolved.name)[:40] or "folder"
+    return cache / "indexes" / f"{name}-{hashlib.sha256(key).hexdigest()[:16]}"
+
+
+def write_manifest(manifest: Manifest, folder: Path) -> None:
+    """Write the manifest of an index, whole or not at all.
+
+    Raises
+    ------
+    UnwritableFile
+        If it cannot be written, or the folder holds files but no index.
+    """
+    if folder.is_dir() and not (folder / FILE).exists():
+        foreign = [e.name for e in folder.iterdir() if not e.name.startswith(_UNFINISHED)]
+        if foreign:
+            raise UnwritableFile(
+                f"{folder}: holds files but no index ({foreign[0]}); give a new or empty folder"
+            )
+    content = {
+        "format": _FORMAT,
+        "version": VERSION,
+        "written_by": manifest.written_by,
+        **manifest.recipe._asdict(),
+        "shards": manifest.shards,
+        "failures": {
+            name: [*f.state, f.sidecar, f.problem] for name, f in manifest.failures.items()
+        },
+        "surroundings": manifest.dependency_digest,
+    }
+    with write_atomically(folder / FILE) as beside:
+        beside.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def read_manifest(folder: Path) -> Manifest | None:
+    """The manifest of an index; None where there is none yet.
+
+    Raises
+    ------
+    UnreadableFile
+        If the folder holds something else, or an index that is damaged or newer.
+    """
+    path = folder / FILE
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, ValueError) as error:
+        raise UnreadableFile(f"{path}: cannot be read as an index: {error}") from error
+    if not isinstance(content, dict) or content.get("format") != _FORMAT:
+        raise UnreadableFile(f"{path}: is no index of motionary")
+    version = content.get("version")
+    if isinstance(version, int) and version > VERSION:
+        raise UnreadableFile(
+            f"{path}: written by a newer motionary (version {version}, this one reads up to "
+            f"{VERSION}); update motionary, or name another place for the index"
+        )
+    for key, kind in _KEYS.items():
+        if not isinstance(content.get(key), kind):
+            raise UnreadableFile(f"{path}: {key} is missing or not what it should be")
+    try:
+        return _parse(content)
+    except (TypeError, ValueError) as error:
+        raise UnreadableFile(f"{path}: damaged: {error}") from error
+
+
+def check_recipe(wanted: Recipe, found: Recipe, folder: Path) -> None:
+    """Refuse an index that was made otherwise.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if found[:2] != wanted[:2]:
+        raise InvalidInput(
+            f"{folder}: an index of {found.feature_set!r} ({len(found.features)} features), asked "
+            f"for is {wanted.feature_set!r} ({len(wanted.features)}); name another place for it"
+        )
+    before, now = found.reading, wanted.reading
+    other = [
+        f"{key} {before.get(key) or 'not given'}, now {now.get(key) or 'not given'}"
+        for key in before | now
+        if before.get(key) != now.get(key)
+    ]
+    if other:
+        raise InvalidInput(
+            f"{folder}: its files were read with {'; '.join(other)}; read them the same way, or "
+            "name another place for the index"
+        )
+
+
+def write_shard(shard: Shard, folder: Path) -> str:
+    """Write a shard into a new folder below `folder`; its name comes back.
+
+    Raises
+    ------
+    UnwritableFile
+    """
+    beside = None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(dir=folder, prefix=_UNFINISHED))
+        arrays = (shard.table, shard.packed, shard.masks, shard.posting_index.planes)
+        for name, array in zip(_ARRAYS.values(), arrays, strict=True):
+            with (beside / name).open("wb") as file:
+                np.save(file, array)
+        (beside / _NAMES).write_text(json.dumps(shard.names), encoding="utf-8")
+        # mkdtemp makes folders for their owner only.
+        beside.chmod(folder.stat().st_mode & 0o777)
+        return beside.rename(folder / beside.name.removeprefix(_UNFINISHED)).name
+    except BaseException as error:
+        if beside is not None:
+            remove_shard(folder, beside.name)
+        if isinstance(error, OSError):
+            reason = error.strerror or str(error)
+            raise UnwritableFile(
+                f"{folder}: the index cannot be written: {reason}; name another place for it"
+            ) from error
+        raise
+
+
+def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
+    """A shard of an index; its arrays are read when they are used.
+
+    Raises
+    ------
+    UnreadableFile
+        If a file is missing, cut off or of another form.
+    """
+    path = folder / name
+    try:
+        names = json.loads((path / _NAMES).read_text("utf-8"))
+        table, packed, masks, planes = (_map(path / file) for file in _ARRAYS.values())
+        if table.dtype != DOCUMENT:
+            raise InvalidInput("its table has other columns")
+        if planes.shape[0] != 2 * len(feature_set) + 1:
+            raise InvalidInput("its bitmaps are of another feature set")
+        return Shard(tuple(names), table, packed, masks, feature_set, planes)
+    except (OSError, ValueError, TypeError, EOFError) as error:
+        raise UnreadableFile(f"{path}: incomplete or damaged: {error}") from error
+
+
+def remove_shard(folder: Path, name: str) -> None:
+    """Remove a shard of an index, or what is left of one.
+
+    Files that are in use stay, and so does a folder that holds anything else.
+    """
+    path = folder / name
+    # The name may come out of a manifest that somebody else wrote.
+    if path.parent != folder or name in ("", ".", "..") or path.is_symlink():
+        return
+    with suppress(OSError):
+        files = list(path.iterdir())
+        if {file.name for file in files} <= {_NAMES, *_ARRAYS.values()}:
+            for file in files:
+                file.unlink()
+            path.rmdir()
+
+
+def _parse(content: dict[str, Any]) -> Manifest:
+    failures = {}
+    for name, (mtime_ns, size, ctime_ns, sidecar, problem) in content["failures"].items():
+        state = FileState(int(mtime_ns), int(size), int(ctime_ns))
+        failures[name] = FailedFile(state, int(sidecar), str(problem))
+    shards = tuple(content["shards"])
+    if not all(isinstance(name, str) and _SHARD_NAME.fullmatch(name) for name in shards):
+        raise ValueError("a shard has a name that no index gives")
+    return Manifest(
+        Recipe(content["feature_set"], tuple(content["features"]), content["reading"]),
+        shards,
+        failures,
+        {name: int(state) for name, state in content["surroundings"].items()},
+        content["written_by"],
+    )
+
+
+def _map(path: Path) -> NDArray[Any]:
+    # A plain view of the same memory: slices of it need no class of their own.
+    mapped: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False).view(np.ndarray)
+    return mapped
