@@ -333,7 +333,10 @@ class Index:
 
 
 def _find_changes(
-    folder: Path, seen: Mapping[str, _Seen], dependency_digest: Mapping[str, int], reading: ReadOptions
+    folder: Path,
+    seen: Mapping[str, _Seen],
+    dependency_digest: Mapping[str, int],
+    reading: ReadOptions,
 ) -> Changes:
     """Recordings of a folder that differ from what was seen of them."""
     states = scan_folder(folder)
