@@ -14,12 +14,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from motionary.features import FULL_BODY, FeatureSequence
+from motionary.recording import Recording
 from motionary.retrieval.index import Index, collect
 
 N_WORDS = 1_000_000
@@ -64,7 +64,7 @@ def joined(clips: Sequence[FeatureSequence], n_integers: int) -> Iterator[Featur
         if sum(map(len, parts)) >= DOCUMENT:
             packed = np.concatenate([part.packed for part in parts])
             known = np.concatenate([part.known for part in parts])
-            yield FeatureSequence(packed, known, FULL_BODY, file_rate_hz=120.0)
+            yield FeatureSequence(packed, known, FULL_BODY, recording=Recording(rate_hz=120.0))
             parts = []
 
 
@@ -77,7 +77,7 @@ def build(documents: Sequence[FeatureSequence], place: Path, name: str) -> None:
     index = Index.open(recordings, at=place / f"{name} index")
     changes = index.changes()
     named = [
-        (file, replace(document, source=file))
+        (file, document.renamed(file))
         for file, document in zip(changes.to_read, documents, strict=True)
     ]
     start = time.perf_counter()
@@ -104,7 +104,7 @@ def report_reading(folder: Path, place: Path) -> None:
     start, busy = time.perf_counter(), time.process_time()
     index.update()
     seconds, busy = time.perf_counter() - start, time.process_time() - busy
-    n_frames = sum(sequence.file_frames for sequence in index.collection().sequences)
+    n_frames = sum(sequence.recording.n_frames for sequence in index.collection().sequences)
     print(
         f"  real files: {len(index)} AMC, {n_frames} frames at 120 Hz in {seconds:.2f} s "
         f"({busy:.2f} s of processor): {n_frames / seconds:.0f} frames/s"

@@ -19,6 +19,7 @@ import numpy as np
 
 from motionary.io import read, write
 from motionary.motion import Motion
+from motionary.recording import Recording
 from timing import compare
 
 RUNS = 5
@@ -128,7 +129,9 @@ def long_files(data: Path, place: Path):
     yield ".bvh", path
     motion = read(data / "hdm05_takes" / "HDM_mm_01-02_03_120.c3d")
     frames = np.arange(N_FRAMES) % motion.n_frames
-    motion = Motion(motion.names, motion.positions[frames], RATE_HZ, motion.mapping)
+    motion = Motion(
+        motion.names, motion.positions[frames], Recording(rate_hz=RATE_HZ), motion.mapping
+    )
     path = place / "long.c3d"
     write(motion, path)
     yield ".c3d", path

@@ -35,6 +35,7 @@ from motionary.plots import (
 )
 from motionary.plots.page import Layout, add_legend, mark_seconds, new_page, swatch
 from motionary.plots.style import BLACK, WHITE, house_style
+from motionary.recording import Recording
 from motionary.retrieval.annotation import class_distance
 from motionary.retrieval.index import Collection, collect
 from motionary.retrieval.search import QueryExpansion, SearchResult
@@ -97,13 +98,13 @@ class World:
 
     def clip(self, name: str) -> mo.Motion:
         """A clip under its short name."""
-        return replace(mo.read(self.data / "hdm05" / name), source=Path(name).stem)
+        return mo.read(self.data / "hdm05" / name).renamed(Path(name).stem)
 
     @cached_property
     def take(self) -> mo.FeatureSequence:
         """Words of a recording with several motions."""
         motion = mo.read(self.data / "cmu" / f"{TAKE}.amc")
-        return mo.compute_features(replace(motion, source=f"CMU {TAKE}"))
+        return mo.compute_features(motion.renamed(f"CMU {TAKE}"))
 
     @cached_property
     def truth(self) -> mo.LabelTrack:
@@ -118,11 +119,11 @@ def actor(recording: str) -> str:
 
 def hits(world: World) -> list[Figure]:
     """One squat, and the best hit of each actor."""
-    others = [hit for hit in world.found if hit.recording != EXAMPLE]
-    best = {actor(hit.recording): hit for hit in reversed(others)}
+    others = [hit for hit in world.found if hit.recording.name != EXAMPLE]
+    best = {actor(hit.recording.name): hit for hit in reversed(others)}
     rows = [("example: " + Path(EXAMPLE).stem, world.clip(EXAMPLE).generic_positions())]
     for hit in sorted(best.values(), key=lambda h: h.cost):
-        motion = world.clip(hit.recording)
+        motion = world.clip(hit.recording.name)
         first, last = (n - motion.first_frame for n in (hit.start_frame, hit.end_frame))
         times = f"{hit.start_s:.1f}–{hit.end_s:.1f} s, cost {hit.cost:.2f}"
         rows.append((f"{motion.source}, {times}", motion.cut(first, last + 1).generic_positions()))
@@ -208,8 +209,8 @@ def session(world: World) -> list[Figure]:
     positions = motion.positions.copy()
     positions[264:300, motion.names.index("rwrist")] = np.nan
     positions[1140:1416] = np.nan
-    words = mo.compute_features(replace(motion, positions=positions, source="synthetic session"))
-    plan = mo.LabelTrack("plan", tuple(mo.Label(*segment) for segment in truth))
+    words = mo.compute_features(replace(motion, positions=positions)).renamed("synthetic session")
+    plan = mo.LabelTrack(Recording("plan"), tuple(mo.Label(*segment) for segment in truth))
     curves = {one.name: class_distance(words, one).modified for one in library}
     figure = plot_annotation(mo.annotate(words, library), plan, distances=curves, classes=classes)
     return [figure]

@@ -26,6 +26,7 @@ from motionary.labels import Label, LabelTrack
 from motionary.matching import distance_function
 from motionary.models.templates import Learning, MotionTemplate, learn_template
 from motionary.plots import plot_distance, plot_features, plot_sheet, plot_template
+from motionary.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -331,7 +332,7 @@ def draw(results: Results) -> "dict[str, Figure]":
     }
     return {
         "figures_2006_gymnastics": plot_distance(
-            curves, truth=LabelTrack("", labels), threshold=0.06, title=f"CMU {GYMNASTICS}"
+            curves, truth=LabelTrack(Recording(), labels), threshold=0.06, title=f"CMU {GYMNASTICS}"
         )
     }
 

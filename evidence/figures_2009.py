@@ -11,7 +11,7 @@ from evidence.common.pages import fraction, pair, picture, table
 from evidence.common.recordings import ACTORS, CMU, HDM05, TRUTH, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from motionary.evaluation import evaluate
-from motionary.features import FeatureSequence
+from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.io import read_labels
 from motionary.labels import Label, LabelTrack
 from motionary.matching import distance_function
@@ -22,6 +22,7 @@ from motionary.models.library import (
     learn_queries,
 )
 from motionary.plots import plot_annotation, plot_distance
+from motionary.recording import Recording
 from motionary.retrieval.annotation import annotate, class_distance
 
 if TYPE_CHECKING:
@@ -249,7 +250,9 @@ def draw(results: Results) -> "dict[str, Figure]":
 
 def _track(name: str, rows: list[dict[str, Any]], seconds: float) -> LabelTrack:
     labels = tuple(Label(row["name"], row["start_s"], row["end_s"]) for row in rows)
-    return LabelTrack(name, labels, duration_s=seconds)
+    return LabelTrack(
+        Recording(name, rate_hz=SEQUENCE_HZ, n_frames=round(seconds * SEQUENCE_HZ)), labels
+    )
 
 
 def _draw_distance(results: Results) -> "Figure":
@@ -265,7 +268,7 @@ def _draw_distance(results: Results) -> "Figure":
         for key, told in names.items()
     }
     return plot_distance(
-        curves, truth=LabelTrack("", labels), threshold=distance["threshold"], title=name
+        curves, truth=LabelTrack(Recording(), labels), threshold=distance["threshold"], title=name
     )
 
 

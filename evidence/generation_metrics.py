@@ -86,8 +86,9 @@ def _at_rate(motion: Motion, rate: int, mode: Mode) -> Floats:
     """Features of a motion of which only every so many frames are kept."""
     every = round(motion.rate_hz / rate)
     thinned = motion.positions[::every]
+    recording = replace(motion.recording, rate_hz=float(rate))
     return motion_features(
-        replace(motion, positions=thinned, rotations=None, events=(), rate_hz=float(rate)),
+        replace(motion, positions=thinned, rotations=None, events=(), recording=recording),
         mode=mode,
     )
 

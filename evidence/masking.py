@@ -16,6 +16,7 @@ from motionary.labels import Label, LabelTrack
 from motionary.matching import Corpus, corpus_distance
 from motionary.models.templates import MotionTemplate, pattern_of, quantise
 from motionary.plots import plot_distance
+from motionary.recording import Recording
 
 Floats = NDArray[np.float64]
 Distance = Callable[[Corpus], Floats]
@@ -124,7 +125,7 @@ def _spread(clips: Sequence[Clip]) -> list[Clip]:
 
 
 def _joined(first: Clip, packed: Any, known: Any) -> Any:
-    return type(first.packed)(packed, known, first.packed.feature_set, "stream")
+    return type(first.packed)(packed, known, first.packed.feature_set, Recording("stream"))
 
 
 def _gap(curve: Floats, labels: Sequence[Mapping[str, Any]], n_columns: int) -> dict[str, float]:
@@ -248,7 +249,9 @@ def draw(results: Results) -> dict[str, Any]:
         for way, name in names.items()
     }
     title = "kickLFront1Reps, sought in kicks, elbow to knee and squats"
-    return {"masking": plot_distance(curves, truth=LabelTrack("", tuple(labels)), title=title)}
+    return {
+        "masking": plot_distance(curves, truth=LabelTrack(Recording(), tuple(labels)), title=title)
+    }
 
 
 def describe_data(recordings: Recordings) -> list[dict[str, Any]]:

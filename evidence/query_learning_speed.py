@@ -30,6 +30,7 @@ from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence
 from motionary.models.keyframes import KeyframeQuery, choose_query, select_in_sequence
 from motionary.models.library import ClassLibrary, TrainingOptions, learn_classes, learn_queries
 from motionary.models.query_learning import weighted_f
+from motionary.recording import Recording
 from motionary.retrieval.annotation import annotate, class_distance
 
 SEED = 0
@@ -112,7 +113,7 @@ def make_material(recordings: Recordings, sources: Sequence[str], *, seed: int) 
         np.concatenate([part.packed for _, part in chosen]),
         np.concatenate([part.known for _, part in chosen]),
         FULL_BODY,
-        "clips and other motion",
+        Recording("clips and other motion"),
     )
     truth = np.repeat([name for name, _ in chosen], [len(part) for _, part in chosen])
     return Material(packed, truth)

@@ -24,6 +24,7 @@ from evidence.common.running import Evidence, Results, main
 from motionary.features import FULL_BODY, FeatureSequence, compute_features
 from motionary.io import read
 from motionary.motion import GENERIC_JOINTS, Motion, resample
+from motionary.recording import Recording
 from motionary.skeletons import named_mapping
 
 if TYPE_CHECKING:
@@ -159,7 +160,9 @@ def agreement(one: Floats, two: Floats) -> Floats:
 
 def packed(positions: Floats) -> FeatureSequence:
     mapping = named_mapping("generic")
-    return compute_features(Motion(GENERIC_JOINTS, positions, COMMON_HZ, mapping))
+    return compute_features(
+        Motion(GENERIC_JOINTS, positions, Recording(rate_hz=COMMON_HZ), mapping)
+    )
 
 
 def align(one: Floats, two: Floats) -> tuple[Floats, Floats]:

@@ -29,6 +29,6 @@ def performances(class_seed, n, *, first=0, name="class", **how):
     """Several performances of one class, called name/0.bvh and so on."""
     rows = made_class(class_seed)
     return [
-        perform(rows, [class_seed, i], source=f"{name}/{i}.bvh", **how)
+        perform(rows, [class_seed, i], name=f"{name}/{i}.bvh", **how)
         for i in range(first, first + n)
     ]

@@ -4,15 +4,19 @@ import numpy as np
 
 from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence
 from motionary.packing import pack
+from motionary.recording import Recording
 
 N = len(FULL_BODY)
 
 
-def sequence(rows, known=None, *, feature_set=FULL_BODY, **about) -> FeatureSequence:
-    """Words of a matrix of relations (frames, features); all known unless told."""
+def sequence(rows, known=None, *, feature_set=FULL_BODY, name="", **about) -> FeatureSequence:
+    """Words of a matrix of relations (frames, features); all known unless told.
+
+    `about` are further fields of its `Recording`.
+    """
     rows = np.asarray(rows, dtype=np.bool_)
     known = np.ones_like(rows) if known is None else np.asarray(known, dtype=np.bool_)
-    return FeatureSequence(pack(rows & known), pack(known), feature_set, **about)
+    return FeatureSequence(pack(rows & known), pack(known), feature_set, Recording(name, **about))
 
 
 def random_rows(seed, n_frames, *, n_features=N):

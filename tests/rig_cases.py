@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
+from motionary.recording import Recording
 from motionary.rotations import euler_to_quaternions, quaternions_to_matrices
 from motionary.samples.figure import Proportions, figure_skeleton
 
@@ -540,7 +541,7 @@ def rig_motion(name, *, rename=lambda joint: joint, n_frames=60, seed=0):
         [np.zeros(n_frames), np.full(n_frames, 0.9), np.linspace(0, 1, n_frames)], axis=1
     )
     positions = forward_kinematics(skeleton, quaternions_to_matrices(rotations), root)
-    return Motion(names, positions, 60.0, skeleton=skeleton, rotations=rotations)
+    return Motion(names, positions, Recording(rate_hz=60.0), skeleton=skeleton, rotations=rotations)
 
 
 def dog():

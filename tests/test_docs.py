@@ -209,7 +209,7 @@ def test_the_reference_has_every_public_name():
 def test_the_files_that_pages_speak_of_are_laid_out(place):
     lay_out_files(place)
     found = motionary.search(motionary.read("take.bvh").cut(36, 102), "recordings", limit=3)
-    assert {hit.recording.split("-")[0] for hit in found} == {"squat"}
+    assert {hit.recording.name.split("-")[0] for hit in found} == {"squat"}
 
 
 # -- numbers of the README ----------------------------------------------------------------

@@ -14,6 +14,7 @@ from motionary.motion import (
     forward_kinematics,
     resample,
 )
+from motionary.recording import Recording
 from oracles import kinematics as oracle
 
 
@@ -88,7 +89,7 @@ def test_broken_trees_are_refused(names, parents, offsets, packed):
 )
 def test_impossible_motions_are_refused(positions, rate_hz, packed):
     with pytest.raises(InvalidInput, match=packed):
-        Motion(("a", "b"), positions, rate_hz)
+        Motion(("a", "b"), positions, Recording(rate_hz=rate_hz))
 
 
 def test_generic_joints_are_weighted_sums_and_unknown_without_their_points():
@@ -96,7 +97,7 @@ def test_generic_joints_are_weighted_sums_and_unknown_without_their_points():
         "test", {"root": {"a": 1.0}, "chest": {"a": 0.25, "b": 0.75}, "head": {"c": 1.0}}
     )
     positions = np.random.default_rng(1).normal(size=(5, 2, 3))
-    generic = Motion(("a", "b"), positions, 30.0, mapping).generic_positions()
+    generic = Motion(("a", "b"), positions, Recording(rate_hz=30.0), mapping).generic_positions()
     assert generic.shape == (5, 24, 3)
     np.testing.assert_array_equal(generic[:, GENERIC_JOINTS.index("root")], positions[:, 0])
     np.testing.assert_allclose(
@@ -108,11 +109,13 @@ def test_generic_joints_are_weighted_sums_and_unknown_without_their_points():
 
 def test_an_unknown_skeleton_is_said():
     with pytest.raises(InvalidInput, match="skeleton="):
-        Motion(("a",), np.zeros((1, 1, 3)), 30.0).generic_positions()
+        Motion(("a",), np.zeros((1, 1, 3)), Recording(rate_hz=30.0)).generic_positions()
 
 
 def test_a_cut_keeps_the_numbers_of_the_frames():
-    motion = Motion(("a",), np.arange(30.0).reshape(10, 1, 3), 20.0, first_frame=5)
+    motion = Motion(
+        ("a",), np.arange(30.0).reshape(10, 1, 3), Recording(rate_hz=20.0, first_frame=5)
+    )
     part = motion.cut(2, 6)
     assert (part.n_frames, part.duration_s, part.first_frame) == (4, 0.2, 7)
     np.testing.assert_array_equal(part.positions, motion.positions[2:6])
@@ -147,3 +150,14 @@ def test_part_and_whole_are_resampled_alike():
     whole = resample(positions, rate_hz=30, to_hz=120)
     part = resample(positions[10:30], rate_hz=30, to_hz=120)
     np.testing.assert_allclose(part[8:-8], whole[48 : 40 + len(part) - 8], atol=1e-12)
+
+
+def test_motions_and_skeletons_compare_and_hash_without_raising():
+    positions = np.zeros((2, 1, 3))
+    one, other = (Motion(("a",), positions, Recording(rate_hz=30.0)) for _ in range(2))
+    assert one == one
+    assert one != other
+    assert len({one, other, one}) == 2
+    tree = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
+    assert tree != Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
+    assert len({tree, tree}) == 1

@@ -28,11 +28,11 @@ from motionary.matching import (
     Alignment,
     annotate_distances,
     distance_function,
-    find_runs,
     modify,
 )
 from motionary.models.library import MotionClass, TrainingOptions, learn_classes
 from motionary.models.library.training import measure_background
+from motionary.recording import split_runs
 from motionary.retrieval.annotation import ClassDistance, class_distance
 
 #: Overlap at which average precision is told.
@@ -156,7 +156,7 @@ def labels_at(
         matches = [match for match in sought.matches[name] if match.cost <= most]
         modified.append(modify(matches, n_frames=sought.n_frames)[0])
     segments = (
-        [(s.class_index, s.start, s.stop) for s in annotate_distances(modified)]
+        [(s.class_index, *s.frames) for s in annotate_distances(modified)]
         if extended
         else _not_extended(modified)
     )
@@ -169,7 +169,7 @@ def labels_at(
 def _not_extended(modified: Sequence[NDArray[np.float64]]) -> list[tuple[int, int, int]]:
     matrix = np.array(modified)
     best = np.where(np.isfinite(matrix.min(axis=0)), matrix.argmin(axis=0), -1)
-    return [run for run in find_runs(best) if run[0] >= 0]
+    return [(int(best[a]), a, b) for a, b in split_runs(best) if best[a] >= 0]
 
 
 def measure(labelled: Sequence[Labelled]) -> dict[str, float]:

@@ -15,6 +15,7 @@ from evidence.common.ranking import clip_costs
 from motionary.features import FeatureSequence
 from motionary.matching import Corpus, self_information
 from motionary.models.templates import QuantisedTemplate, pattern_of
+from motionary.recording import Recording
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ def at_tempo(sequence: FeatureSequence, tempo: float) -> FeatureSequence:
     n_frames = max(2, round(len(sequence) / tempo))
     at = np.minimum(((np.arange(n_frames) + 0.5) * tempo).astype(np.intp), len(sequence) - 1)
     return FeatureSequence(
-        sequence.packed[at], sequence.known[at], sequence.feature_set, sequence.source
+        sequence.packed[at], sequence.known[at], sequence.feature_set, Recording(sequence.source)
     )
 
 

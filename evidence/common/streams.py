@@ -16,6 +16,7 @@ import numpy as np
 from evidence.common.recordings import ACTORS, Clip, Recordings
 from motionary.evaluation import Segment
 from motionary.features import FULL_BODY, FeatureSequence
+from motionary.recording import Recording
 
 PAIRS = tuple(itertools.combinations(ACTORS, 2))
 #: Settings are chosen on these (every actor twice), and reported on the other five.
@@ -178,6 +179,6 @@ def _join(clips: Sequence[Part], others: Sequence[Part], source: str) -> Stream:
         np.concatenate([part.packed.packed for part, _ in parts]),
         np.concatenate([part.packed.known for part, _ in parts]),
         FULL_BODY,
-        source,
+        Recording(source),
     )
     return Stream(packed, tuple(truth), tuple(between))

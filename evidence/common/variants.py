@@ -147,7 +147,8 @@ def at_rate(motion: Motion, rate_hz: float) -> Motion:
         if skeleton.ends:
             root = positions[:, 0] - skeleton.offsets[0]
             positions = forward_kinematics(skeleton, quaternions_to_matrices(rotations), root)
-    return replace(motion, positions=positions, rotations=rotations, rate_hz=rate_hz, events=())
+    recording = replace(motion.recording, rate_hz=rate_hz)
+    return replace(motion, positions=positions, rotations=rotations, recording=recording, events=())
 
 
 def part_of(motion: Motion, joints: tuple[str, ...]) -> Motion:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from motionary.models.library import ClassLibrary, MotionClass, learn
     from motionary.models.templates import MotionTemplate
     from motionary.motion import Motion, Skeleton
+    from motionary.recording import Recording
     from motionary.retrieval.annotation import annotate
     from motionary.retrieval.explanation import explain
     from motionary.retrieval.index import Index
@@ -37,6 +38,7 @@ __all__ = [
     "MotionClass",
     "MotionTemplate",
     "MotionaryError",
+    "Recording",
     "Skeleton",
     "annotate",
     "compute_features",
@@ -62,6 +64,7 @@ _CONTENTS = {
     "labels": ("Label", "LabelTrack"),
     "models.library": ("ClassLibrary", "MotionClass", "learn"),
     "motion": ("Motion", "Skeleton"),
+    "recording": ("Recording",),
     "retrieval.search": ("Hit", "search"),
     "models.templates": ("MotionTemplate",),
 }

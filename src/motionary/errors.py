@@ -1,6 +1,7 @@
-"""Which errors does motionary raise?
+"""The errors that motionary raises on purpose.
 
-Each is also the built-in error that people catch.
+Each is also the built-in error that people catch. Nothing decides by an error's text: what
+a program must tell apart has a class of its own.
 """
 
 #: Words in the error of a file that can be read and holds something else.
@@ -12,11 +13,33 @@ class MotionaryError(Exception):
 
 
 class InvalidInput(MotionaryError, ValueError):
-    """An argument or a file's content is not what the call needs."""
+    """An argument or a file's content is not what the call needs.
+
+    Attributes
+    ----------
+    key : which value is wrong, by its name in the file; empty where there is none
+    place : where in the file, as far as it is known: a line, a row, a section
+    """
+
+    def __init__(self, *args: object, key: str = "", place: str = "") -> None:
+        super().__init__(*args)
+        self.key, self.place = key, place
+
+
+class UnknownSkeleton(InvalidInput):
+    """Joint names belong to no known skeleton, or no skeleton has the given name."""
+
+
+class NotHuman(InvalidInput):
+    """A motion is not one of a person: an animal on four legs."""
 
 
 class UnreadableFile(MotionaryError, OSError):
     """A file cannot be read: missing, broken, or of an unknown format."""
+
+
+class NotAMotion(UnreadableFile):
+    """A file can be read and holds something else than a motion."""
 
 
 class UnwritableFile(MotionaryError, OSError):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from motionary.errors import InvalidInput
+from motionary.recording import Recording, Segment
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +53,15 @@ class LabelTrack:
 
     Attributes
     ----------
-    recording : name of the recording
+    recording : what the labels are of
     labels : sorted by start, end, name
-    duration_s : length of the recording; None if unknown
-    rate_hz : rate of the recording; None if unknown
-    unassessed : stretches (start_s, end_s) of which too little was seen to judge
+    unassessed : segments of which too little was seen to judge
     nearest : for a track without labels, a sentence on the class that came closest
     """
 
-    recording: str
+    recording: Recording
     labels: tuple[Label, ...] = ()
-    duration_s: float | None = None
-    rate_hz: float | None = None
-    unassessed: tuple[tuple[float, float], ...] = ()
+    unassessed: tuple[Segment, ...] = ()
     nearest: str = ""
 
     def __post_init__(self) -> None:
@@ -76,6 +73,16 @@ class LabelTrack:
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    @property
+    def duration_s(self) -> float | None:
+        """Length of the recording in seconds; None if unknown."""
+        return self.recording.duration_s or None
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Frames per second of the recording; None if unknown."""
+        return self.recording.rate_hz or None
 
     @property
     def names(self) -> tuple[str, ...]:

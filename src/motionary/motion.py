@@ -12,7 +12,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, NotHuman, UnknownSkeleton
+from motionary.recording import Recording
 from motionary.rotations import unit_vectors
 
 GENERIC_JOINTS = (
@@ -22,13 +23,10 @@ GENERIC_JOINTS = (
     "rclavicle", "rshoulder", "relbow", "rwrist", "rfingers",
 )  # fmt: skip
 
-#: Start of the note that says why joints are not mapped.
-NO_FEATURES = "no relations: "
-
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Skeleton:
     """A tree of joints: names, parents before children, offsets in metres.
 
@@ -106,37 +104,45 @@ class Event(NamedTuple):
     time_s: float
 
 
-@dataclass(frozen=True, slots=True)
+class Unmapped(NamedTuple):
+    """Why joints give no generic joints: a sentence that says what to do.
+
+    `is_human` is False where the body is an animal's.
+    """
+
+    reason: str
+    is_human: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """A recording.
+    """Poses of a recording; equal to itself only, as arrays have no one equality.
 
     Attributes
     ----------
     names : the file's own joint or marker names
     positions : array, shape (frames, joints, 3), metres, y up; NaN = not seen
-    rate_hz : frames per second
+    recording : name, rate, first frame; its number of frames follows `positions`
     mapping : how the names give the generic joints; None if unknown
     skeleton, rotations : the joint tree and local rotations (frames, joints, 4), unit
         quaternions wxyz, where the file has them
-    source : name of the file, without its folder
-    first_frame : number that the file gives its first frame
     notes : what was assumed or noticed while reading, one sentence each
     events : moments that the file names, by time
     in_place : whether the hips were kept above one point while the feet walk, so that speeds
         of feet and body are unknown
+    unmapped : why `mapping` is None, where it is known
     """
 
     names: tuple[str, ...]
     positions: Floats
-    rate_hz: float
+    recording: Recording
     mapping: JointMapping | None = None
     skeleton: Skeleton | None = None
     rotations: Floats | None = None
-    source: str = ""
-    first_frame: int = 0
     notes: tuple[str, ...] = field(default=())
     events: tuple[Event, ...] = ()
     in_place: bool = False
+    unmapped: Unmapped | None = None
 
     def __post_init__(self) -> None:
         shape = self.positions.shape
@@ -146,10 +152,22 @@ class Motion:
             )
         if shape[0] == 0:
             raise InvalidInput("a motion needs at least one frame, got none")
-        if not (np.isfinite(self.rate_hz) and self.rate_hz > 0):
+        if not self.recording.rate_hz > 0:
             raise InvalidInput(f"rate_hz must be a positive number, got {self.rate_hz}")
         if np.isinf(self.positions).any():
             raise InvalidInput("positions must be finite, or NaN where a joint is not seen")
+        if self.recording.n_frames != shape[0]:
+            object.__setattr__(self, "recording", replace(self.recording, n_frames=shape[0]))
+
+    @property
+    def source(self) -> str:
+        """Name of the recording."""
+        return self.recording.name
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second."""
+        return self.recording.rate_hz
 
     @property
     def n_frames(self) -> int:
@@ -157,25 +175,34 @@ class Motion:
         return len(self.positions)
 
     @property
+    def first_frame(self) -> int:
+        """Number that the file gives the first frame."""
+        return self.recording.first_frame
+
+    @property
     def duration_s(self) -> float:
         """Length in seconds: frames / rate."""
-        return self.n_frames / self.rate_hz
+        return self.recording.duration_s
+
+    def renamed(self, name: str) -> Self:
+        """The motion under another name of its recording."""
+        return replace(self, recording=self.recording.renamed(name))
 
     def generic_positions(self) -> Floats:
         """Positions of the 24 generic joints, shape (frames, 24, 3), NaN where unknown.
 
         Raises
         ------
-        InvalidInput
+        UnknownSkeleton, NotHuman
             If the mapping is unknown.
         """
         if self.mapping is None:
-            why = next(
-                (note for note in self.notes if note.startswith(NO_FEATURES)),
+            unmapped = self.unmapped or Unmapped(
                 f"no known skeleton has the joints {', '.join(self.names[:6])}, ...; "
-                "pass skeleton= with a known name",
+                "pass skeleton= with a known name"
             )
-            raise InvalidInput(f"{self.source or 'motion'}: {why}")
+            error = UnknownSkeleton if unmapped.is_human else NotHuman
+            raise error(f"{self.source or 'motion'}: no relations: {unmapped.reason}")
         index = {name: i for i, name in enumerate(self.names)}
         result = np.full((self.n_frames, len(GENERIC_JOINTS), 3), np.nan)
         for g, joint in enumerate(GENERIC_JOINTS):
@@ -213,7 +240,7 @@ class Motion:
             self,
             positions=self.positions[first:stop],
             rotations=None if self.rotations is None else self.rotations[first:stop],
-            first_frame=self.first_frame + first,
+            recording=self.recording.part(first, stop),
             events=tuple(
                 event._replace(time_s=event.time_s - first / self.rate_hz)
                 for event in self.events

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from cli_cases import run, write_bvh
+from motionary.recording import Recording
 from motionary.samples import synthetic_stream
 
 
@@ -21,7 +22,10 @@ def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("world")
     motion = synthetic_stream(("squat", "kick_left", "wave_right"), seed=1, rate_hz=60)[0]
     half = replace(
-        motion, positions=motion.positions[60::2], rotations=motion.rotations[60::2], rate_hz=30.0
+        motion,
+        positions=motion.positions[60::2],
+        rotations=motion.rotations[60::2],
+        recording=Recording(rate_hz=30.0),
     )
     other = synthetic_stream(("bow", "jumping_jack"), seed=2, rate_hz=60)[0]
     write_bvh(motion, folder / "a" / "take.bvh")

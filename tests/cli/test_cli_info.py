@@ -10,6 +10,7 @@ from motionary.io import read, read_labels, write, write_labels, write_table
 from motionary.labels import Label, LabelTrack
 from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.plots import describe_facing, plot_recordings
+from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 from motionary.skeletons import named_mapping
 from rig_cases import rig_motion, standing
@@ -77,7 +78,9 @@ def test_first_poses_are_drawn(motionary, rig, tmp_path):
 
 def test_a_picture_says_name_unit_axes_and_facing(rig):
     squat = synthetic_motion("squat", seed=1)
-    points = Motion(("a", "b"), np.random.default_rng(0).random((3, 2, 3)), 30.0, source="thing")
+    points = Motion(
+        ("a", "b"), np.random.default_rng(0).random((3, 2, 3)), Recording("thing", rate_hz=30.0)
+    )
     figure = plot_recordings([read(rig), squat, points])
     written = [text.get_text() for axes in figure.axes for text in axes.texts]
     assert "rig.bvh" in written
@@ -107,7 +110,7 @@ def test_facing_is_that_of_the_hips(degrees, words):
     )
     # At rest the figure faces +z.
     positions = np.array([list(standing().values())]) @ about_y.T
-    turned = Motion(GENERIC_JOINTS, positions, 120.0, named_mapping("generic"))
+    turned = Motion(GENERIC_JOINTS, positions, Recording(rate_hz=120.0), named_mapping("generic"))
     assert describe_facing(turned) == words
 
 
@@ -124,7 +127,9 @@ def test_the_table_is_written_for_programs_and_for_excel(motionary, rig, tmp_pat
 
 
 def test_labels_for_excel_are_read_again(tmp_path):
-    track = LabelTrack("wörd.bvh", (Label("squat; deep", 0.25, 1.5, cost=0.015, start_frame=7),))
+    track = LabelTrack(
+        Recording("wörd.bvh"), (Label("squat; deep", 0.25, 1.5, cost=0.015, start_frame=7),)
+    )
     write_labels(track, tmp_path / "labels.csv", excel=True)
     content = (tmp_path / "labels.csv").read_bytes()
     assert b'"squat; deep";0,25;1,5;7;0,015' in content

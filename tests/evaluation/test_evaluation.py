@@ -37,6 +37,7 @@ from motionary.evaluation import (
     to_segments,
 )
 from motionary.labels import Label, LabelTrack
+from motionary.recording import Recording
 
 NAN = math.nan
 
@@ -345,8 +346,9 @@ def test_renamed_segments_keep_their_times():
 
 
 def test_evaluate_takes_tracks_and_their_durations():
-    track = LabelTrack("86_01", (Label("walk", 0, 5, cost=0.04),), duration_s=60)
-    truth = LabelTrack("86_01", (Label("walk", 30, 35),), duration_s=60)
+    take = Recording("86_01", rate_hz=30.0, n_frames=1800)
+    track = LabelTrack(take, (Label("walk", 0, 5, cost=0.04),))
+    truth = LabelTrack(take, (Label("walk", 30, 35),))
     scores = evaluate([("86_01", track)], {"86_01": truth})
     assert scores.concatenated.minutes == 1
     assert scores.concatenated.false_per_minute == 1
@@ -396,7 +398,10 @@ def test_labels_of_another_recording_are_refused_by_name():
         (lambda: evaluate({"a": []}, {"b": []}, missing="skip"), "in the truth: b"),
         (lambda: evaluate({"a": []}, {"a": []}, missing="ignore"), "missing must be"),
         (lambda: evaluate([("a", []), ("a", [])], {"a": []}), "comes twice"),
-        (lambda: evaluate(LabelTrack("a", (Label("walk", 0, 1),)), {"a": []}), "mapping"),
+        (
+            lambda: evaluate(LabelTrack(Recording("a"), (Label("walk", 0, 1),)), {"a": []}),
+            "mapping",
+        ),
         (lambda: evaluate({"a": [("walk", 0, 1)]}, {"a": []}), "prediction of a: expected name"),
         (lambda: evaluate({"a": []}, {"a": [Label("walk", 1, 1)]}), "truth of a: 'walk' must end"),
         (lambda: evaluate({"a": []}, {"a": []}, durations_s={"a": -1}), "duration of a"),

@@ -17,6 +17,7 @@ from motionary.features import (
 from motionary.io import read
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.packing import pack, permute
+from motionary.recording import Recording
 from motionary.samples import SYNTHETIC_CLASSES, synthetic_motion
 from motionary.skeletons import named_mapping
 from oracles.features import as_array, standing
@@ -202,7 +203,7 @@ def test_the_same_motion_at_other_rates_has_nearly_the_same_words(rate_hz, fract
         step = {30: 40, 60: 20, 100: 12, 120: 10, 240: 5}
         reference, other = (
             compute_features(replace(fine, positions=fine.positions[:: step[r]], rotations=None,
-                                     rate_hz=float(r)))
+                                     recording=Recording(rate_hz=float(r))))
             for r in (120, rate_hz)
         )  # fmt: skip
         n = min(len(reference), len(other))
@@ -218,7 +219,10 @@ def test_a_recording_at_a_half_or_a_quarter_of_its_rate_has_nearly_the_same_word
 ):
     motion = read(data / "cmu" / "86_01.amc")
     coarse = replace(
-        motion, positions=motion.positions[::step], rotations=None, rate_hz=120.0 / step
+        motion,
+        positions=motion.positions[::step],
+        rotations=None,
+        recording=Recording(rate_hz=120.0 / step),
     )
     first, second = compute_features(motion), compute_features(coarse)
     assert len(first) == len(second)
@@ -313,15 +317,15 @@ def test_few_frames_are_enough(frames):
 
 def sequence(n_integers, **arguments):
     packed = pack(np.zeros((n_integers, 40), dtype=bool))
-    return FeatureSequence(packed, packed, FULL_BODY, **arguments)
+    return FeatureSequence(packed, packed, FULL_BODY, Recording(**arguments))
 
 
 @pytest.mark.parametrize("rate_hz", [30.0, 60.0, 100.0, 120.0, 240.0])
 def test_words_frames_and_seconds_belong_together(rate_hz):
     n_frames = 1001
     motion = Motion(
-        GENERIC_JOINTS, np.repeat(as_array([standing()]), n_frames, axis=0), rate_hz,
-        named_mapping("generic"), source="take.amc", first_frame=7,
+        GENERIC_JOINTS, np.repeat(as_array([standing()]), n_frames, axis=0),
+        Recording("take.amc", rate_hz=rate_hz, first_frame=7), named_mapping("generic"),
     )  # fmt: skip
     got = compute_features(motion)
     assert got.source == "take.amc"
@@ -331,20 +335,20 @@ def test_words_frames_and_seconds_belong_together(rate_hz):
     assert got.seconds(0) == 0
     assert got.seconds(30) == 1.0
     assert got.seconds(len(got)) == pytest.approx(min(len(got) / 30, n_frames / rate_hz))
-    assert got.file_frame(0.0) == 7
-    assert got.file_frame(1.0) == 7 + rate_hz
-    assert got.file_frame(1e9) == 7 + n_frames - 1
-    assert got.last_file_frame(1.0) == 7 + rate_hz - 1
-    assert got.last_file_frame(1e9) == 7 + n_frames - 1
+    assert got.recording.frame_at(0.0) == 7
+    assert got.recording.frame_at(1.0) == 7 + rate_hz
+    assert got.recording.frame_at(1e9) == 7 + n_frames - 1
+    assert got.recording.last_frame_before(1.0) == 7 + rate_hz - 1
+    assert got.recording.last_frame_before(1e9) == 7 + n_frames - 1
     for frame in range(0, n_frames, 37):
-        assert got.file_frame(frame / rate_hz) == 7 + frame
+        assert got.recording.frame_at(frame / rate_hz) == 7 + frame
 
 
 def test_a_part_counts_from_its_own_start():
-    part = sequence(300, file_rate_hz=120.0, file_frames=1200, first_frame=1).part(30, 90)
+    part = sequence(300, rate_hz=120.0, n_frames=1200, first_frame=1).part(30, 90)
     assert len(part) == 60
     assert part.duration_s == 2.0
-    assert part.file_frame(0.0) == 121
+    assert part.recording.frame_at(0.0) == 121
     assert part.seconds(60) == 2.0
     for bounds in ((5, 5), (-1, 4), (0, 301)):
         with pytest.raises(InvalidInput, match="a part needs"):
@@ -352,7 +356,7 @@ def test_a_part_counts_from_its_own_start():
 
 
 def test_words_alone_are_as_long_as_they_are_many():
-    alone = sequence(45, file_rate_hz=120.0)
-    assert (alone.file_frames, alone.duration_s) == (180, 1.5)
+    alone = sequence(45, rate_hz=120.0)
+    assert (alone.recording.n_frames, alone.duration_s) == (180, 1.5)
     with pytest.raises(InvalidInput, match=r"shape \(frames, 1\), got \(5, 2\)"):
         FeatureSequence(np.zeros((5, 2), np.uint64), np.zeros((5, 2), np.uint64), FULL_BODY)

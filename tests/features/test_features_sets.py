@@ -17,6 +17,7 @@ from motionary.features import (
 )
 from motionary.features import quantities as q
 from motionary.motion import GENERIC_JOINTS, Motion
+from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 from motionary.skeletons import find_mapping, named_mapping
 from oracles.features import as_array, standing
@@ -83,7 +84,10 @@ def test_tables_of_arrays_name_each_joint_of_their_order():
         (dict(motion=POSITIONS, rate_hz=30, skeleton="acclaim"), "no usual order"),
         (dict(motion=POSITIONS, rate_hz=30, skeleton=[f"j{i}" for i in range(24)]), "no known"),
         (dict(motion=np.full((3, 24, 3), np.inf), rate_hz=30), "finite"),
-        (dict(motion=Motion(("a",), np.zeros((3, 1, 3)), 30.0)), "no known skeleton"),
+        (
+            dict(motion=Motion(("a",), np.zeros((3, 1, 3)), Recording(rate_hz=30.0))),
+            "no known skeleton",
+        ),
         (dict(motion=synthetic_motion("bow", seed=0), rate_hz=30), "go with arrays"),
     ],
 )

@@ -18,6 +18,7 @@ from motionary.generation_metrics import (
 from motionary.generation_metrics.published import JOINTS
 from motionary.io import read
 from motionary.motion import GENERIC_JOINTS
+from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 from oracles import generation
 
@@ -42,7 +43,9 @@ def test_published_features_of_a_recording_are_those_of_its_array(golden, data):
     distance = np.abs(motion.generic_positions()[:, 0] - start).max(axis=1)
     first = int(distance.argmin())
     part = motion.cut(first, first + 2 * n_frames)
-    halved = replace(part, positions=part.positions[::2], rotations=None, rate_hz=60.0)
+    halved = replace(
+        part, positions=part.positions[::2], rotations=None, recording=Recording(rate_hz=60.0)
+    )
     assert np.abs(motion_features(halved, mode="published") - expected).max() < 1e-6
 
 
@@ -99,7 +102,7 @@ def test_corrected_features_hardly_change_with_the_rate_and_published_ones_do(da
             motion,
             positions=motion.positions[::every],
             rotations=None,
-            rate_hz=motion.rate_hz / every,
+            recording=Recording(rate_hz=motion.rate_hz / every),
         )
         for mode, values in by_rate.items():
             values.append(motion_features(thinned, mode=mode))

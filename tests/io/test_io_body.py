@@ -12,6 +12,7 @@ from motionary.io.normalise.axes import UPS, find_stance, turn_back
 from motionary.io.normalise.quality import count_rest_frames, is_in_place
 from motionary.io.normalise.sides import exchange_names, mirror
 from motionary.motion import GENERIC_JOINTS, Motion
+from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 
 SAMPLE = "cmu/07_04.amc"
@@ -153,7 +154,7 @@ def test_arms_alone_exchanged_are_an_error(tmp_path, walk):
 
 def test_points_that_are_no_body_are_not_judged(tmp_path):
     rng = np.random.default_rng(0)
-    nothing = Motion(GENERIC_JOINTS, rng.uniform(-1, 1, (30, 24, 3)), 30.0)
+    nothing = Motion(GENERIC_JOINTS, rng.uniform(-1, 1, (30, 24, 3)), Recording(rate_hz=30.0))
     motion = read(save(tmp_path / "a.npz", nothing))
     assert "left and right as named; the body does not tell" in motion.notes
 

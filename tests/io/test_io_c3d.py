@@ -9,6 +9,7 @@ from motionary.features import compute_features
 from motionary.io import read
 from motionary.io.formats.c3d import write_c3d
 from motionary.motion import GENERIC_JOINTS, Event, Motion
+from motionary.recording import Recording
 from motionary.skeletons import named_mapping
 from oracles.c3d_files import DEC, INTEL, MIPS, c3d_bytes
 
@@ -147,7 +148,7 @@ def test_events_have_sides_and_times_from_the_first_frame(tmp_path):
 
 def test_a_cut_takes_its_events_along():
     events = (Event("a", "left", 0.1), Event("b", "", 0.25), Event("c", "right", 0.4))
-    motion = Motion(("p",), np.zeros((50, 1, 3)), 100.0, events=events)
+    motion = Motion(("p",), np.zeros((50, 1, 3)), Recording(rate_hz=100.0), events=events)
     assert motion.cut(20, 40).events == (Event("b", "", pytest.approx(0.05)),)
 
 
@@ -163,7 +164,7 @@ def test_a_first_frame_beyond_the_header(tmp_path):
 def test_a_long_recording_goes_on_where_the_header_stops_counting(tmp_path):
     points = np.random.default_rng(1).uniform(1, 9, (70_000, 1, 3))
     path = tmp_path / "long.c3d"
-    write_c3d(Motion(("p",), points, 120.0, first_frame=1), path)
+    write_c3d(Motion(("p",), points, Recording(rate_hz=120.0, first_frame=1)), path)
     motion = read(path)
     np.testing.assert_allclose(motion.positions, points, atol=1e-6)
     assert not any("counting" in note for note in motion.notes)
@@ -242,7 +243,7 @@ def test_hips_lie_below_the_markers_of_the_pelvis(tmp_path):
     mapping = named_mapping("hdm05_markers")
     path = put(tmp_path, np.array([list(places.values())] * 2, dtype=float), list(places))
     motion = read(path, up="z")
-    motion = Motion(motion.names, motion.positions, 100.0, mapping)
+    motion = Motion(motion.names, motion.positions, Recording(rate_hz=100.0), mapping)
     generic = motion.generic_positions()[0]
     length = np.hypot(20, 200)
     for joint, x in (("lhip", -0.7 * 100 - 0.3 * 80), ("rhip", 0.7 * 100 + 0.3 * 80)):
@@ -296,7 +297,9 @@ def test_what_is_written_is_read_by_ezc3d(tmp_path):
     positions[2, 1] = np.nan
     positions[3, 0] = 0
     events = (Event("Foot Strike", "left", 0.03), Event("x", "", 0.0))
-    motion = Motion(("a", "b", "Ä"), positions, 59.94, first_frame=12, events=events)
+    motion = Motion(
+        ("a", "b", "Ä"), positions, Recording(rate_hz=59.94, first_frame=12), events=events
+    )
     path = tmp_path / "a.c3d"
     write_c3d(motion, path)
     other = ezc3d.c3d(str(path))
@@ -315,7 +318,7 @@ def test_what_is_written_is_read_by_ezc3d(tmp_path):
 @pytest.mark.parametrize("name", ["x" * 128, " "])
 def test_names_that_the_format_does_not_hold(tmp_path, name):
     with pytest.raises(InvalidInput, match="1 to 127 bytes"):
-        write_c3d(Motion((name,), np.zeros((1, 1, 3)), 30.0), tmp_path / "a.c3d")
+        write_c3d(Motion((name,), np.zeros((1, 1, 3)), Recording(rate_hz=30.0)), tmp_path / "a.c3d")
 
 
 # fmt: off

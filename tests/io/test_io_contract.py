@@ -16,6 +16,7 @@ from motionary import read, write
 from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, UnwritableFile
 from motionary.io import MOTION_SUFFIXES, WRITTEN_SUFFIXES
 from motionary.motion import GENERIC_JOINTS, Event, Motion, Skeleton
+from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 from motionary.skeletons import named_mapping
 from oracles import motion_files as files
@@ -65,7 +66,11 @@ def make(kind, folder):
         positions[5:9, 3] = np.nan
         events = (Event("Foot Strike", "left", 0.11), Event("Foot Off", "right", 0.4))
         return Motion(
-            motion.names, positions, RATE_HZ, motion.mapping, first_frame=12, events=events
+            motion.names,
+            positions,
+            Recording(rate_hz=RATE_HZ, first_frame=12),
+            motion.mapping,
+            events=events,
         )
     rng = np.random.default_rng(4)
     if kind == "acclaim":
@@ -195,7 +200,7 @@ def test_no_folder_is_named_inside(case):
 def test_a_file_that_cannot_be_written_leaves_what_was_there(case, monkeypatch):
     form, motion, path = case
     path.write_bytes(b"before")
-    bad = Motion(("\tx {y}" * 40,), np.zeros((3, 1, 3)), RATE_HZ)
+    bad = Motion(("\tx {y}" * 40,), np.zeros((3, 1, 3)), Recording(rate_hz=RATE_HZ))
     if form.suffix != ".npz":
         with pytest.raises(MotionaryError):
             write_here(form, bad, path)
@@ -378,7 +383,9 @@ def test_a_rig_whose_joints_move_against_their_parents(tmp_path):
     skeleton = Skeleton(("a", "b", "c"), parents, rng.normal(size=(3, 3)))
     turns = rng.normal(size=(6, 3, 4))
     turns /= np.linalg.norm(turns, axis=2, keepdims=True)
-    motion = Motion(("a", "b", "c"), rng.normal(size=(6, 3, 3)), 30.0, None, skeleton, turns)
+    motion = Motion(
+        ("a", "b", "c"), rng.normal(size=(6, 3, 3)), Recording(rate_hz=30.0), None, skeleton, turns
+    )
     write(motion, tmp_path / "a.bvh", unit="m")
     again = read(tmp_path / "a.bvh", unit="m")
     np.testing.assert_allclose(again.positions, motion.positions, atol=3e-6)

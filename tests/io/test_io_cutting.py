@@ -11,6 +11,7 @@ from motionary.batch import Failure
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.io import ReadOptions, can_cut, copy_skeleton, cut_clips, cut_file, plan_clips, read
 from motionary.labels import Label, LabelTrack
+from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 
 ASF = """:version 1.10
@@ -210,7 +211,7 @@ def test_a_skeleton_that_is_there_stays(amc, tmp_path):
 
 def track(recording, *labels):
     made = [Label(name, a, b, start_frame=i, end_frame=j) for name, a, b, i, j in labels]
-    return LabelTrack(recording, tuple(made))
+    return LabelTrack(Recording(recording), tuple(made))
 
 
 def targets(tracks, files):
@@ -262,9 +263,9 @@ def test_a_batch_of_clips_finishes(bvh, amc, tmp_path):
 
 def test_labels_made_in_seconds_are_cut_at_the_rate_of_the_file(bvh, amc, tmp_path):
     tracks = [
-        LabelTrack("take.bvh", (Label("squat", 0.1, 0.5), Label("late", 1.0, 99.0))),
-        LabelTrack("body_walk.amc", (Label("walk", 0.0, 0.2),)),
-        LabelTrack("take.bvh", (Label("after", 98.0, 99.0),)),
+        LabelTrack(Recording("take.bvh"), (Label("squat", 0.1, 0.5), Label("late", 1.0, 99.0))),
+        LabelTrack(Recording("body_walk.amc"), (Label("walk", 0.0, 0.2),)),
+        LabelTrack(Recording("take.bvh"), (Label("after", 98.0, 99.0),)),
     ]
     files = {"take.bvh": bvh, "body_walk.amc": amc}
     *done, after = cut_clips(plan_clips(tracks, files, tmp_path / "out"))

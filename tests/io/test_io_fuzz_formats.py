@@ -15,6 +15,7 @@ from test_io_fuzz import variants
 from motionary.errors import MotionaryError
 from motionary.io import read, write
 from motionary.motion import Event, Motion
+from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -45,7 +46,13 @@ def small_motion():
     positions = motion.positions.copy()
     positions[2, 4] = np.nan
     events = (Event("Foot Strike", "left", 0.05),)
-    return Motion(motion.names, positions, 60.0, motion.mapping, first_frame=3, events=events)
+    return Motion(
+        motion.names,
+        positions,
+        Recording(rate_hz=60.0, first_frame=3),
+        motion.mapping,
+        events=events,
+    )
 
 
 def make_sto(path):

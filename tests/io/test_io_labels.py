@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.io import read_labels, write_labels
 from motionary.labels import Label, LabelTrack
+from motionary.recording import Recording
 
 HEADER = "recording,label,start_s,end_s\n"
 
@@ -57,7 +58,7 @@ def test_known_columns_are_read_and_further_ones_kept(tmp_path):
 )
 def test_looks_of_a_table_do_not_matter(tmp_path, text, encoding):
     tracks = read_labels(table(tmp_path, text, encoding))
-    assert tracks == {"ü x": LabelTrack("ü x", (Label("jump", 1.5, 2),))}
+    assert tracks == {"ü x": LabelTrack(Recording("ü x"), (Label("jump", 1.5, 2),))}
 
 
 @pytest.mark.parametrize(
@@ -110,7 +111,7 @@ labels = st.builds(
 @given(st.dictionaries(names, st.lists(labels, min_size=1, max_size=4), max_size=3))
 def test_what_is_written_is_read(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("labels") / "out.csv"
-    tracks = {name: LabelTrack(name, tuple(content[name])) for name in sorted(content)}
+    tracks = {name: LabelTrack(Recording(name), tuple(content[name])) for name in sorted(content)}
     write_labels(tracks, path)
     assert read_labels(path) == tracks
     first = path.read_bytes()
@@ -120,7 +121,7 @@ def test_what_is_written_is_read(tmp_path_factory, content):
 
 def test_further_columns_come_back_in_their_sequence(tmp_path):
     track = LabelTrack(
-        "x",
+        Recording("x"),
         (
             Label("a", 0, 1, extra={"who": "Ana", "note": "1;2,3\n4"}),
             Label("b", 1, 2, extra={"zeal": "much"}),
@@ -135,7 +136,7 @@ def test_further_columns_come_back_in_their_sequence(tmp_path):
 
 
 def test_a_further_column_cannot_take_an_own_name(tmp_path):
-    track = LabelTrack("x", (Label("a", 0, 1, extra={"cost": "dear"}),))
+    track = LabelTrack(Recording("x"), (Label("a", 0, 1, extra={"cost": "dear"}),))
     with pytest.raises(InvalidInput, match="cost"):
         write_labels(track, tmp_path / "out.csv")
 
@@ -143,7 +144,7 @@ def test_a_further_column_cannot_take_an_own_name(tmp_path):
 def test_an_unwritable_place_is_said(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(UnwritableFile, match=r"out\.csv.*cannot be written"):
-        write_labels(LabelTrack("x"), tmp_path / "file" / "out.csv")
+        write_labels(LabelTrack(Recording("x")), tmp_path / "file" / "out.csv")
 
 
 def test_the_tables_of_truth_are_read(data):
@@ -157,11 +158,11 @@ def test_the_tables_of_truth_are_read(data):
 
 
 def test_what_was_measured_says_how_much_was_known(tmp_path):
-    measured = LabelTrack("a", (Label("walk", 0, 1, cost=0.02),))
+    measured = LabelTrack(Recording("a"), (Label("walk", 0, 1, cost=0.02),))
     write_labels(measured, tmp_path / "measured.csv")
     assert (tmp_path / "measured.csv").read_text().splitlines() == [
         "recording,label,start_s,end_s,cost,known",
         "a,walk,0.0,1.0,0.02,1.0",
     ]
-    write_labels(LabelTrack("a", (Label("walk", 0, 1),)), tmp_path / "by-hand.csv")
+    write_labels(LabelTrack(Recording("a"), (Label("walk", 0, 1),)), tmp_path / "by-hand.csv")
     assert "known" not in (tmp_path / "by-hand.csv").read_text()

@@ -6,6 +6,7 @@ import pytest
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io import read, write
 from motionary.motion import Motion
+from motionary.recording import Recording
 
 ROWS = ["1\t0.00\t1\t2\t3\t4\t5\t6", "2\t0.01\t7\t8\t9\t\t\t", "3\t0.02\t\t\t\t10\t11\t12"]
 
@@ -104,7 +105,7 @@ def test_the_body_tells_which_way_is_up(data, tmp_path):
 @pytest.mark.parametrize("name", ["a\tb", "a\nb", " a", ""])
 def test_names_that_a_table_does_not_hold(tmp_path, name):
     with pytest.raises(InvalidInput, match="without tabs"):
-        write(Motion((name,), np.zeros((1, 1, 3)), 30.0), tmp_path / "a.trc")
+        write(Motion((name,), np.zeros((1, 1, 3)), Recording(rate_hz=30.0)), tmp_path / "a.trc")
 
 
 def test_body_kinematics_of_opensim(tmp_path):

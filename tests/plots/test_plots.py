@@ -17,6 +17,7 @@ from motionary.models.templates import MotionTemplate, quantise
 from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.packing import full_mask, pack
 from motionary.plots import figures, style
+from motionary.recording import Recording, Segment
 from motionary.samples import synthetic_motion
 
 NASTY = r"take_01 $x_1^2$ \alpha {a} 日本 \x00 " + "very long " * 40
@@ -29,7 +30,10 @@ def words(n_frames=90, *, share_known=1.0, source="squat_01.amc", seed=1):
     features = np.repeat(random.random((-(-n_frames // 5), 40)) < 0.4, 5, axis=0)[:n_frames]
     known = random.random((n_frames, 40)) < share_known
     return FeatureSequence(
-        pack(features & known), pack(known), FULL_BODY, source, 120.0, 4 * n_frames
+        pack(features & known),
+        pack(known),
+        FULL_BODY,
+        Recording(source, rate_hz=120.0, n_frames=4 * n_frames),
     )
 
 
@@ -46,7 +50,7 @@ def strange_motion():
     """Far away, nothing known of it, and much said."""
     positions = np.random.default_rng(5).normal(size=(3, 7, 3)) * 200
     notes = (f"unit {NASTY}", f"z up, {NASTY}", f"no relations: {NASTY}")
-    return Motion(tuple("abcdefg"), positions, 29.97, source=NASTY, notes=notes)
+    return Motion(tuple("abcdefg"), positions, Recording(NASTY, rate_hz=29.97), notes=notes)
 
 
 def strange_template():
@@ -62,8 +66,10 @@ def distance(n_frames=300, seed=3):
     return values
 
 
-def track(*labels, **more):
-    return LabelTrack("take_01", tuple(Label(*label) for label in labels), **more)
+def track(*labels, duration_s=0.0, unassessed=(), nearest=""):
+    recording = Recording("take_01", rate_hz=30.0, n_frames=round(30 * duration_s))
+    segments = tuple(Segment(*segment) for segment in unassessed)
+    return LabelTrack(recording, tuple(Label(*label) for label in labels), segments, nearest)
 
 
 def person(n_frames=12, *, heading_deg=0.0, seed=4):
@@ -95,7 +101,7 @@ def custom_sequence():
         "A1", NASTY, NASTY, speed, ("root",), ">", 1.0, 2.0, "humerus", "The root moves."
     )
     chosen = FeatureSet("one", (feature,))
-    return FeatureSequence(full_mask(20, 1), full_mask(20, 1), chosen, NASTY, 30.0, 20)
+    return FeatureSequence(full_mask(20, 1), full_mask(20, 1), chosen, Recording(NASTY))
 
 
 def nothing_seen(n_frames=5):
@@ -146,7 +152,7 @@ CASES = {
     "annotation, no labels": lambda: plots.plot_annotation(
         track(duration_s=0.5, nearest="nothing below 0.06; nearest: " + NASTY)
     ),
-    "annotation, nothing known": lambda: plots.plot_annotation(LabelTrack("")),
+    "annotation, nothing known": lambda: plots.plot_annotation(LabelTrack(Recording())),
     "annotation, no labels but truth": lambda: plots.plot_annotation(track(), LONG_TRACK),
     "annotation, ten minutes": lambda: plots.plot_annotation(LONG_TRACK, LONG_TRACK),
     "annotation, 40 classes": lambda: plots.plot_annotation(
@@ -287,7 +293,7 @@ def test_features_are_white_black_and_blue_grey_where_they_should_be():
     sequence = words(24, share_known=0.8)
     sequence = FeatureSequence(
         sequence.packed, sequence.known & pack(np.arange(24)[:, None] % np.arange(2, 42) > 0),
-        FULL_BODY, "x", 120.0, 96,
+        FULL_BODY, Recording("x", rate_hz=120.0, n_frames=96),
     )  # fmt: skip
     figure = plots.plot_features(sequence)
     pixels = rendered(figure)
@@ -321,7 +327,7 @@ def test_a_change_within_one_column_of_a_long_recording_is_grey():
     features = np.zeros((3000, 40), dtype=np.bool_)
     features[1::3] = True
     mask = full_mask(3000, 40)
-    figure = plots.plot_features(FeatureSequence(pack(features), mask, FULL_BODY, "", 30.0, 3000))
+    figure = plots.plot_features(FeatureSequence(pack(features), mask, FULL_BODY))
     pixel = colour_at(rendered(figure), figure.axes[0], 50.0, 0.0)
     np.testing.assert_allclose(pixel, 1 / 3, atol=0.01)
 

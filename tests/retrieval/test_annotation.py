@@ -40,18 +40,18 @@ def spans(track):
 
 def test_planted_motions_are_labelled_where_they_are(library):
     rows, (a, b, c) = stream(STEP, TURN, STEP)
-    track = annotate(sequence(rows, source="take"), library)
+    track = annotate(sequence(rows, name="take"), library)
     expected = [("step", a, a + LENGTH), ("turn", b, b + LENGTH), ("step", c, c + LENGTH)]
     assert spans(track) == expected
     assert all(label.cost == 0 and label.known == 1 for label in track)
-    assert (track.recording, track.duration_s) == ("take", seconds(len(rows)))
+    assert (track.recording.name, track.duration_s) == ("take", seconds(len(rows)))
     assert track.unassessed == ()
     assert track.nearest == ""
 
 
 def test_labels_name_the_files_own_frames(library):
     rows, (a,) = stream(STEP)
-    about = {"file_rate_hz": 120.0, "file_frames": 4 * len(rows), "first_frame": 2925}
+    about = {"rate_hz": 120.0, "n_frames": 4 * len(rows), "first_frame": 2925}
     (label,) = annotate(sequence(rows, **about), library)
     assert (label.start_frame, label.end_frame) == (2925 + 4 * a, 2925 + 4 * (a + LENGTH) - 1)
 
@@ -253,7 +253,7 @@ def test_an_empty_library_is_refused():
 
 
 def test_words_of_another_set_are_refused(library):
-    other = sequence(STEP[:, :39], feature_set=FULL_BODY_2006, source="old take")
+    other = sequence(STEP[:, :39], feature_set=FULL_BODY_2006, name="old take")
     with pytest.raises(InvalidInput, match=r"old take.*full-body-39.*full-body-40"):
         annotate(other, library)
 

@@ -33,6 +33,10 @@ def distances(draw):
     return draw(st.lists(row, min_size=n_classes, max_size=n_classes))
 
 
+def flat(segments):
+    return [(segment.class_index, *segment.frames) for segment in segments]
+
+
 def as_alignments(drawn):
     return [Alignment(first, last, cost, NO_PATH) for first, last, cost in drawn]
 
@@ -57,7 +61,7 @@ def test_the_modified_distance_is_the_least_cost_of_the_matches_around_a_frame(c
 @given(distances())
 def test_segments_are_those_of_the_definition(rows):
     found = annotate_distances([np.array(row) for row in rows])
-    assert [tuple(segment) for segment in found] == oracle.segments(rows)
+    assert flat(found) == oracle.segments(rows)
 
 
 @given(st.lists(matches(), min_size=1, max_size=4))
@@ -65,7 +69,7 @@ def test_from_matches_to_segments(cases):
     n_frames = max(n for n, _ in cases)
     modified = [modify(as_alignments(drawn), n_frames=n_frames)[0] for _, drawn in cases]
     expected = oracle.segments([oracle.modified_distance(drawn, n_frames) for _, drawn in cases])
-    assert [tuple(segment) for segment in annotate_distances(modified)] == expected
+    assert flat(annotate_distances(modified)) == expected
 
 
 @given(distances())
@@ -73,7 +77,7 @@ def test_every_labelled_frame_is_covered_by_its_class_and_no_other_frame_is(rows
     covered = {
         (frame, segment.class_index)
         for segment in annotate_distances([np.array(row) for row in rows])
-        for frame in range(segment.start, segment.stop)
+        for frame in range(*segment.frames)
     }
     for frame, number in enumerate(oracle.labels(rows)):
         assert number is None or (frame, number) in covered
@@ -85,8 +89,8 @@ def test_every_labelled_frame_is_covered_by_its_class_and_no_other_frame_is(rows
 
 def segments_of(*rows):
     found = annotate_distances([np.array(row) for row in rows])
-    assert [tuple(segment) for segment in found] == oracle.segments(list(rows))
-    return [tuple(segment) for segment in found]
+    assert flat(found) == oracle.segments(list(rows))
+    return flat(found)
 
 
 def test_nothing_and_no_class():

@@ -33,7 +33,7 @@ def streams():
         motion, segments = synthetic_stream(classes, seed=100 + i)
         packed[name] = compute_features(motion)
         labels = tuple(Label(*segment) for segment in segments)
-        truth[name] = LabelTrack(name, labels, duration_s=packed[name].duration_s)
+        truth[name] = LabelTrack(packed[name].recording, labels)
     return packed, truth
 
 
@@ -51,7 +51,8 @@ def trivial(truth):
             seconds[label.name] += label.end_s - label.start_s
     name = seconds.most_common(1)[0][0]
     return {
-        key: LabelTrack(key, (Label(name, 0.0, track.duration_s),)) for key, track in truth.items()
+        key: LabelTrack(track.recording, (Label(name, 0.0, track.duration_s),))
+        for key, track in truth.items()
     }
 
 
@@ -96,7 +97,7 @@ def test_one_example_finds_its_kind(streams, name):
     sources = {sequence.source: key for key, sequence in packed.items()}
     for hit in hits:
         assert any(
-            sources[hit.recording] == key
+            sources[hit.recording.name] == key
             and min(hit.end_s, label.end_s) - max(hit.start_s, label.start_s) > 0.5
             for key, label in wanted
         )

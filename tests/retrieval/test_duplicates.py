@@ -10,6 +10,7 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features
 from motionary.motion import GENERIC_JOINTS
 from motionary.packing import pack
+from motionary.recording import Recording
 from motionary.retrieval.duplicate_evidence import (
     MIRROR_ORDER,
     agreement,
@@ -60,7 +61,7 @@ def bulkier(motion):
 
 def compare(motions, others=None, **settings):
     collections = [
-        Collection(tuple(compute_features(replace(m, source=n)) for n, m in sorted(some.items())))
+        Collection(tuple(compute_features(m.renamed(n)) for n, m in sorted(some.items())))
         for some in (motions, others)
         if some is not None
     ]
@@ -86,7 +87,9 @@ def found(first):
     """A take; part of it at half the rate; its mirror image; others of the same motions."""
     motions = {
         "a take": first,
-        "b part": moved(first, positions=first.positions[90:330:2], rate_hz=30.0),
+        "b part": moved(
+            first, positions=first.positions[90:330:2], recording=Recording(rate_hz=30.0)
+        ),
         "c mirrored": mirror(first),
         "d bulky": bulkier(first),
     }
@@ -160,7 +163,7 @@ def test_a_recording_that_is_gone_is_a_failure(first):
     def read(name):
         raise UnreadableFile(f"{name}: cannot be read: No such file or directory")
 
-    packed = [compute_features(replace(first, source=name)) for name in ("a", "b")]
+    packed = [compute_features(first.renamed(name)) for name in ("a", "b")]
     result = find_duplicates(Collection(tuple(packed)), read=read)
     assert result.duplicates == ()
     assert [str(f.item) for f in result.failures] == ["a and b"]

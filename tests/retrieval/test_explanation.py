@@ -41,7 +41,7 @@ def evidence_of(asked, shown, *, n_columns=10, unknown=(), start=0, weights=None
         known[:, BIT[name]] = False
     template = QuantisedTemplate(values, fixed, np.ones(n_columns), FULL_BODY.ids, FULL_BODY.name)
     pattern = pattern_of(template, ones=weights)
-    recording = sequence(rows, known, source="take", **about)
+    recording = sequence(rows, known, name="take", **about)
     alignment = align(pattern, recording.packed, recording.known, [start + n_columns - 1])[0]
     # Free of dead ends: the path is the diagonal, whatever its cost.
     path = np.column_stack([np.arange(n_columns), start + np.arange(n_columns)])
@@ -101,7 +101,7 @@ def test_frames_that_a_path_leaves_out_are_within_the_time_that_is_told():
 
 def test_times_end_with_the_recording():
     # 37 frames at 120 Hz are 10 words, the last of which is cut short.
-    evidence = evidence_of({"F3": True}, {"F3": (0, 10)}, file_rate_hz=120.0, file_frames=37)
+    evidence = evidence_of({"F3": True}, {"F3": (0, 10)}, rate_hz=120.0, n_frames=37)
     why = explain(evidence)
     assert why.end_s == why.held[0].end_s == 37 / 120
 

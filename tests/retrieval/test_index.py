@@ -48,7 +48,7 @@ def test_a_file_that_cannot_be_read_is_told(folder):
 
 def test_files_patterns_motions_and_words_may_be_mixed(folder):
     motion = synthetic_motion("kick_left", seed=0, rate_hz=30)
-    packed = sequence(random_rows(0, 20), source="words")
+    packed = sequence(random_rows(0, 20), name="words")
     found = collect([folder / "b.bvh", motion, packed, str(folder / "a*.bvh")])
     assert sorted(names(found)) == sorted([motion.source, "words", "a.bvh", "b.bvh"])
     assert collect([packed]).sequences[0] is packed
@@ -76,7 +76,7 @@ def test_another_feature_set(folder):
 
 
 def test_words_of_several_sets_do_not_mix():
-    old = sequence(random_rows(0, 9)[:, :39], feature_set=FULL_BODY_2006, source="old")
+    old = sequence(random_rows(0, 9)[:, :39], feature_set=FULL_BODY_2006, name="old")
     for given in ([old], [sequence(random_rows(1, 9)), old]):
         with pytest.raises(InvalidInput, match=r"old: features of 'full-body-39'.*'full-body-40'"):
             collect(given)
@@ -114,7 +114,7 @@ def test_what_is_rare_is_counted_over_known_frames_of_all_recordings(seed):
 
 
 def test_parts_hold_every_recording_once():
-    takes = [sequence(random_rows(i, 5 + i), source=str(i)) for i in range(4)]
+    takes = [sequence(random_rows(i, 5 + i), name=str(i)) for i in range(4)]
     collection = Collection(tuple(takes))
     seen = []
     for number, take in enumerate(takes):

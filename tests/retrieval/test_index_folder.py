@@ -49,8 +49,7 @@ def update(folder, place, **settings):
 def content(collection):
     """Everything that is known of a collection."""
     return [
-        (s.source, s.packed.tobytes(), s.known.tobytes(), s.file_rate_hz, s.file_frames,
-         s.first_frame)
+        (s.recording, s.packed.tobytes(), s.known.tobytes())
         for s in collection.sequences
     ], [(f.item, str(f.error)) for f in collection.failures]  # fmt: skip
 

@@ -26,15 +26,13 @@ def documents(seed, lengths, *, gaps=True):
             start = rng.integers(0, length + 1)
             known[start : start + rng.integers(0, length + 1), rng.random(N) < 0.3] = False
         rows = random_rows([seed, i], length)
-        about = {"source": f"take {i}", "file_rate_hz": 25.0 * (i + 1), "first_frame": 7 * i}
-        found.append(sequence(rows, known, file_frames=3 * length, **about))
+        about = {"name": f"take {i}", "rate_hz": 25.0 * (i + 1), "first_frame": 7 * i}
+        found.append(sequence(rows, known, n_frames=3 * length, **about))
     return found
 
 
 def same(a: FeatureSequence, b: FeatureSequence) -> bool:
-    about = [
-        (x.source, x.file_rate_hz, x.file_frames, x.first_frame, x.feature_set.name) for x in (a, b)
-    ]
+    about = [(x.recording, x.feature_set.name) for x in (a, b)]
     packed = np.array_equal(a.packed, b.packed) and np.array_equal(a.known, b.known)
     return bool(about[0] == about[1] and packed)
 
@@ -152,7 +150,7 @@ def test_a_shard_must_fit_together():
 
 def test_documents_of_shards_stand_in_the_order_of_their_names():
     a, b = documents(1, [5, 9, 30]), documents(2, [12, 3])
-    renamed = [FeatureSequence(d.packed, d.known, FULL_BODY, source=n)
+    renamed = [FeatureSequence(d.packed, d.known, FULL_BODY, d.recording.renamed(n))
                for d, n in zip([*a, *b], "dbaec", strict=True)]  # fmt: skip
     shards = [make_shard(renamed[:3], FULL_BODY), make_shard(renamed[3:], FULL_BODY)]
     collection = Collection.of_shards(shards, FULL_BODY)

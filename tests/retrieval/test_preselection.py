@@ -73,7 +73,7 @@ def takes():
     blind = STEP.copy()
     blind[20] = ~blind[20]
     rows = [stream(worse, STEP, seed=1)[0], stream(blind, STEP, seed=2)[0], random_rows(9, 200)]
-    return Collection(tuple(sequence(r, source=f"take {i}") for i, r in enumerate(rows)))
+    return Collection(tuple(sequence(r, name=f"take {i}") for i, r in enumerate(rows)))
 
 
 # -- queries agree ------------------------------------------------------------------------
@@ -138,7 +138,7 @@ def test_windows_of_keyframes_without_a_place_hold_the_whole_template(takes):
 
 
 def hits_of(result):
-    return [(h.recording, h.start_s, h.end_s, h.cost) for h in result]
+    return [(h.recording.name, h.start_s, h.end_s, h.cost) for h in result]
 
 
 def plain_hits(motion_class, collection, query):
@@ -174,7 +174,7 @@ def test_hits_around_keyframes_are_those_of_the_windows(takes, limit):
 
 def test_what_lacks_a_keyframe_is_found_only_without_them(takes):
     motion_class = trained(queries=[QUERY])
-    assert {h.recording for h in search(motion_class, takes)} == {"take 0", "take 1"}
+    assert {h.recording.name for h in search(motion_class, takes)} == {"take 0", "take 1"}
     everywhere = search(motion_class, takes, preselect=False)
     assert len(everywhere) == len(search(motion_class, takes)) + 1
     assert everywhere.queries == ()
@@ -258,7 +258,7 @@ def test_keyframes_are_sought_alone():
     rows = np.zeros((100, N), dtype=bool)
     rows[[10, 40, 60], 0] = True
     rows[[16, 43, 90], 2] = True
-    collection = Collection((sequence(rows, source="take"),))
+    collection = Collection((sequence(rows, name="take"),))
     query = parse_query("F1, then within 0.1 to 0.4 s F3")
     result = search(query, collection)
     assert [(h.start_s, h.end_s) for h in result] == [
@@ -278,7 +278,7 @@ def test_hits_of_keyframes_do_not_overlap():
     rows = np.zeros((60, N), dtype=bool)
     rows[10:20, 0] = True
     rows[20:25, 2] = True
-    collection = Collection((sequence(rows, source="take"),))
+    collection = Collection((sequence(rows, name="take"),))
     result = search(parse_query("F1\nthen within 0 to 0.4 s\nF3"), collection, limit=None)
     spans = sorted((round(30 * h.start_s), round(30 * h.end_s)) for h in result)
     assert spans
@@ -290,7 +290,7 @@ def test_keyframes_that_are_nowhere_say_why(takes):
     assert never.nearest.startswith("no frame shows keyframe 1 of 1 (right hand moves forward, ")
     rows = np.zeros((50, N), dtype=bool)
     rows[10, 0] = rows[5, 2] = True
-    late = Collection((sequence(rows, source="take"),))
+    late = Collection((sequence(rows, name="take"),))
     result = search(parse_query("F1\nthen within 0.5 s\nF3"), late)
     assert result.nearest == (
         "each keyframe is shown (1 in 1 frames, 2 in 1 frames), but never one after the other as "
@@ -313,7 +313,7 @@ def test_a_class_may_be_known_by_keyframes_alone(tmp_path):
     rows = np.zeros((120, N), dtype=bool)
     rows[[10, 50, 90], 0] = True
     rows[[16, 54], 2] = True
-    document = sequence(rows, source="take")
+    document = sequence(rows, name="take")
     reach = class_of_query("reach", parse_query("F1, then within 0.1 to 0.4 s F3"))
     library = ClassLibrary((reach,))
     library.save(tmp_path / "library")
@@ -344,7 +344,7 @@ def gestures():
     """Many gestures with stretches in common, at rest between."""
     rest = np.zeros((30, N), dtype=bool)
     rows = [np.concatenate([rest, gesture(i), rest, gesture(i + 17), rest]) for i in range(12)]
-    return Collection(tuple(sequence(r, source=f"take {i}") for i, r in enumerate(rows)))
+    return Collection(tuple(sequence(r, name=f"take {i}") for i, r in enumerate(rows)))
 
 
 def test_derived_keyframes_are_shown_by_what_they_are_derived_from(gestures):
@@ -371,14 +371,14 @@ def test_a_fast_search_finds_the_gesture(gestures):
     slow = search(sequence(gesture(3)), gestures, **settings)
     assert set(hits_of(fast)) <= set(hits_of(slow))
     assert hits_of(fast)[0] == hits_of(slow)[0]
-    assert fast[0].recording == "take 3"
+    assert fast[0].recording.name == "take 3"
     assert fast.queries
     assert 0 < fast.fraction_matched < 0.6
 
 
 def test_nothing_rare_gives_no_keyframes():
     rows = np.zeros((60, N), dtype=bool)
-    collection = Collection((sequence(rows, source="still"),))
+    collection = Collection((sequence(rows, name="still"),))
     assert derive_queries(template_of(rows[:20]), collection, Deriving()) == ()
     result = search(sequence(rows[:20]), collection, preselect=True)
     assert result.fraction_matched == 1
@@ -473,5 +473,5 @@ def test_a_gap_of_nothing_fits_itself():
     query = from_features([{"F1": True}, {"F3": True}], [Gap(0, 0)])
     rows = np.zeros((5, N), dtype=bool)
     rows[2, [0, 2]] = True
-    (hit,) = search(query, Collection((sequence(rows, source="take"),)))
+    (hit,) = search(query, Collection((sequence(rows, name="take"),)))
     assert hit.cost == 0

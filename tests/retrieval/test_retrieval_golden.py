@@ -150,7 +150,7 @@ def test_without_limit_every_clip_is_ranked_by_its_smallest_cost(example_queries
     result = search(example, collection, limit=None)
     best: dict[str, float] = {}
     for hit in result:
-        best.setdefault(hit.recording, hit.cost)
+        best.setdefault(hit.recording.name, hit.cost)
     found = [best.get(s.source, np.inf) for s in collection.sequences]
     np.testing.assert_allclose(found, smallest_costs(example, collection, corpus, None), rtol=1e-5)
 

@@ -34,7 +34,7 @@ def teach(training=None, **classes):
 
 
 def spans(result):
-    return [(h.recording, round(30 * h.start_s), round(30 * h.end_s)) for h in result]
+    return [(h.recording.name, round(30 * h.start_s), round(30 * h.end_s)) for h in result]
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def takes():
     """Two takes: steps that fit ever worse, and where they start."""
     one, (a, b) = stream(flip(STEP, 4), STEP, seed=1)
     two, (c, d) = stream(TURN, flip(STEP, 2), seed=2)
-    found = Collection((sequence(one, source="one"), sequence(two, source="two")))
+    found = Collection((sequence(one, name="one"), sequence(two, name="two")))
     return found, {"worst": ("one", a), "best": ("one", b), "turn": ("two", c), "good": ("two", d)}
 
 
@@ -84,7 +84,7 @@ def test_the_classes_own_threshold_counts_unless_one_is_given(takes):
 
 def test_hits_name_the_files_own_frames():
     rows, (a,) = stream(STEP)
-    about = {"file_rate_hz": 120.0, "file_frames": 4 * len(rows), "first_frame": 1}
+    about = {"rate_hz": 120.0, "n_frames": 4 * len(rows), "first_frame": 1}
     (hit,) = search(sequence(STEP), [sequence(rows, **about)], limit=1)
     assert (hit.start_s, hit.end_s) == (seconds(a), seconds(a + LENGTH))
     assert (hit.start_frame, hit.end_frame) == (4 * a + 1, 4 * (a + LENGTH))
@@ -97,7 +97,7 @@ def test_a_limit_keeps_the_first_hits(expansion, seed):
     for i in range(3):
         rng = np.random.default_rng([seed, i])
         parts = [flip(STEP, int(n), seed=i) for n in rng.integers(0, 12, 3)]
-        takes.append(sequence(stream(*parts, seed=i)[0], source=f"take {i}"))
+        takes.append(sequence(stream(*parts, seed=i)[0], name=f"take {i}"))
     every = search(sequence(STEP), Collection(tuple(takes)), limit=None, expansion=expansion)
     assert len(every) > 8
     costs = [hit.cost for hit in every]
@@ -156,8 +156,8 @@ def test_the_same_input_gives_the_same_hits(takes):
 
 def test_recordings_of_equal_cost_come_in_their_order():
     rows, _ = stream(STEP)
-    takes = [sequence(rows, source=name) for name in ("b", "a", "c")]
-    assert [hit.recording for hit in search(sequence(STEP), takes, limit=3)] == ["b", "a", "c"]
+    takes = [sequence(rows, name=name) for name in ("b", "a", "c")]
+    assert [hit.recording.name for hit in search(sequence(STEP), takes, limit=3)] == ["b", "a", "c"]
 
 
 # -- growing -----------------------------------------------------------------------------
@@ -175,8 +175,8 @@ def varied(n, *, seed=3, free=8):
 
 def test_growing_frees_what_differs_between_the_example_and_its_hits():
     examples = varied(6)
-    takes = [sequence(stream(e, seed=i)[0], source=f"take {i}") for i, e in enumerate(examples[1:])]
-    example = sequence(examples[0], source="mine")
+    takes = [sequence(stream(e, seed=i)[0], name=f"take {i}") for i, e in enumerate(examples[1:])]
+    example = sequence(examples[0], name="mine")
     plain = search(example, takes, expansion=AS_IT_IS, limit=5)
     expanded = search(
         example,
@@ -205,7 +205,7 @@ def test_an_example_teaches_itself_nothing(still, by_self_information):
     rows = np.concatenate([random_rows(7, 40), np.repeat(pose, 9, axis=0), own, own[-1:], own[-1:]])
     rows = np.concatenate([rows, random_rows(8, 40)])
     start = 49
-    takes = [sequence(rows, source="own take")]
+    takes = [sequence(rows, name="own take")]
     takes += [sequence(stream(e, seed=i)[0]) for i, e in enumerate(examples[1:], start=1)]
     example = takes[0].part(start, start + len(own))
     settings = QueryExpansion(hits=3, reach=1.0, by_self_information=by_self_information)
@@ -243,13 +243,13 @@ def test_what_is_rare_tells_more():
     calm = np.zeros((200, N), dtype=np.bool_)
     calm[:, 20:] = random_rows(5, 200)[:, 20:]
     takes = [
-        sequence(np.concatenate([calm[:50], rows, calm[50:]]), source=name)
+        sequence(np.concatenate([calm[:50], rows, calm[50:]]), name=name)
         for name, rows in (("no rare", without_rare), ("no common", without_common))
     ]
     plain = search(sequence(wanted), takes, limit=2, expansion=AS_IT_IS)
     weighed = search(sequence(wanted), takes, limit=2, expansion=QueryExpansion(hits=0))
     assert [hit.cost for hit in plain] == pytest.approx([0.25 / 30] * 2, rel=0.01)
-    assert [hit.recording for hit in weighed] == ["no common", "no rare"]
+    assert [hit.recording.name for hit in weighed] == ["no common", "no rare"]
     assert weighed[1].cost > 2 * weighed[0].cost
 
 
@@ -259,10 +259,10 @@ def test_what_the_first_hits_free_brings_the_next_ones_nearer():
     for i in range(5):
         for feature in range(6 * i):
             rows[i][:, feature] ^= True
-    takes = [sequence(stream(r, seed=i)[0], source=f"take {i}") for i, r in enumerate(rows[1:], 1)]
+    takes = [sequence(stream(r, seed=i)[0], name=f"take {i}") for i, r in enumerate(rows[1:], 1)]
     settings = QueryExpansion(hits=4, reach=2.0, by_self_information=False)
     result = search(sequence(rows[0]), takes, expansion=settings, limit=4)
-    assert [hit.recording for hit in result] == ["take 1", "take 2", "take 3", "take 4"]
+    assert [hit.recording.name for hit in result] == ["take 1", "take 2", "take 3", "take 4"]
     # Differs in 6, 12, 18, 24 of 40 relations from the example, in 6 from the one before.
     plain = search(sequence(rows[0]), takes, expansion=AS_IT_IS, limit=4)
     assert plain[2].cost > QueryExpansion().most_cost
@@ -283,14 +283,14 @@ def test_hits_that_cost_more_than_the_nearest_did_teach_nothing():
 
 def test_a_template_is_learned_from_the_hits_said_to_be_good():
     examples = varied(6)
-    takes = [sequence(stream(e, seed=i)[0], source=f"take {i}") for i, e in enumerate(examples[1:])]
-    example = sequence(examples[0], source="mine")
+    takes = [sequence(stream(e, seed=i)[0], name=f"take {i}") for i, e in enumerate(examples[1:])]
+    example = sequence(examples[0], name="mine")
     first = search(example, takes, expansion=AS_IT_IS, limit=5)
     good = RelevanceFeedback(example, relevant=(first[3], first[1]))
     result = search(good, takes, expansion=QueryExpansion(by_self_information=False), limit=5)
     assert result.templates[0].provenance == "grown from mine and 2 hits"
     for hit in (first[3], first[1]):
-        (again,) = [h for h in result if h.recording == hit.recording]
+        (again,) = [h for h in result if h.recording.name == hit.recording.name]
         # One of three may not differ.
         assert again.cost < 0.01
     packed = tuple(hit.evidence.sequence.part(*frames(hit)) for hit in (first[3], first[1]))
@@ -315,16 +315,16 @@ def test_what_a_bad_hit_shows_tells_less(by_self_information):
     right[:, 5] ^= True
     takes = [sequence(stream(rows, seed=9)[0]) for rows in (wrong, right)]
     takes = [
-        sequence(take.features, source=name)
+        sequence(take.features, name=name)
         for take, name in zip(takes, ("wrong", "right"), strict=True)
     ]
     settings = QueryExpansion(hits=0, by_self_information=by_self_information, prior=1.0)
     first = search(sequence(STEP), takes, expansion=settings, limit=2)
-    (bad,) = [hit for hit in first if hit.recording == "wrong"]
+    (bad,) = [hit for hit in first if hit.recording.name == "wrong"]
     result = search(
         RelevanceFeedback(sequence(STEP), irrelevant=(bad,)), takes, expansion=settings, limit=2
     )
-    assert [hit.recording for hit in result] == ["right", "wrong"]
+    assert [hit.recording.name for hit in result] == ["right", "wrong"]
     assert result[1].cost > 1.5 * result[0].cost
     # It shows all that is sought but for one relation: so that one tells most.
     weights = result[0].evidence.pattern.entry_weights
@@ -365,7 +365,7 @@ def test_a_drop_out_is_never_a_hit(expansion):
 
 def test_a_partly_seen_hit_says_how_much_was_seen():
     rows, (a,) = stream(STEP)
-    take = blind(rows, (0, len(rows)), features=slice(0, 10), source="take")
+    take = blind(rows, (0, len(rows)), features=slice(0, 10), name="take")
     (hit,) = search(sequence(STEP), [take], limit=1)
     assert spans([hit]) == [("take", a, a + LENGTH)]
     assert hit.cost == 0
@@ -375,14 +375,14 @@ def test_a_partly_seen_hit_says_how_much_was_seen():
 def test_what_an_example_does_not_show_is_not_asked_for():
     rows, (a,) = stream(STEP)
     example = blind(STEP, (0, LENGTH), features=slice(0, 15))
-    (hit,) = search(example, [sequence(rows, source="take")], limit=1, expansion=AS_IT_IS)
+    (hit,) = search(example, [sequence(rows, name="take")], limit=1, expansion=AS_IT_IS)
     assert spans([hit]) == [("take", a, a + LENGTH)]
     assert (hit.cost, hit.known) == (0, 1)
     assert not hit.evidence.template.fixed[:, :15].any()
 
 
 def test_an_example_of_which_nothing_is_known_is_refused(takes):
-    example = blind(STEP, (0, LENGTH), source="dark.bvh")
+    example = blind(STEP, (0, LENGTH), name="dark.bvh")
     with pytest.raises(InvalidInput, match=r"dark\.bvh: nothing of the example is known"):
         search(example, takes[0])
 
@@ -438,7 +438,7 @@ def test_words_of_another_set_are_refused(takes):
         with pytest.raises(InvalidInput, match=r"full-body-40.*full-body-39"):
             search(query, old)
     with pytest.raises(InvalidInput, match=r"old take.*full-body-39.*full-body-40"):
-        search(sequence(STEP), [of_2006(STEP, source="old take")])
+        search(sequence(STEP), [of_2006(STEP, name="old take")])
     found = search(of_2006(STEP), old, limit=1)
     assert found[0].cost == 0
 
@@ -471,7 +471,7 @@ def folder(tmp_path_factory):
 
 def test_a_broken_file_among_others_is_told_and_the_others_are_searched(folder):
     result = search(synthetic_motion("squat", seed=8), folder, limit=2)
-    assert {hit.recording for hit in result} == {"day one/take 0.bvh", "day one/take 1.bvh"}
+    assert {hit.recording.name for hit in result} == {"day one/take 0.bvh", "day one/take 1.bvh"}
     (failure,) = result.failures
     assert failure.item[0] == "broken.bvh"
     assert isinstance(failure.error, UnreadableFile)
@@ -487,7 +487,7 @@ def test_a_motion_finds_motions_of_its_kind_and_the_sentence_says_why(folder):
     query = synthetic_motion("kick_left", seed=8)
     result = search(query, folder, limit=2)
     for hit in result:
-        seed = int(hit.recording.split()[-1][0])
+        seed = int(hit.recording.name.split()[-1][0])
         _, segments = synthetic_stream(("squat", "kick_left"), seed=seed, rate_hz=30)
         _, start_s, end_s = segments[1]
         assert start_s - 0.5 <= hit.start_s < hit.end_s <= end_s + 0.5
@@ -499,7 +499,7 @@ def test_files_motions_and_words_may_be_mixed(folder):
     motion = read(folder / "day one" / "take 1.bvh")
     query = synthetic_motion("squat", seed=8)
     mixed = search(query, [path, motion, compute_features(motion)], limit=3)
-    assert {hit.recording for hit in mixed} >= {"take 0.bvh"}
+    assert {hit.recording.name for hit in mixed} >= {"take 0.bvh"}
     assert len(mixed) == 3
 
 

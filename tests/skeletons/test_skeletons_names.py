@@ -9,6 +9,7 @@ from motionary import read, write
 from motionary.features import compute_features
 from motionary.io import ReadOptions, save_skeleton
 from motionary.motion import Motion
+from motionary.recording import Recording
 from motionary.retrieval.index import Index
 from motionary.samples import synthetic_motion
 from motionary.skeletons import find_mapping
@@ -53,7 +54,7 @@ def points(rename):
     kept = [*MIDDLE, *(side + joint for joint in LIMBS for side in "lr")]
     columns = [motion.names.index(joint) for joint in kept]
     names = tuple(rename(joint) for joint in kept)
-    plain = Motion(names, motion.positions[:, columns], 120.0)
+    plain = Motion(names, motion.positions[:, columns], Recording(rate_hz=120.0))
     known = replace(motion, positions=np.where(
         np.isin(motion.names, kept)[None, :, None], motion.positions, np.nan
     ))  # fmt: skip

@@ -11,6 +11,7 @@ from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import save_skeleton
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton
+from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
 from rig_cases import RIGS, STRANGERS, dog, rest_places, rig_motion, standing
@@ -166,7 +167,7 @@ WITHOUT = {
 def test_rigs_of_other_programs_are_mapped(name, tmp_path):
     made, motion = round_trip(name, tmp_path)
     assert motion.mapping.name == "guessed"
-    at_rest = Motion(made.names, rest_places(name)[None], 60.0, motion.mapping)
+    at_rest = Motion(made.names, rest_places(name)[None], motion.recording, motion.mapping)
     generic = at_rest.generic_positions()[0]
     missing = {j for j, place in zip(GENERIC_JOINTS, generic, strict=True) if np.isnan(place).any()}
     assert missing == WITHOUT.get(name, set())
@@ -248,7 +249,7 @@ def beside(first, second, names):
     )
     both = np.concatenate([first.positions, second.positions], axis=1)
     return Motion(
-        names, both, 60.0,
+        names, both, Recording(rate_hz=60.0),
         skeleton=Skeleton(names, np.array(parents, dtype=np.intp), offsets),
         rotations=np.concatenate([first.rotations, second.rotations], axis=1),
     )  # fmt: skip
@@ -308,7 +309,9 @@ def test_a_prop_is_told(tmp_path):
         names, np.array([-1, 0, 1]), np.array([[0, 1, 0], [0, 0.1, 0], [0, 0.9, 0.0]])
     )
     positions = np.tile(np.cumsum(skeleton.offsets, axis=0), (5, 1, 1))
-    write(Motion(names, positions, 30.0, skeleton=skeleton), tmp_path / "sword.npz")
+    write(
+        Motion(names, positions, Recording(rate_hz=30.0), skeleton=skeleton), tmp_path / "sword.npz"
+    )
     motion = read(tmp_path / "sword.npz")
     with pytest.raises(InvalidInput, match="a prop"):
         compute_features(motion)

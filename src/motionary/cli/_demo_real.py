@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from motionary.cli import _demo_steps as steps
@@ -66,12 +65,12 @@ def run(data: Path, output: Path, jobs: int) -> Iterator[str]:
 
 def _search(data: Path, clips: Collection, output: Path) -> Iterator[str]:
     yield f"1. Search by one example, without any class: {EXAMPLE}"
-    example = replace(read(data / "hdm05" / EXAMPLE), source=EXAMPLE)
+    example = read(data / "hdm05" / EXAMPLE).renamed(EXAMPLE)
     began = time.perf_counter()
     result = search(example, clips, limit=12)
     took = time.perf_counter() - began
     yield f"  {len(result)} best hits among {len(clips)} recordings, {took:.2f} s"
-    motions = {hit.recording: read(data / "hdm05" / hit.recording) for hit in result}
+    motions = {name: read(data / "hdm05" / name) for name in {hit.recording.name for hit in result}}
     yield from steps.show_hits((f"example: {EXAMPLE}", example), result, motions, output)
 
 

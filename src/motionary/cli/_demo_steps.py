@@ -25,12 +25,12 @@ def show_hits(
     """The hits as a table, and pictures of them and of the grown template."""
     for rank, hit in enumerate(result, start=1):
         yield (
-            f"  {rank:2}  {hit.recording:52} {hit.start_s:5.1f}–{hit.end_s:4.1f} s"
+            f"  {rank:2}  {hit.recording.name:52} {hit.start_s:5.1f}–{hit.end_s:4.1f} s"
             f"  cost {hit.cost:.3f}"
         )
     title, motion = query
-    others = [hit for hit in result if hit.recording != motion.source]
-    strips = [(hit_title(hit), cut(motions[hit.recording], hit)) for hit in others[:5]]
+    others = [hit for hit in result if hit.recording.name != motion.source]
+    strips = [(hit_title(hit), cut(motions[hit.recording.name], hit)) for hit in others[:5]]
     save(plot_sheet((title, motion.generic_positions()), strips), folder / "hits.png")
     template = result.templates[0]
     save(plot_template(template, tolerance=QueryExpansion().tolerance), folder / "template.png")
@@ -63,7 +63,7 @@ def write_results(
     yield f"  labels: {folder / 'labels.csv'}"
     for name, track in tracks.items():
         path = folder / f"labels-{Path(name).stem}.png"
-        against = LabelTrack(name, tuple(truth[name]), track.duration_s, track.rate_hz)
+        against = LabelTrack(track.recording, tuple(truth[name]))
         save(plot_annotation(track, against), path)
         yield f"  picture: {path}"
 

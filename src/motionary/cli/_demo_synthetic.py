@@ -1,7 +1,6 @@
 """The demonstration without recordings: synthetic motions, called so in every line."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from motionary.cli import _demo_steps as steps
@@ -28,14 +27,14 @@ def _run(output: Path) -> Iterator[str]:
     )
     yield ""
     motions = {
-        f"{name}-{seed}": replace(synthetic_motion(name, seed=seed), source=f"{name}-{seed}")
+        f"{name}-{seed}": synthetic_motion(name, seed=seed).renamed(f"{name}-{seed}")
         for name in SYNTHETIC_CLASSES
         for seed in range(EXAMPLES)
     }
     clips = Collection(tuple(compute_features(motion) for motion in motions.values()))
     name = SYNTHETIC_CLASSES[0]
     yield f"1. Search by one synthetic example: {name}"
-    example = replace(synthetic_motion(name, seed=99), source=f"synthetic {name}")
+    example = synthetic_motion(name, seed=99).renamed(f"synthetic {name}")
     result = search(example, clips, limit=8)
     yield from steps.show_hits((f"synthetic example: {name}", example), result, motions, output)
     yield ""
@@ -50,7 +49,7 @@ def _run(output: Path) -> Iterator[str]:
     yield f"2. Taught {len(library)} classes of synthetic motions, into {output / 'library'}"
     yield ""
     stream, segments = synthetic_stream(list(SYNTHETIC_CLASSES), seed=7)
-    sequence = replace(compute_features(stream), source="synthetic-stream")
+    sequence = compute_features(stream).renamed("synthetic-stream")
     tracks = steps.label([sequence], library)
     truth = {sequence.source: [Label(*segment) for segment in segments]}
     yield f"3. Label a synthetic stream of {sequence.duration_s:.0f} s"

@@ -143,7 +143,7 @@ def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
             shown["explanation"] = str(explain(label))
         labels.append(shown)
     return {
-        "recording": track.recording,
+        "recording": track.recording.name,
         "rate_hz": track.rate_hz,
         "labels": labels,
         "unassessed": [{"start_s": start, "end_s": end} for start, end in track.unassessed],
@@ -159,13 +159,13 @@ def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
         for label in track:
             if explained:
                 below[len(rows)] = str(explain(label))
-            rows.append((track.recording, *_cells(label)))
+            rows.append((track.recording.name, *_cells(label)))
         for start_s, end_s in track.unassessed:
             times = (f"{start_s:.2f}", f"{end_s:.2f}")
-            rows.append((track.recording, "(too little seen)", *times, "", ""))
+            rows.append((track.recording.name, "(too little seen)", *times, "", ""))
         if not len(track):
             below[len(rows)] = track.nearest
-            rows.append((track.recording, "(none)", "", "", "", ""))
+            rows.append((track.recording.name, "(none)", "", "", "", ""))
     if rows:
         screen.print_table(_COLUMNS, rows, below=below)
 

@@ -13,6 +13,7 @@ from motionary.cli import screen
 from motionary.cli.options import AsJson
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.labels import LabelTrack
+from motionary.recording import Recording
 
 if TYPE_CHECKING:
     from motionary.evaluation import Measures, Scores
@@ -110,7 +111,7 @@ def _match(predicted: Tracks, truth: Tracks, *, count_missing: bool) -> tuple[Tr
     kept = {name: predicted[name] for name in matched}
     unlabelled = sorted(set(truth) - set(found.values()))
     if count_missing:
-        kept |= {name: LabelTrack(name) for name in unlabelled}
+        kept |= {name: LabelTrack(Recording(name)) for name in unlabelled}
         matched |= {name: truth[name] for name in unlabelled}
     if not kept:
         raise InvalidInput(

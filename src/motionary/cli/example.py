@@ -1,6 +1,5 @@
 """Which stretch of which recording is the example of a search?"""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,7 +29,7 @@ class Example(NamedTuple):
     def title(self) -> str:
         """Recording and seconds."""
         packed = self.packed
-        start_s = (packed.first_frame - self.motion.first_frame) / packed.file_rate_hz
+        start_s = (packed.recording.first_frame - self.motion.first_frame) / self.motion.rate_hz
         return f"{packed.source} {start_s:.2f}–{start_s + packed.duration_s:.2f} s"
 
 
@@ -40,7 +39,7 @@ def read_example(
     """The stretch of a recording from one second to another; to its ends where left out."""
     from motionary.features import SEQUENCE_HZ, compute_features
 
-    motion = replace(read_as_told(path, reading), source=path.name)
+    motion = read_as_told(path, reading).renamed(path.name)
     start_s, stop_s = _check(motion, from_s, to_s)
     packed = compute_features(motion)
     stop = min(round(stop_s * SEQUENCE_HZ), len(packed))

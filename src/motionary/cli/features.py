@@ -33,8 +33,6 @@ def features(
 
     motionary features take.bvh -o take.npz
     """
-    from dataclasses import replace
-
     from motionary.features import compute_features
 
     suffix = Path(output).suffix.lower()
@@ -43,7 +41,7 @@ def features(
     check_target(output)
     check_picture("--plot", plot)
     path = Path(file)
-    motion = replace(read_as_told(path, reading.reading()), source=path.name)
+    motion = read_as_told(path, reading.reading()).renamed(path.name)
     words = compute_features(motion)
     if suffix == ".npz":
         _write_npz(words, output)

@@ -1,7 +1,7 @@
 """`motionary info`: what is in these files, and what is wrong with them?"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any
@@ -194,7 +194,7 @@ def _draw(files: dict[str, Path], path: str, reading: "ReadOptions") -> None:
             motion = read_as_told(file, reading)
         except MotionaryError:
             continue  # The table says why.
-        motions.append(replace(motion, source=name))
+        motions.append(motion.renamed(name))
     if motions:
         save(plot_recordings(motions), path)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import typer
 
 from motionary.cli.screen import name_error, progress, warn
-from motionary.errors import NO_MOTION, UnreadableFile, UnwritableFile
+from motionary.errors import NO_MOTION, NotAMotion, NotHuman, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
     from motionary.batch import Failure
@@ -108,7 +108,8 @@ def is_passed_over(failure: "Failure[NamedFile]", given: Collection[str]) -> boo
 
     # Of an index only the words of an error are left.
     text = str(failure.error)
-    return str(failure.item[1]) not in given and (NO_MOTION in text or AN_ANIMAL in text)
+    is_other = isinstance(failure.error, (NotAMotion, NotHuman)) or NO_MOTION in text
+    return str(failure.item[1]) not in given and (is_other or AN_ANIMAL in text)
 
 
 def check_picture(option: str, path: str | None) -> None:

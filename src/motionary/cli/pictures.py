@@ -32,14 +32,15 @@ def draw_sheet(
     motions: dict[str, Motion] = {}
     rows = []
     if example is not None:
-        words = example.packed
-        stop = words.first_frame + words.file_frames - 1
-        rows.append((f"example: {example.title}", _cut(example.motion, words.first_frame, stop)))
+        part = example.packed.recording
+        last = part.first_frame + part.n_frames - 1
+        rows.append((f"example: {example.title}", _cut(example.motion, part.first_frame, last)))
     for rank, hit in enumerate(hits, start=1):
-        if hit.recording not in motions:
-            motions[hit.recording] = read_as_told(files[hit.recording], reading)
-        title = f"{rank}: {hit.recording} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
-        rows.append((title, _cut(motions[hit.recording], hit.start_frame, hit.end_frame)))
+        name = hit.recording.name
+        if name not in motions:
+            motions[name] = read_as_told(files[name], reading)
+        title = f"{rank}: {name} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
+        rows.append((title, _cut(motions[name], hit.start_frame, hit.end_frame)))
     if rows:
         save(plot_sheet(rows[0], rows[1:]), path)
 
@@ -82,7 +83,7 @@ def draw_annotation(
         for one in library
     }
     figure = plot_annotation(track, distances=distances, classes=library.names)
-    save(figure, Path(folder, f"{_file_name(track.recording)}.png"))
+    save(figure, Path(folder, f"{_file_name(track.recording.name)}.png"))
 
 
 def draw_class(folder: str, motion_class: "MotionClass", *, library: "ClassLibrary") -> None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from motionary.retrieval.index import Collection
     from motionary.retrieval.search import QueryExpansion, SearchResult
 
-_KEYS = ("recording", "start_s", "end_s", "start_frame", "end_frame", "cost", "known")
+_KEYS = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
 _COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">known")
 
 
@@ -213,7 +213,9 @@ def _save(
 
 def _say_json(result: "SearchResult") -> None:
     for hit in result:
-        screen.print_json({key: getattr(hit, key) for key in _KEYS})
+        screen.print_json(
+            {"recording": hit.recording.name} | {key: getattr(hit, key) for key in _KEYS}
+        )
     if not result:
         screen.warn(result.nearest)
 
@@ -237,7 +239,7 @@ def _say(
     rows = [
         (
             str(rank),
-            hit.recording,
+            hit.recording.name,
             f"{hit.start_s:.2f}",
             f"{hit.end_s:.2f}",
             f"{hit.start_frame}–{hit.end_frame}",

@@ -19,6 +19,7 @@ from motionary.features.travel import needs_travel
 from motionary.features.vectors import Floats
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, resample
 from motionary.packing import pack
+from motionary.recording import Recording
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
 
 Bools = NDArray[np.bool_]
@@ -79,10 +80,7 @@ def compute_features(
         packed=pack(features[::_STEP]),
         known=pack(known[::_STEP]),
         feature_set=feature_set,
-        source=motion.source,
-        file_rate_hz=motion.rate_hz,
-        file_frames=motion.n_frames,
-        first_frame=motion.first_frame,
+        recording=motion.recording,
     )
 
 
@@ -161,7 +159,7 @@ def _motion_from_array(
             f"{expected} {len(names)} joints, the array has {array.shape[1]}; pass "
             "skeleton= with the names of its joints, in the order of the array"
         )
-    return Motion(names, array, rate_hz, mapping)
+    return Motion(names, array, Recording(rate_hz=rate_hz), mapping)
 
 
 def _joints_of_array(

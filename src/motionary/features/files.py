@@ -5,7 +5,6 @@ becomes a `Failure` in its place and the others go on.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -44,4 +43,4 @@ def read_features(
 def _measure(file: NamedFile, *, options: ReadOptions, feature_set: FeatureSet) -> FeatureSequence:
     name, path = file
     motion = read(path, options.for_file(path))
-    return compute_features(replace(motion, source=name), feature_set=feature_set)
+    return compute_features(motion.renamed(name), feature_set=feature_set)

@@ -4,8 +4,7 @@ Conventions: word i describes the moment i / 30 s after the recording's first fr
 are half-open; the file's own frame numbers are inclusive, as people look them up.
 """
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +12,9 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features.feature_set import FeatureSet
 from motionary.packing import PackedFeatures, count_integers, unpack
+from motionary.recording import Recording, Segment
 
 SEQUENCE_HZ = 30.0
-
-# A time that was computed from a frame number must find that frame again.
-_SLACK = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,18 +26,14 @@ class FeatureSequence:
     words : array, shape (frames, n_words), uint64, at 30 Hz; unknown relations are 0
     known : array of the same shape: which relations are known
     feature_set : what the bits mean
-    source : name of the recording
-    file_rate_hz, file_frames, first_frame : rate, length and first frame number of the
-        file; without `file_frames` the file is as long as the words
+    recording : what they are of; where it has no rate or number of frames, the file's are
+        those of the sequence
     """
 
     packed: PackedFeatures
     known: PackedFeatures
     feature_set: FeatureSet
-    source: str = ""
-    file_rate_hz: float = SEQUENCE_HZ
-    file_frames: int = 0
-    first_frame: int = 0
+    recording: Recording = field(default_factory=Recording)
 
     def __post_init__(self) -> None:
         n_integers = count_integers(len(self.feature_set))
@@ -50,9 +43,12 @@ class FeatureSequence:
                 f"feature set {self.feature_set.name!r} needs words and known of shape "
                 f"(frames, {n_integers}), got {shape} and {self.known.shape}"
             )
-        if not self.file_frames:
-            frames = round(len(self) / SEQUENCE_HZ * self.file_rate_hz)
-            object.__setattr__(self, "file_frames", frames)
+        own = self.recording
+        if not (own.rate_hz and own.n_frames):
+            rate_hz = own.rate_hz or SEQUENCE_HZ
+            n_frames = own.n_frames or round(len(self) / SEQUENCE_HZ * rate_hz)
+            whole = replace(own, rate_hz=rate_hz, n_frames=n_frames)
+            object.__setattr__(self, "recording", whole)
 
     def __len__(self) -> int:
         return int(self.packed.shape[0])
@@ -63,9 +59,14 @@ class FeatureSequence:
         return SEQUENCE_HZ
 
     @property
+    def source(self) -> str:
+        """Name of the recording."""
+        return self.recording.name
+
+    @property
     def duration_s(self) -> float:
         """Length of the recording in seconds."""
-        return self.file_frames / self.file_rate_hz
+        return self.recording.duration_s
 
     @property
     def features(self) -> NDArray[np.uint8]:
@@ -81,15 +82,13 @@ class FeatureSequence:
         """Time at which a word begins; of the end, the recording's length at most."""
         return min(frame / SEQUENCE_HZ, self.duration_s)
 
-    def file_frame(self, time_s: float) -> int:
-        """The file's number of the frame shown at a time, within the recording."""
-        index = math.floor(time_s * self.file_rate_hz + _SLACK)
-        return self.first_frame + min(max(index, 0), max(self.file_frames - 1, 0))
+    def segment(self, start: int, stop: int) -> Segment:
+        """The time of words start to stop (half-open)."""
+        return Segment(self.seconds(start), self.seconds(stop))
 
-    def last_file_frame(self, end_s: float) -> int:
-        """The file's number of the last frame before a time, within the recording."""
-        index = math.ceil(end_s * self.file_rate_hz - _SLACK) - 1
-        return self.first_frame + min(max(index, 0), max(self.file_frames - 1, 0))
+    def renamed(self, name: str) -> "FeatureSequence":
+        """The sequence under another name of its recording."""
+        return replace(self, recording=self.recording.renamed(name))
 
     def part(self, start: int, stop: int) -> "FeatureSequence":
         """Words start to stop (half-open); times then count from `start`."""
@@ -98,14 +97,12 @@ class FeatureSequence:
                 f"{self.source}: a part needs 0 <= start < stop <= {len(self)} words, "
                 f"got {start} to {stop}"
             )
-        first = round(start / SEQUENCE_HZ * self.file_rate_hz)
-        last = min(round(stop / SEQUENCE_HZ * self.file_rate_hz), self.file_frames)
-        return FeatureSequence(
+        rate_hz = self.recording.rate_hz
+        first = round(start / SEQUENCE_HZ * rate_hz)
+        last = min(round(stop / SEQUENCE_HZ * rate_hz), self.recording.n_frames)
+        return replace(
+            self,
             packed=self.packed[start:stop],
             known=self.known[start:stop],
-            feature_set=self.feature_set,
-            source=self.source,
-            file_rate_hz=self.file_rate_hz,
-            file_frames=last - first,
-            first_frame=self.first_frame + first,
+            recording=self.recording.part(first, last),
         )

@@ -59,7 +59,7 @@ def plan_clips(
     files : recordings by name; a label's recording is matched as in `match_recording`
     folder : where the clips go
     """
-    pairs = [(track.recording, label) for track in tracks for label in track]
+    pairs = [(track.recording.name, label) for track in tracks for label in track]
     names = {recording: match_recording(recording, files) for recording, _ in pairs}
     stems = _stems({name for name in names.values() if name is not None})
     clips: list[Clip] = []

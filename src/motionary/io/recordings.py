@@ -15,7 +15,8 @@ from motionary.io.normalise.sides import normalise_sides
 from motionary.io.normalise.units_axes import normalise
 from motionary.io.options import ReadOptions
 from motionary.io.text import format_suffix
-from motionary.motion import NO_FEATURES, JointMapping, Motion
+from motionary.motion import JointMapping, Motion
+from motionary.recording import Recording
 from motionary.skeletons import SkeletonTable, explain_unmapped, find_mapping, known_mappings
 
 _REFUSALS = {
@@ -127,12 +128,12 @@ def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
     return Motion(
         names=tuple(content.names),
         positions=content.positions,
-        rate_hz=content.rate_hz,
+        recording=Recording(
+            content.source, rate_hz=content.rate_hz, first_frame=content.first_frame
+        ),
         mapping=_find_mapping(content, table),
         skeleton=content.skeleton,
         rotations=content.rotations,
-        source=content.source,
-        first_frame=content.first_frame,
         events=content.events,
         notes=content.notes,
     )
@@ -159,7 +160,7 @@ def _note_mapping(motion: Motion, table: SkeletonTable | None) -> Motion:
     if motion.mapping is not None:
         return motion
     why = explain_unmapped(motion.names, motion.skeleton, motion.positions)
-    return replace(motion, notes=(*motion.notes, f"{NO_FEATURES}{why}"))
+    return replace(motion, notes=(*motion.notes, f"no relations: {why.reason}"), unmapped=why)
 
 
 def _misnamed(table: SkeletonTable, names: Sequence[str]) -> list[str]:

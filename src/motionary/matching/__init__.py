@@ -2,7 +2,7 @@
 
 from motionary.matching.alignment import Alignment, align
 from motionary.matching.corpus import PADDING, Corpus, concatenate
-from motionary.matching.deciding import Segment, annotate_distances, find_runs, modify
+from motionary.matching.deciding import ClassSegment, annotate_distances, modify
 from motionary.matching.distance import (
     SKIP_WEIGHT,
     MatchState,
@@ -17,11 +17,11 @@ __all__ = [
     "PADDING",
     "SKIP_WEIGHT",
     "Alignment",
+    "ClassSegment",
     "Corpus",
     "Hit",
     "MatchState",
     "Pattern",
-    "Segment",
     "align",
     "annotate_distances",
     "cell_costs",
@@ -30,7 +30,6 @@ __all__ = [
     "distance_function",
     "feature_prior",
     "find_hits",
-    "find_runs",
     "local_minima",
     "modify",
     "prior_of_counts",

@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching.alignment import Alignment
+from motionary.recording import FrameRange, split_runs
 
 Floats = NDArray[np.float64]
 
 
-class Segment(NamedTuple):
-    """A stretch of one class: index of the class, first frame, one past the last."""
+class ClassSegment(NamedTuple):
+    """Frames of one class, by its index among the classes."""
 
     class_index: int
-    start: int
-    stop: int
+    frames: FrameRange
 
 
 def modify(matches: Sequence[Alignment], *, n_frames: int) -> tuple[Floats, NDArray[np.intp]]:
@@ -49,7 +49,7 @@ def modify(matches: Sequence[Alignment], *, n_frames: int) -> tuple[Floats, NDAr
     return modified, owner
 
 
-def annotate_distances(modified: Sequence[Floats]) -> list[Segment]:
+def annotate_distances(modified: Sequence[Floats]) -> list[ClassSegment]:
     """Segments from the classes' modified distance functions, eqs. 3 and 4 and extension.
 
     Segments of one class that touch or overlap after the extension are one; segments of
@@ -60,23 +60,14 @@ def annotate_distances(modified: Sequence[Floats]) -> list[Segment]:
     matrix = np.array(modified)
     best = np.where(np.isfinite(matrix.min(axis=0)), matrix.argmin(axis=0), -1)
     extended = [
-        Segment(index, *_extend(matrix[index], start, stop))
-        for index, start, stop in find_runs(best)
-        if index >= 0
+        ClassSegment(int(best[start]), _extend(matrix[best[start]], start, stop))
+        for start, stop in split_runs(best)
+        if best[start] >= 0
     ]
     return _merge(extended)
 
 
-def find_runs(values: NDArray[np.intp]) -> list[tuple[int, int, int]]:
-    """Runs of equal values as (value, start, stop)."""
-    if len(values) == 0:
-        return []
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
-    starts, stops = edges[:-1].tolist(), edges[1:].tolist()
-    return [(int(values[a]), a, b) for a, b in zip(starts, stops, strict=True)]
-
-
-def _extend(modified: Floats, start: int, stop: int) -> tuple[int, int]:
+def _extend(modified: Floats, start: int, stop: int) -> FrameRange:
     """Walk outwards while the class's own function is finite and does not rise."""
     while start > 0 and np.isfinite(modified[start - 1]):
         if modified[start - 1] > modified[start]:
@@ -86,15 +77,16 @@ def _extend(modified: Floats, start: int, stop: int) -> tuple[int, int]:
         if modified[stop] > modified[stop - 1]:
             break
         stop += 1
-    return start, stop
+    return FrameRange(start, stop)
 
 
-def _merge(segments: Sequence[Segment]) -> list[Segment]:
-    merged: list[Segment] = []
+def _merge(segments: Sequence[ClassSegment]) -> list[ClassSegment]:
+    merged: list[ClassSegment] = []
     for segment in sorted(segments):
-        last = merged[-1] if merged else None
-        if last and last.class_index == segment.class_index and segment.start <= last.stop:
-            merged[-1] = last._replace(stop=max(last.stop, segment.stop))
+        index, frames = merged[-1] if merged else (-1, segment.frames)
+        if index == segment.class_index and segment.frames.start <= frames.stop:
+            joined = FrameRange(frames.start, max(frames.stop, segment.frames.stop))
+            merged[-1] = ClassSegment(index, joined)
         else:
             merged.append(segment)
-    return sorted(merged, key=lambda s: (s.start, s.stop, s.class_index))
+    return sorted(merged, key=lambda s: (s.frames, s.class_index))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from motionary.errors import InvalidInput
-from motionary.motion import GENERIC_JOINTS, NO_FEATURES, Motion
+from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.plots.figures import (
     Floats,
     check_positions,
@@ -310,5 +310,5 @@ def _write(axes: "Axes", motion: Motion) -> None:
 
 
 def _is_of_axes(note: str) -> bool:
-    starts = ("unit ", "axes and unit", "left and right", "kept in place", NO_FEATURES)
+    starts = ("unit ", "axes and unit", "left and right", "kept in place", "no relations: ")
     return note.startswith(starts) or " up, " in note

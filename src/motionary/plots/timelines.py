@@ -99,7 +99,7 @@ def plot_annotation(
         left=max([text_width(fit(name, _LONGEST_NAME)) for name in names] or [0.0]) + 0.1,
         width=_WIDTH, heights=tuple(heights), right=0.1, above=_NOTE_LINE * len(note),
     )  # fmt: skip
-    figure, (axes,) = new_page(layout, title=track.recording)
+    figure, (axes,) = new_page(layout, title=track.recording.name)
     handles = _draw_labels(axes[-1], names, track, truth, stop_s)
     if shown:
         highest_cost = _draw_distances(axes[0], shown, curves)

@@ -22,13 +22,12 @@ from motionary.labels import Label, LabelTrack
 from motionary.matching import (
     SKIP_WEIGHT,
     Alignment,
+    ClassSegment,
     Pattern,
-    Segment,
     align,
     annotate_distances,
     concatenate,
     corpus_distance,
-    find_runs,
     local_minima,
     modify,
 )
@@ -36,6 +35,7 @@ from motionary.models.keyframes import select_in_sequence
 from motionary.models.library import ClassLibrary, MotionClass, Prototype
 from motionary.motion import Motion
 from motionary.packing import count, full_mask
+from motionary.recording import Segment, find_runs
 from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, describe_nearest
 
 Floats = NDArray[np.float64]
@@ -100,10 +100,8 @@ def annotate(
         ]
         nearest = _nearest(sequence, library, everywhere, threshold)
     return LabelTrack(
-        recording=sequence.source,
+        recording=sequence.recording,
         labels=labels,
-        duration_s=sequence.duration_s,
-        rate_hz=sequence.file_rate_hz,
         unassessed=unassessed(sequence),
         nearest=nearest,
     )
@@ -188,13 +186,11 @@ def _align(
     return align(pattern, packed, known, ends, skip_weight=skip_weight, since=since)
 
 
-def unassessed(sequence: FeatureSequence) -> tuple[tuple[float, float], ...]:
-    """Stretches (start_s, end_s) in which fewer than half of the relations are known."""
+def unassessed(sequence: FeatureSequence) -> tuple[Segment, ...]:
+    """Segments in which fewer than half of the relations are known."""
     known = count(sequence.known) / len(sequence.feature_set)
     return tuple(
-        (sequence.seconds(start), sequence.seconds(stop))
-        for blind, start, stop in find_runs((known < ASSESSED_FROM).astype(np.intp))
-        if blind
+        sequence.segment(start, stop) for start, stop in find_runs(known < ASSESSED_FROM).tolist()
     )
 
 
@@ -211,17 +207,18 @@ def _words_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> Fea
     return recording
 
 
-def _label(sequence: FeatureSequence, distance: ClassDistance, segment: Segment) -> Label:
-    inside = distance.modified[segment.start : segment.stop]
-    best = segment.start + int(np.argmin(inside))
+def _label(sequence: FeatureSequence, distance: ClassDistance, segment: ClassSegment) -> Label:
+    start, stop = segment.frames
+    inside = distance.modified[start:stop]
+    best = start + int(np.argmin(inside))
     evidence = distance.matches[distance.owner[best]]
-    start_s, end_s = sequence.seconds(segment.start), sequence.seconds(segment.stop)
+    start_s, end_s = sequence.segment(start, stop)
     return Label(
         evidence.name, start_s, end_s,
         cost=float(inside.min()),
         known=evidence.known,
-        start_frame=sequence.file_frame(start_s),
-        end_frame=sequence.last_file_frame(end_s),
+        start_frame=sequence.recording.frame_at(start_s),
+        end_frame=sequence.recording.last_frame_before(end_s),
         evidence=evidence,
     )  # fmt: skip
 

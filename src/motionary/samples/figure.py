@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
+from motionary.recording import Recording
 from motionary.rotations import euler_to_quaternions, quaternions_to_matrices
 from motionary.samples.phrases import Floats
 from motionary.skeletons import named_mapping
@@ -95,11 +96,10 @@ def pose_figure(
     return Motion(
         names=GENERIC_JOINTS,
         positions=still + root[:, None, :],
-        rate_hz=rate_hz,
+        recording=Recording(source, rate_hz=rate_hz),
         mapping=named_mapping("generic"),
         skeleton=skeleton,
         rotations=rotations,
-        source=source,
         notes=("synthetic: made from joint-angle phrases, not recorded",),
     )
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
+from motionary.recording import Recording
 from motionary.skeletons.words import is_paw, is_tail
 
 Floats = NDArray[np.float64]
@@ -60,7 +61,7 @@ def is_four_legged(mapping: JointMapping, names: tuple[str, ...], positions: Flo
     """
     if sum(is_paw(name) for name in names) > 1:
         return True
-    body = Motion(names, positions, 1.0, mapping).generic_positions()
+    body = Motion(names, positions, Recording(rate_hz=1.0), mapping).generic_positions()
     where = {joint: body[:, i] for i, joint in enumerate(GENERIC_JOINTS)}
     trunk = where["neck"] - where["root"]
     legs = _mean(where, "ankle") - _mean(where, "hip")

@@ -11,8 +11,8 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
-from motionary.motion import GENERIC_JOINTS, JointMapping, Skeleton
+from motionary.errors import UnknownSkeleton
+from motionary.motion import GENERIC_JOINTS, JointMapping, Skeleton, Unmapped
 from motionary.skeletons.bodies import count_people, find_people, is_four_legged
 from motionary.skeletons.guessing import guess_from_names, guess_from_tree
 from motionary.skeletons.table_files import SkeletonTable, parse_table
@@ -37,12 +37,12 @@ def named_table(name: str) -> SkeletonTable:
 
     Raises
     ------
-    InvalidInput
+    UnknownSkeleton
         If there is none of this name.
     """
     tables = _tables()
     if name not in tables:
-        raise InvalidInput(
+        raise UnknownSkeleton(
             f"skeleton must be one of {', '.join(sorted(tables))}, got {name!r}; "
             "choose one of these or leave it out to let the names decide"
         )
@@ -60,7 +60,7 @@ def named_mapping(name: str, names: Iterable[str] = ()) -> JointMapping:
 
     Raises
     ------
-    InvalidInput
+    UnknownSkeleton
         If no table has this name.
     """
     return named_table(name).resolve(tuple(names))
@@ -107,14 +107,14 @@ def find_mapping(
 
 def explain_unmapped(
     names: Iterable[str], skeleton: Skeleton | None = None, positions: Floats | None = None
-) -> str:
-    """Why `find_mapping` finds none, as a sentence that says what to do."""
+) -> Unmapped:
+    """Why `find_mapping` finds none."""
     names = tuple(names)
     people = find_people(names, _fits)
     n_people = max(len(people), 0 if skeleton is None else len(_bodies(skeleton)))
     if n_people > 1:
         called = f" ({', '.join(filter(None, people))})" if any(people) else ""
-        return (
+        return Unmapped(
             f"{n_people} people in one file{called}: save one file for each, or take the first "
             "with --skeleton NAME (skeleton=...)"
         )
@@ -125,9 +125,9 @@ def explain_unmapped(
     guess = guess or guess_from_names(names)
     animal = any(is_paw(name) or is_tail(name) for name in names)
     if animal or guess is not None:
-        return f"{AN_ANIMAL}: the relations are those of people"
+        return Unmapped(f"{AN_ANIMAL}: the relations are those of people", is_human=False)
     few = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-    return (
+    return Unmapped(
         f"no known skeleton has the joints {few}, and neither legs nor arms were found among them: "
         "a prop, or a rig whose joints you must map: --skeleton RIG.toml (skeleton=...)"
     )

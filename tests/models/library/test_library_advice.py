@@ -36,7 +36,7 @@ def test_few_examples(n, packed):
 
 
 def test_a_clip_over_before_anything_happens():
-    items = [*performances(1, 3), sequence(random_rows(0, 6), source="kick/short.bvh")]
+    items = [*performances(1, 3), sequence(random_rows(0, 6), name="kick/short.bvh")]
     found = look(items)
     assert kinds(found) == ["short", "length"]
     assert found[0].examples == found[1].examples == ("kick/short.bvh",)
@@ -47,7 +47,7 @@ def test_a_clip_over_before_anything_happens():
 def test_a_clip_much_longer_or_shorter(repeat, lasts):
     rows = made_class(1)
     odd = np.concatenate([rows] * repeat) if repeat > 1 else rows[: int(repeat * 40)]
-    found = look([*performances(1, 5), sequence(odd, source="kick/odd.bvh")])
+    found = look([*performances(1, 5), sequence(odd, name="kick/odd.bvh")])
     assert found[0].kind == "length"
     assert found[0].examples == ("kick/odd.bvh",)
     assert found[0].text.startswith(f"kick/odd.bvh lasts {lasts}")
@@ -57,7 +57,7 @@ def test_a_clip_much_longer_or_shorter(repeat, lasts):
 @pytest.mark.parametrize("n", [4, 6, 12])
 def test_one_that_does_not_fit_is_named(n):
     for seed in range(5):
-        intruder = perform(made_class(seed + 50), 3, source="kick/intruder.bvh")
+        intruder = perform(made_class(seed + 50), 3, name="kick/intruder.bvh")
         items = performances(seed, n)
         items.insert(seed % n, intruder)
         (found,) = look(items)
@@ -67,7 +67,7 @@ def test_one_that_does_not_fit_is_named(n):
 
 
 def test_two_that_do_not_fit_are_named():
-    intruders = [perform(made_class(s), 3, source=f"kick/wrong{s}.bvh") for s in (60, 61)]
+    intruders = [perform(made_class(s), 3, name=f"kick/wrong{s}.bvh") for s in (60, 61)]
     found = look([*performances(2, 12), *intruders])
     assert kinds(found) == ["odd", "odd"]
     assert {one.examples[0] for one in found} == {"kick/wrong60.bvh", "kick/wrong61.bvh"}
@@ -85,7 +85,7 @@ def test_two_motions_under_one_name(n_first, n_second):
 
 
 def test_nothing_in_common():
-    items = [sequence(random_rows(seed, 40), source=f"{seed}.bvh") for seed in range(8)]
+    items = [sequence(random_rows(seed, 40), name=f"{seed}.bvh") for seed in range(8)]
     assert "loose" in kinds(look(items))
 
 

@@ -143,7 +143,7 @@ def test_one_of_several_templates_learns():
 
 def test_examples_over_other_features_are_refused():
     library = learn_classes(examples_of(1), training=KEPT)
-    other = sequence(np.zeros((9, 14)), feature_set=LEGS, source="a.bvh")
+    other = sequence(np.zeros((9, 14)), feature_set=LEGS, name="a.bvh")
     with pytest.raises(InvalidInput, match=r"a\.bvh is over .legs-14., the library over"):
         add_examples(library, "class1", [other])
     with pytest.raises(InvalidInput, match="no class 'gone'"):

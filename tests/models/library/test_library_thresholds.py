@@ -9,6 +9,7 @@ import pytest
 from library_cases import made_class, perform, performances
 from motionary.errors import InvalidInput
 from motionary.evaluation import Segment, count_overlaps, pool_counts
+from motionary.features import FULL_BODY, FeatureSequence
 from motionary.models.library import (
     THRESHOLD,
     Calibration,
@@ -32,7 +33,7 @@ def made_examples(n=6, *, classes=(1, 2, 3), **how):
     return {
         f"class{c}": {
             f"class{c}": [
-                replace(item, source=f"class{c}/{'ab'[i % 2]}_{i}.bvh")
+                item.renamed(f"class{c}/{'ab'[i % 2]}_{i}.bvh")
                 for i, item in enumerate(performances(c, n, **how))
             ]
         }
@@ -43,7 +44,7 @@ def made_examples(n=6, *, classes=(1, 2, 3), **how):
 def noise(seed, n_frames=400):
     """A recording of nothing: relations that change now and then."""
     rows = np.repeat(random_rows([seed, 3], n_frames // 10), 10, axis=0)
-    return sequence(rows, source=f"noise{seed}")
+    return sequence(rows, name=f"noise{seed}")
 
 
 def all_items(examples):
@@ -95,7 +96,7 @@ def test_many_groups_are_dealt_into_few_parts():
 
 def test_what_a_group_alone_has_is_not_asked_for():
     examples = made_examples(4)
-    only = [replace(item, source="own/a_1.bvh") for item in performances(8, 3)]
+    only = [item.renamed("own/a_1.bvh") for item in performances(8, 3)]
     for fold in make_folds({**examples, "own": {"own": only}}, groups=r"/(.)_", seed=0):
         assert "own" not in {name for name, _ in fold.held_out}
 
@@ -190,8 +191,7 @@ def test_suggested_thresholds_keep_their_promise_on_new_performances():
         (f"class{c}", item) for c in (1, 2, 3) for item in performances(c, 8, first=50, flaws=0.04)
     ]
     stream = make_stream(fresh, others[2:], other_per_frame=3.0, rng=np.random.default_rng(5))
-    recording = replace(sequence(np.zeros((1, 40))), packed=stream.packed, known=stream.known)
-    recording = replace(recording, file_frames=len(stream.packed))
+    recording = FeatureSequence(stream.packed, stream.known, FULL_BODY)
     claimed = [Segment(x.name, 30 * x.start_s, 30 * x.end_s) for x in annotate(recording, library)]
     counted = pool_counts(count_overlaps(claimed, stream.truth).values())
     promised = [(s.precision, s.recall) for s in calibrations.values()]
@@ -233,7 +233,7 @@ def test_a_class_of_few_examples_is_drawn_to_what_is_common():
 def test_negatives_that_look_alike_lower_the_threshold():
     examples = made_examples(8)
     near = made_class(1) ^ (np.random.default_rng(1).random((40, 40)) < 0.12)
-    alike = [perform(near, i, source=f"other{i}") for i in range(12)]
+    alike = [perform(near, i, name=f"other{i}") for i in range(12)]
     without = calibrate_thresholds(examples)["class1"].threshold
     assert calibrate_thresholds(examples, negatives=alike)["class1"].threshold < without
 

@@ -24,6 +24,7 @@ from motionary.models.query_learning import (
 )
 from motionary.models.query_learning.individuals import GenePool, frequent_keyframes
 from motionary.packing import full_mask, pack
+from motionary.recording import Recording
 
 QUICK = GeneticSettings(population=30, parents=5, generations=40)
 
@@ -36,7 +37,9 @@ def clip(order, seed, length=24) -> FeatureSequence:
     for k, feature in enumerate(order):
         start = length * (1 + 3 * k) // 6
         bits[start : start + length // 5, feature] = True
-    return FeatureSequence(pack(bits), full_mask(length, len(FULL_BODY)), FULL_BODY, f"clip {seed}")
+    return FeatureSequence(
+        pack(bits), full_mask(length, len(FULL_BODY)), FULL_BODY, Recording(f"clip {seed}")
+    )
 
 
 @pytest.fixture(scope="module")

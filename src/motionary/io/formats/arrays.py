@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import NO_MOTION, InvalidInput, UnreadableFile
+from motionary.errors import NO_MOTION, InvalidInput, NotAMotion, UnreadableFile
 from motionary.io.formats.content import (
     FARTHEST,
     POINT_UNITS,
@@ -24,6 +24,7 @@ from motionary.io.formats.smpl import is_smpl, read_smpl_arrays
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
+from motionary.recording import Recording
 from motionary.skeletons import SkeletonTable, known_mappings, named_mapping
 
 Floats = NDArray[np.float64]
@@ -94,7 +95,7 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
         return read_smpl_arrays(arrays, path.name, rate_hz=rate, options=options)
     key = next((key for key in _POSITIONS if key in arrays), None)
     if key is None:
-        raise UnreadableFile(
+        raise NotAMotion(
             f"{path.name}: {NO_MOTION}; expected poses and trans (AMASS) or positions "
             f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
         )
@@ -138,7 +139,7 @@ def check_positions(array: Array, source: str) -> Floats:
     if array.ndim == 4 and array.shape[0] == 1:
         array = array[0]
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
-        raise UnreadableFile(
+        raise NotAMotion(
             f"{source}: {NO_MOTION}; expected joint positions (frames, joints, 3), got an array of "
             f"shape {array.shape} and type {array.dtype}"
         )
@@ -221,7 +222,7 @@ def _guess_order(positions: Floats, source: str) -> Joints:
 
 def _unsteadiness(positions: Floats, mapping: JointMapping) -> float:
     """How much bones change their length, and differ between the sides, under an order."""
-    body = Motion(mapping.order, positions, 1.0, mapping).generic_positions()
+    body = Motion(mapping.order, positions, Recording(rate_hz=1.0), mapping).generic_positions()
     index = {joint: i for i, joint in enumerate(GENERIC_JOINTS)}
     ends = np.array([[index[a], index[b]] for a, b in _BONES])
     lengths = np.linalg.norm(body[:, ends[:, 0]] - body[:, ends[:, 1]], axis=2)

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from motionary.errors import NO_MOTION, InvalidInput, UnreadableFile
+from motionary.errors import NO_MOTION, InvalidInput, NotAMotion, UnreadableFile
 from motionary.io.formats.arrays import array_content, check_positions, name_joints
 from motionary.io.formats.content import FileContent
 from motionary.io.formats.npz import Array
@@ -133,7 +133,7 @@ def read_pickle(path: Path, options: ReadOptions) -> FileContent:
             joints = joints._replace(notes=(*joints.notes, *notes))
             return array_content(positions, joints, path.name, rate_hz=rate)
     if not {"smpl_poses", "smpl_trans"} <= set(content):
-        raise UnreadableFile(
+        raise NotAMotion(
             f"{path.name}: {NO_MOTION}; expected keypoints3d or smpl_poses and smpl_trans, "
             f"got {', '.join(sorted(content))[:80] or 'no arrays'}"
         )
@@ -168,7 +168,7 @@ def _load(path: Path) -> dict[str, Array]:
             f"{path.name}: damaged, or more than arrays of NumPy, which is not loaded: {reason}"
         ) from error
     if not isinstance(loaded, dict):
-        raise UnreadableFile(f"{path.name}: {NO_MOTION}; expected a dict of arrays")
+        raise NotAMotion(f"{path.name}: {NO_MOTION}; expected a dict of arrays")
     arrays = {}
     for key, value in loaded.items():
         if isinstance(value, _Array):

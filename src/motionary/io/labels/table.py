@@ -14,6 +14,7 @@ from pathlib import Path
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.text import Cell, read_text, write_table
 from motionary.labels import Label, LabelTrack
+from motionary.recording import Recording
 
 REQUIRED = ("recording", "label", "start_s", "end_s")
 OPTIONAL = ("start_frame", "end_frame", "cost", "known")
@@ -36,7 +37,7 @@ def read_labels(path: str | Path) -> dict[str, LabelTrack]:
         if not row["recording"]:
             raise UnreadableFile(f"{where}: the recording is empty")
         labels.setdefault(row["recording"], []).append(_to_label(row, where))
-    return {name: LabelTrack(name, tuple(labels[name])) for name in sorted(labels)}
+    return {name: LabelTrack(Recording(name), tuple(labels[name])) for name in sorted(labels)}
 
 
 def write_labels(
@@ -64,7 +65,7 @@ def write_labels(
     UnwritableFile
         If the file cannot be written; what was there before stays.
     """
-    rows = [(track.recording, label) for track in _as_tracks(tracks) for label in track]
+    rows = [(track.recording.name, label) for track in _as_tracks(tracks) for label in track]
     extra = list(dict.fromkeys(column for _, label in rows for column in label.extra))
     clash = set(extra) & {*REQUIRED, *OPTIONAL}
     if clash:

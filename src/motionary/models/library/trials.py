@@ -115,7 +115,7 @@ def count_together(trial: Trial, thresholds: Mapping[str, float]) -> dict[str, C
     for name in names:
         matches = [m for m in trial.matches[name] if m.cost <= thresholds.get(name, 0.0)]
         modified.append(modify(matches, n_frames=trial.n_frames)[0])
-    claimed = [Segment(names[s.class_index], s.start, s.stop) for s in annotate_distances(modified)]
+    claimed = [Segment(names[s.class_index], *s.frames) for s in annotate_distances(modified)]
     return count_overlaps(claimed, trial.truth)
 
 

@@ -28,6 +28,7 @@ from motionary.features import FeatureSequence
 from motionary.models.keyframes import PostingIndex
 from motionary.models.query_learning.individuals import Individual
 from motionary.packing import pack
+from motionary.recording import Recording
 
 Across = Literal["pooled", "mean", "worst"]
 Bits = NDArray[np.bool_]
@@ -236,7 +237,7 @@ def augment_clip(
     """A copy of a clip at another tempo, its features shifted against each other."""
     features, known = clip.features.view(np.bool_), clip.known_features.view(np.bool_)
     features, known = augment(features, known, augmentation, rng)
-    return FeatureSequence(pack(features), pack(known), clip.feature_set, clip.source)
+    return FeatureSequence(pack(features), pack(known), clip.feature_set, Recording(clip.source))
 
 
 def augment(

@@ -19,6 +19,7 @@ from motionary.features import FeatureSequence, FeatureSet
 from motionary.matching import PADDING, Corpus, concatenate
 from motionary.models.keyframes import HitRanges, PostingIndex, index_packed
 from motionary.packing import PackedFeatures, full_mask
+from motionary.recording import Recording
 
 #: What is known of a document beside its features. `mtime_ns`, `size` and `companion` tell the
 #: state of the file that it was read from; they are 0 where there is none.
@@ -140,10 +141,12 @@ class Shard:
             packed,
             known,
             self.feature_set,
-            source=self.names[number],
-            file_rate_hz=float(row["rate_hz"]),
-            file_frames=int(row["file_frames"]),
-            first_frame=int(row["first_frame"]),
+            Recording(
+                self.names[number],
+                rate_hz=float(row["rate_hz"]),
+                n_frames=int(row["file_frames"]),
+                first_frame=int(row["first_frame"]),
+            ),
         )
 
     def _known(self, start: int, stop: int) -> PackedFeatures:
@@ -180,9 +183,9 @@ def make_shard(
     if states is not None:
         table[:] = states
     table["length"] = [len(s) for s in sequences]
-    table["file_frames"] = [s.file_frames for s in sequences]
-    table["first_frame"] = [s.first_frame for s in sequences]
-    table["rate_hz"] = [s.file_rate_hz for s in sequences]
+    table["file_frames"] = [s.recording.n_frames for s in sequences]
+    table["first_frame"] = [s.recording.first_frame for s in sequences]
+    table["rate_hz"] = [s.recording.rate_hz for s in sequences]
     full = full_mask(1, len(feature_set))[0]
     corpus = concatenate([s.packed for s in sequences], [s.known for s in sequences], full=full)
     # What stands between documents does not count: the same as before it, runs are fewest.

@@ -29,6 +29,7 @@ from motionary.matching import (
 from motionary.models.keyframes import HitRanges, KeyframeQuery, PostingIndex, select_in_index
 from motionary.models.templates import MotionTemplate, QuantisedTemplate
 from motionary.packing import PackedFeatures
+from motionary.recording import Recording
 from motionary.retrieval.explanation import Evidence
 from motionary.retrieval.index import Collection, Part
 
@@ -45,7 +46,7 @@ class Hit:
 
     Attributes
     ----------
-    recording : name of the recording
+    recording : what it is a segment of
     start_s, end_s : seconds, half-open
     start_frame, end_frame : the file's own frame numbers, inclusive
     cost : 0 fits in every feature
@@ -53,7 +54,7 @@ class Hit:
     evidence : what `explain` needs
     """
 
-    recording: str
+    recording: Recording
     start_s: float
     end_s: float
     start_frame: int
@@ -244,13 +245,13 @@ def match(patterns: Sequence[SearchPattern], collection: Collection) -> Matches:
 def hit_of(evidence: Evidence) -> Hit:
     """The hit that stands on some evidence."""
     sequence, alignment = evidence.sequence, evidence.alignment
-    start_s, end_s = sequence.seconds(alignment.start), sequence.seconds(alignment.end + 1)
+    start_s, end_s = sequence.segment(alignment.start, alignment.end + 1)
     return Hit(
-        recording=sequence.source,
+        recording=sequence.recording,
         start_s=start_s,
         end_s=end_s,
-        start_frame=sequence.file_frame(start_s),
-        end_frame=sequence.last_file_frame(end_s),
+        start_frame=sequence.recording.frame_at(start_s),
+        end_frame=sequence.recording.last_frame_before(end_s),
         cost=alignment.cost,
         known=evidence.known,
         evidence=evidence,

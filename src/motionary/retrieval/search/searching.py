@@ -262,7 +262,7 @@ def _nearest(matches: Matches, queries: Sequence[KeyframeQuery], threshold: floa
     """What came closest, for a search without hits."""
     best = matches.rank(threshold=np.inf, limit=1)
     if best:
-        return describe_nearest(best[0].evidence, what=best[0].recording, threshold=threshold)
+        return describe_nearest(best[0].evidence, what=best[0].recording.name, threshold=threshold)
     if queries:
         return f"nothing to match: {explain_absence(queries, matches.collection)}"
     # Two columns go through one frame, but for the first.
