@@ -47,15 +47,13 @@ from motionary.packing import pack, unpack
 
 _NUMBER = r"(\d{1,9}\.?\d{0,9}|\.\d{1,9})"
 _SECONDS = rf"{_NUMBER}\s*s(?:ec|econds?)?"
-_WITHIN_BOTH = re.compile(rf"then within {_NUMBER}(?:\s*s)? (?:to|and) {_SECONDS}")
-_WITHIN = re.compile(rf"then within {_SECONDS}")
-_AFTER = re.compile(rf"then after {_SECONDS}")
-_AFTER_LEAST = re.compile(rf"then after at least {_SECONDS}")
-_GAP_INSIDE = re.compile(
-    rf"[,;:]?\s*\b(then within {_NUMBER}(?:\s*s)? (?:to|and) {_SECONDS}|then within {_SECONDS}"
-    rf"|then after at least {_SECONDS}|then after {_SECONDS}|then|at the same time)\b[,;:]?\s*",
-    re.IGNORECASE,
+#: Groups: least and most seconds, or whether at least, and after how many.
+_GAP = (
+    rf"then within (?:{_NUMBER}(?:\s*s)? (?:to|and) )?{_SECONDS}|then after (at least )?{_SECONDS}"
+    r"|then|at the same time"
 )
+_GAP_LINE = re.compile(_GAP, re.IGNORECASE)
+_GAP_INSIDE = re.compile(rf"[,;:]?\s*\b({_GAP})\b[,;:]?\s*", re.IGNORECASE)
 _STARTS_AS_GAP = re.compile(r"(then|at the same time)\b", re.IGNORECASE)
 _POSITION = re.compile(rf"at {_SECONDS}\s*:\s*(.*)")
 _HEADER = re.compile(r"features\s*:\s*(.*)")
@@ -286,18 +284,14 @@ def _is_header(line: str, vocabulary: Vocabulary, *, first: bool) -> bool:
 
 def _parse_gap(line: str, rate_hz: float) -> Gap | None:
     line = line.lower()
-    if line == "at the same time":
-        return Gap(0, 0)
-    if line == "then":
-        return Gap(0, None)
-    if found := _WITHIN_BOTH.fullmatch(line):
-        return gap_of_seconds(float(found[1]), float(found[2]), rate_hz=rate_hz)
-    if found := _WITHIN.fullmatch(line):
-        return gap_of_seconds(0.0, float(found[1]), rate_hz=rate_hz)
-    if found := _AFTER.fullmatch(line):
-        return gap_of_seconds(float(found[1]), float(found[1]), rate_hz=rate_hz)
-    if found := _AFTER_LEAST.fullmatch(line):
-        return gap_of_seconds(float(found[1]), math.inf, rate_hz=rate_hz)
+    if found := _GAP_LINE.fullmatch(line):
+        least_s, most_s, at_least, after_s = found.groups()
+        if most_s is not None:
+            return gap_of_seconds(float(least_s or 0.0), float(most_s), rate_hz=rate_hz)
+        if after_s is not None:
+            most = math.inf if at_least else float(after_s)
+            return gap_of_seconds(float(after_s), most, rate_hz=rate_hz)
+        return Gap(0, None) if line == "then" else Gap(0, 0)
     if line.startswith("then "):
         raise InvalidInput(
             f"no gap of the form {line!r}; write 'then within 0.1 to 0.5 s', "
