@@ -1,18 +1,20 @@
-"""Random queries and documents, as lists for the oracles and as words for the package."""
+"""Random queries and documents, as lists for the oracles and packed for the package."""
 
 from typing import NamedTuple
 
 import numpy as np
 from hypothesis import strategies as st
 
+from motionary.features import FULL_BODY, FeatureSequence
 from motionary.models.keyframes import Gap, KeyframeQuery, PostingIndex, index_packed
+from motionary.models.templates import MotionTemplate, learn_template
 from motionary.packing import PackedFeatures, pack
 
 SET = "a stream of yes and no"
 
 
 class Case(NamedTuple):
-    """A query and documents, as arrays of 0/1 with one column per relation."""
+    """A query and documents, as arrays of 0/1 with one column per feature."""
 
     values: np.ndarray
     fixed: np.ndarray
@@ -50,7 +52,7 @@ def ids_of(n_features: int) -> tuple[str, ...]:
 
 @st.composite
 def cases(draw):
-    """Few relations and short documents, so that hits are common and can all be tried."""
+    """Few features and short documents, so that hits are common and can all be tried."""
     n_features = draw(st.sampled_from([1, 2, 3, 66]))
     n_keyframes = draw(st.integers(1, 4))
     seed = draw(st.integers(0, 2**32 - 1))
@@ -71,7 +73,7 @@ def cases(draw):
 
 
 def streams(seed, *, lengths, n_features=12, flip=0.1):
-    """Documents whose relations keep for some frames, as those of recordings do."""
+    """Documents whose features keep for some frames, as those of recordings do."""
     rng = np.random.default_rng(seed)
     return [np.cumsum(rng.random((n, n_features)) < flip, axis=0) % 2 == 1 for n in lengths]
 
@@ -84,3 +86,23 @@ def query_of_streams(seed, *, n_features=12, n_keyframes=3, gaps=((0, 9), (2, 40
         if gap == (0, 0):
             values[k + 1] = values[k]
     return Case(values & fixed, fixed, list(gaps), [], [])
+
+
+def query_for(values, fixed, gaps=(), positions=None) -> KeyframeQuery:
+    gaps = tuple(Gap(*gap) for gap in gaps)
+    ids = ids_of(np.shape(values)[1])
+    return KeyframeQuery(pack(values), pack(fixed), gaps, SET, ids, positions)
+
+
+def sequence_of(features, known=None) -> FeatureSequence:
+    """Full-body features of a recording, all known unless given."""
+    features = np.asarray(features, dtype=bool)
+    known = np.ones_like(features) if known is None else np.asarray(known, dtype=bool)
+    return FeatureSequence(pack(features & known), pack(known), FULL_BODY)
+
+
+def learned_template(examples) -> MotionTemplate:
+    return learn_template(
+        [example.features for example in examples],
+        feature_names=FULL_BODY.ids, feature_set=FULL_BODY.name,
+    )  # fmt: skip

@@ -5,19 +5,19 @@ import itertools
 import numpy as np
 
 
-def shows(value, fixed, word, known):
-    """Whether a frame shows a keyframe, relation by relation.
+def shows(value, fixed, frame, known):
+    """Whether a frame shows a keyframe, feature by feature.
 
-    value, fixed, word, known: sequences of 0/1, one entry per relation.
+    value, fixed, frame, known: sequences of 0/1, one entry per feature.
     """
-    return all(k and v == w for v, f, w, k in zip(value, fixed, word, known, strict=True) if f)
+    return all(k and v == w for v, f, w, k in zip(value, fixed, frame, known, strict=True) if f)
 
 
 def all_hits(keyframes, gaps, packed, known):
     """All hits (n_1, ..., n_K) in one document, 0-based, in lexicographic order.
 
     keyframes: pairs (value, fixed); gaps: pairs (least, most), most None = no bound;
-    words, known: arrays (frames, relations) of 0/1.
+    packed, known: arrays (frames, features) of 0/1.
     """
     candidates = [
         [n for n in range(len(packed)) if shows(*keyframe, packed[n], known[n])]

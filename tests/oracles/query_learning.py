@@ -8,7 +8,7 @@ def holds_a_hit(keyframes, gaps, packed, known):
     """Whether any choice of one frame per keyframe is a hit in one clip.
 
     keyframes: pairs (value, fixed) of 0/1 per feature; gaps: pairs (least, most);
-    words, known: one row of 0/1 per frame.
+    packed, known: one row of 0/1 per frame.
     """
     for frames in itertools.product(range(len(packed)), repeat=len(keyframes)):
         steps = [b - a for a, b in itertools.pairwise(frames)]
@@ -21,9 +21,9 @@ def holds_a_hit(keyframes, gaps, packed, known):
     return False
 
 
-def shows(value, fixed, word, known):
+def shows(value, fixed, frame, known):
     """Whether a frame shows a keyframe, feature by feature."""
-    return all(k and v == w for v, f, w, k in zip(value, fixed, word, known, strict=True) if f)
+    return all(k and v == w for v, f, w, k in zip(value, fixed, frame, known, strict=True) if f)
 
 
 def fitness(retrieved, positives, beta):

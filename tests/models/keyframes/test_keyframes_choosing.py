@@ -4,119 +4,35 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
+from keyframe_cases import learned_template, sequence_of
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, read_features
+from motionary.features import FULL_BODY, FULL_BODY_2006, read_features
 from motionary.matching import distance_function
 from motionary.models.keyframes import (
     ChoiceSettings,
-    KeyframeQuery,
     choose_query,
     index_packed,
     search_packed,
-    search_query,
     select_in_index,
 )
-from motionary.models.keyframes.columns import MOST_STEADY, align_columns
-from motionary.models.keyframes.index import (
-    count_steady,
-    loose_index,
-    steady_mask,
-    strict_index,
-)
+from motionary.models.keyframes.columns import align_columns
 from motionary.models.templates import learn_template, pattern_of, quantise
 from motionary.packing import pack, unpack
 
 N = len(FULL_BODY)
 
 
-def sequence_of(features, known=None):
-    features = np.asarray(features, dtype=bool)
-    known = np.ones_like(features) if known is None else np.asarray(known, dtype=bool)
-    return FeatureSequence(pack(features & known), pack(known), FULL_BODY)
-
-
-def template_of(examples):
-    return learn_template(
-        [example.features for example in examples],
-        feature_names=FULL_BODY.ids, feature_set=FULL_BODY.name,
-    )  # fmt: skip
-
-
-@st.composite
-def documents(draw):
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    n_frames = draw(st.integers(1, 12))
-    shape = (n_frames, N)
-    # Long runs of a value, so that some are steady.
-    flips = rng.random(shape) < draw(st.sampled_from([0.1, 0.3]))
-    return sequence_of(np.cumsum(flips, axis=0) % 2, rng.random(shape) < 0.9)
-
-
-# -- steady and loose readings ---------------------------------------------------------
-
-
-def is_steady(document, frame, feature, around):
-    values, known = document.features, document.known_features
-    near = range(max(0, frame - around), min(len(document), frame + around + 1))
-    return all(known[t, feature] and values[t, feature] == values[frame, feature] for t in near)
-
-
-@given(documents(), st.integers(0, 3))
-def test_a_steady_feature_is_known_and_the_same_around(document, around):
-    found = unpack(steady_mask(document.packed, document.known, around), N)
-    expected = [[is_steady(document, t, f, around) for f in range(N)] for t in range(len(document))]
-    np.testing.assert_array_equal(found, expected)
-
-
-@given(documents(), st.integers(1, 4))
-def test_steadiness_counts_the_frames_around(document, most):
-    frames = np.arange(len(document))
-    found = count_steady(document, frames, most)
-    for t in frames:
-        for f in range(N):
-            steady = [is_steady(document, t, f, around) for around in range(1, most + 1)]
-            assert found[t, f] == (steady.index(False) if False in steady else most)
-
-
-@given(documents(), documents(), st.integers(0, 3), st.integers(0, N - 1), st.booleans())
-def test_loose_reading_finds_either_value_near_a_change(first, second, around, feature, value):
-    bit = pack(np.eye(N, dtype=bool)[[feature]])
-    query = KeyframeQuery(bit * np.uint64(value), bit, (), FULL_BODY.name, FULL_BODY.ids)
-    found = search_query(query, loose_index([first, second], around))
-    for number, document in enumerate([first, second]):
-        shown = (document.features[:, feature] == value) & document.known_features[:, feature]
-        expected = [shown[max(0, t - around) : t + around + 1].any() for t in range(len(document))]
-        frames = np.zeros(len(document), dtype=bool)
-        for start, stop in found.of(number):
-            frames[start:stop] = True
-        np.testing.assert_array_equal(frames, expected)
-
-
-@given(documents(), st.integers(0, 2), st.integers(0, N - 1), st.booleans())
-def test_strict_loose_and_plain_readings_include_each_other(document, around, feature, value):
-    bit = pack(np.eye(N, dtype=bool)[[feature]])
-    query = KeyframeQuery(bit * np.uint64(value), bit, (), FULL_BODY.name, FULL_BODY.ids)
-    plain = search_packed(query, document.packed, document.known).n_frames
-    strict = search_query(query, strict_index([document], around)).n_frames
-    loose = search_query(query, loose_index([document], around)).n_frames
-    assert strict <= plain <= loose
-    if around == 0:
-        assert strict == plain == loose
-
-
 # -- planted motions -------------------------------------------------------------------
 
-#: Relations that make the motion: 3 comes on, then 7 does while 3 goes off.
+#: Features that make the motion: 3 comes on, then 7 does while 3 goes off.
 FIRST, SECOND = 3, 7
 #: Changes at random, in examples and elsewhere.
 NOISE = 20
 
 
 def planted(rng, order=(FIRST, SECOND), n_frames=30):
-    """A stretch in which two features hold one after the other, in between nothing."""
+    """A motion in which two features hold one after the other, in between nothing."""
     features = np.zeros((n_frames, N), dtype=bool)
     for feature, middle in zip(order, (n_frames // 4, 3 * n_frames // 4), strict=True):
         early, late = rng.integers(0, 2, size=2)
@@ -134,7 +50,7 @@ def problem(seed, n=6):
 
 
 def entries(query):
-    """Relations of each keyframe: index -> value."""
+    """Features of each keyframe: index -> value."""
     values, fixed = unpack(query.values, N), unpack(query.fixed, N)
     return [
         {int(f): bool(values[k, f]) for f in np.flatnonzero(fixed[k])} for k in range(len(query))
@@ -144,7 +60,7 @@ def entries(query):
 @pytest.mark.parametrize("seed", range(5))
 def test_the_order_of_two_features_is_found(seed):
     examples, others = problem(seed)
-    chosen = choose_query(template_of(examples), examples, others)
+    chosen = choose_query(learned_template(examples), examples, others)
     assert chosen.missed == ()
     assert chosen.left <= ChoiceSettings().frames_left
     asked = {feature for keyframe in entries(chosen.query) for feature in keyframe}
@@ -156,13 +72,13 @@ def test_the_order_of_two_features_is_found(seed):
 
 def test_the_same_input_gives_the_same_query():
     examples, others = problem(1)
-    template = template_of(examples)
+    template = learned_template(examples)
     assert choose_query(template, examples, others) == choose_query(template, examples, others)
 
 
 def test_more_may_be_left_so_less_is_asked():
     examples, others = problem(2)
-    template = template_of(examples)
+    template = learned_template(examples)
     counts = [
         sum(map(len, entries(choose_query(template, examples, others, settings=c).query)))
         for c in (
@@ -178,7 +94,7 @@ def test_more_may_be_left_so_less_is_asked():
 def test_keyframes_keep_their_number_and_distance():
     examples, others = problem(3)
     settings = ChoiceSettings(least=3, most=3, min_distance=7, edge=4, step=1)
-    query = choose_query(template_of(examples), examples, others, settings=settings).query
+    query = choose_query(learned_template(examples), examples, others, settings=settings).query
     assert len(query) == 3
     assert min(np.diff(query.positions)) >= 7
     assert query.positions[0] >= 4
@@ -186,7 +102,7 @@ def test_keyframes_keep_their_number_and_distance():
 
 def test_gaps_admit_all_examples_and_more():
     examples, others = problem(4)
-    template = template_of(examples)
+    template = learned_template(examples)
     query = choose_query(template, examples, others, settings=ChoiceSettings(stiffness=0.5)).query
     aligned = align_columns(template, examples, tolerance=2)
     for (a, b), gap in zip(
@@ -201,7 +117,7 @@ def test_one_example_that_differs_is_missed_rather_than_the_query_spoilt():
     rng = np.random.default_rng(5)
     examples, others = problem(5, n=11)
     odd = sequence_of(np.zeros((30, N)))
-    template = template_of(examples)
+    template = learned_template(examples)
     chosen = choose_query(template, [*examples, odd], others, settings=ChoiceSettings(step=1))
     assert chosen.missed == (11,)
     assert chosen.left <= ChoiceSettings().frames_left
@@ -214,37 +130,9 @@ def test_what_is_unknown_in_an_example_is_not_asked_for():
     blind[:, FIRST] = False
     examples[0] = replace(examples[0], packed=examples[0].packed & pack(blind), known=pack(blind))
     query = choose_query(
-        template_of(examples[1:]), examples, others, settings=ChoiceSettings(exceptions=0.0)
+        learned_template(examples[1:]), examples, others, settings=ChoiceSettings(exceptions=0.0)
     ).query
     assert all(FIRST not in keyframe for keyframe in entries(query))
-
-
-def test_columns_follow_the_alignment():
-    features = np.zeros((20, N), dtype=bool)
-    features[5:10, FIRST] = features[12:18, SECOND] = True
-    slow = np.repeat(features, 2, axis=0)
-    examples = [sequence_of(features), sequence_of(slow)]
-    aligned = align_columns(template_of(examples[:1]), examples, tolerance=1)
-    assert aligned.n_columns == 20
-    for column in range(20):
-        first, second = aligned.frames[:, column]
-        np.testing.assert_array_equal(features[first], slow[second])
-    # 20 changes nothing: as steady as is counted. 3 comes on at frame 5.
-    assert (aligned.tolerance[:, NOISE] == MOST_STEADY).all()
-    assert aligned.tolerance[7, FIRST] == 2
-    assert aligned.disagreement.max() == 0.0
-
-
-@pytest.mark.parametrize("n", [1, 2, 5])
-def test_disagreement_is_what_one_breaks_and_all_others_share(n):
-    examples = [sequence_of(np.zeros((20, N))) for _ in range(n)]
-    odd = np.zeros((20, N))
-    odd[:, NOISE] = 1
-    aligned = align_columns(template_of(examples), [*examples, sequence_of(odd)], tolerance=0)
-    expected = np.zeros(N)
-    # Of two, each breaks what the other shows.
-    expected[NOISE] = 2.0 if n == 1 else 1.0
-    np.testing.assert_allclose(aligned.disagreement, expected)
 
 
 @pytest.mark.parametrize(
@@ -257,7 +145,7 @@ def test_disagreement_is_what_one_breaks_and_all_others_share(n):
 )
 def test_bad_examples(change, packed):
     examples, others = problem(0)
-    template = template_of(examples)
+    template = learned_template(examples)
     if "template" in change:
         template = learn_template(
             [examples[0].features[:, :39]],
@@ -271,14 +159,14 @@ def test_examples_without_a_steady_feature_in_common():
     rng = np.random.default_rng(1)
     examples = [sequence_of(rng.random((30, N)) < 0.5) for _ in range(6)]
     with pytest.raises(InvalidInput, match="no feature that is steady"):
-        choose_query(template_of(examples[:1]), examples, examples)
+        choose_query(learned_template(examples[:1]), examples, examples)
 
 
 def test_examples_that_are_too_short_for_two_keyframes():
     examples, others = problem(0)
     short = [example.part(0, 5) for example in examples]
     with pytest.raises(InvalidInput, match="1 of 2 keyframes that are 6 columns apart in"):
-        choose_query(template_of(short), short, others)
+        choose_query(learned_template(short), short, others)
 
 
 @pytest.mark.parametrize(
@@ -313,7 +201,7 @@ def test_recall_is_kept_for_actors_never_seen(data):
     for name in CLASSES:
         mine = [clips[p] for p in paths if p.parent.name == name and p not in unseen]
         others = [clips[p] for p in paths if p.parent.name != name and p not in unseen]
-        template = template_of(mine)
+        template = learned_template(mine)
         chosen = choose_query(template, mine, others)
         windows = select_in_index([chosen.query], template.n_columns, index)
         left.append(windows.n_frames / index.n_frames - _fraction(clips, unseen, name))

@@ -13,7 +13,6 @@ from motionary.features import FULL_BODY
 from motionary.models.keyframes import (
     Gap,
     KeyframeQuery,
-    PostingIndex,
     from_features,
     gap_of,
     index_packed,
@@ -229,12 +228,12 @@ def test_search_equals_algorithm_1_for_rare_keyframes(n_keyframes):
 
 
 def stream(*rows: str) -> np.ndarray:
-    """Words of a document, one row of 0/1 signs per relation."""
+    """Words of a document, one row of 0/1 signs per feature."""
     return pack(np.array([[sign == "1" for sign in row] for row in rows]).T)
 
 
 def query_for(n_keyframes, *gaps) -> KeyframeQuery:
-    """Keyframe k is relation k and nothing else."""
+    """Keyframe k is feature k and nothing else."""
     eye = pack(np.eye(n_keyframes, dtype=bool))
     return KeyframeQuery(eye, eye, tuple(Gap(*g) for g in gaps), SET, ids_of(n_keyframes))
 
@@ -285,7 +284,7 @@ def test_a_query_longer_than_its_document():
 def test_an_unknown_relation_neither_holds_nor_fails(held):
     query = KeyframeQuery(pack([[held]]), pack([[1]]), (), SET, ids_of(1))
     packed, known = pack([[held]] * 3), pack([[1], [0], [1]])
-    # Unknown relations are 0 in the words.
+    # Unknown features are 0 in the packed ones.
     assert both(query, packed & known, known=[known]) == [(0, 0, 1), (0, 2, 3)]
     assert list(search_packed(query, packed & known, known)) == [(0, 0, 1), (0, 2, 3)]
 
@@ -338,26 +337,7 @@ def test_marks_spread_to_whatever_is_within_reach(look, least, most):
     assert look(marks, least, most).tolist() == expected.tolist()
 
 
-# The index.
-
-
-def test_an_index_may_be_memory_mapped(tmp_path):
-    documents = [pack(d) for d in streams(1, lengths=[300, 200])]
-    query = query_of_streams(101).query
-    index = index_packed(documents, feature_set=SET, feature_ids=ids_of(12))
-    np.save(tmp_path / "planes.npy", index.planes)
-    planes = np.load(tmp_path / "planes.npy", mmap_mode="r")
-    mapped = PostingIndex(planes, index.lengths, SET, ids_of(12))
-    for engine in ENGINES:
-        assert list(search_query(query, mapped, engine=engine)) == list(search_query(query, index))
-
-
-def test_the_index_says_what_it_holds():
-    index = index_packed([stream("0110", "0001")], feature_set=SET, feature_ids=ids_of(2))
-    assert (index.n_frames, index.n_sequences) == (4, 1)
-    # Not X1, X1, not X2, X2, frames.
-    assert index.counts == (2, 2, 3, 1, 4)
-    assert index.n_bytes == index.planes.nbytes + index.lengths.nbytes
+# Refused.
 
 
 def test_query_and_index_of_different_sets_are_refused():
@@ -380,23 +360,3 @@ def test_words_of_another_width_are_refused():
         search_packed(query_for(1), stream("01"), np.zeros((3, 1), dtype=np.uint64))
     with pytest.raises(InvalidInput, match="limit must be at least 1"):
         single_hits(query_for(1), stream("01"), limit=0)
-
-
-@pytest.mark.parametrize(
-    ("packed", "known", "complaint"),
-    [
-        ([], None, "at least one sequence"),
-        ([np.zeros((3, 2), dtype=np.uint64)], None, "sequence 0: packed features need shape"),
-        ([np.zeros(3, dtype=np.uint64)], None, "sequence 0: packed features need shape"),
-        ([np.zeros((3, 1), dtype=np.uint64)], [], "as many masks"),
-        ([np.zeros((3, 1), dtype=np.uint64)], [np.zeros((2, 1), dtype=np.uint64)], "known needs"),
-    ],
-)
-def test_an_index_of_bad_documents_is_refused(packed, known, complaint):
-    with pytest.raises(InvalidInput, match=complaint):
-        index_packed(packed, known, feature_set=SET, feature_ids=ids_of(3))
-
-
-def test_an_index_of_bad_planes_is_refused():
-    with pytest.raises(InvalidInput, match="needs planes of shape"):
-        PostingIndex(np.zeros((3, 1), dtype=np.uint64), np.array([200]), SET, ids_of(1))

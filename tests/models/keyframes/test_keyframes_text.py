@@ -10,8 +10,15 @@ from hypothesis import strategies as st
 from keyframe_cases import SET, ids_of
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FULL_BODY_2006
-from motionary.models.keyframes import Gap, KeyframeQuery, format_query, from_features, parse_query
-from motionary.packing import pack
+from motionary.models.keyframes import (
+    Gap,
+    KeyframeQuery,
+    format_query,
+    from_features,
+    from_patterns,
+    parse_query,
+)
+from motionary.packing import pack, unpack
 
 
 class Stream(NamedTuple):
@@ -158,3 +165,53 @@ def test_a_query_of_another_set_is_not_written():
     query = from_features([{"F1": True}], [])
     with pytest.raises(InvalidInput, match="both must be of one set"):
         format_query(query, vocabulary=FULL_BODY_2006)
+
+
+def test_features_by_id_or_name():
+    query = from_features([{"F3": True, "Left  Knee bent": False}], [])
+    assert query.feature_set == "full-body-40"
+    fixed, values = unpack(query.fixed, 40)[0], unpack(query.values, 40)[0]
+    assert [FULL_BODY.ids[i] for i in np.flatnonzero(fixed)] == ["F3", "F21"]
+    assert [FULL_BODY.ids[i] for i in np.flatnonzero(values)] == ["F3"]
+
+
+@pytest.mark.parametrize(
+    ("keyframes", "complaint"),
+    [
+        ([], "at least one keyframe"),
+        ([{"right hand above the neck": True}], "did you mean 'right hand above neck'"),
+        ([{"F99": True}], "no feature 'F99' in 'full-body-40'"),
+        ([{"F3": True, "right hand above neck": False}], "to hold and not to hold"),
+    ],
+)
+def test_unknown_features(keyframes, complaint):
+    with pytest.raises(InvalidInput, match=complaint):
+        from_features(keyframes, [])
+
+
+def test_patterns_cover_their_group():
+    query = from_patterns(
+        ["1*0", "*1"], ["lower", "mix"], distances=[10], stiffness=[0.5], positions=[3, 13]
+    )
+    # lower begins with F15, mix with F27.
+    first = from_features(
+        [{"F15": True, "F17": False}, {"F28": True}], [Gap(5, 20)], positions=[3, 13]
+    )
+    assert query == first
+
+
+@pytest.mark.parametrize(
+    ("patterns", "groups", "stiffness", "complaint"),
+    [
+        (["1"], ["middle"], [], "no group 'middle'.*lower, mix, upper"),
+        (["1" * 15], ["upper"], [], "at most 14 signs"),
+        (["1?"], ["upper"], [], "got '1\\?'"),
+        (["1", "0"], ["upper"], [1.0], "2 keyframes need as many groups"),
+        (["1", "0"], ["upper"] * 2, [], "1 gaps need as many stiffness values, got 0"),
+        ([], [], [], "at least one keyframe"),
+    ],
+)
+def test_malformed_patterns(patterns, groups, stiffness, complaint):
+    distances = [1] * max(len(patterns) - 1, 0)
+    with pytest.raises(InvalidInput, match=complaint):
+        from_patterns(patterns, groups, distances=distances, stiffness=stiffness)

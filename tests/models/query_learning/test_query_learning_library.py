@@ -1,4 +1,4 @@
-"""Classes of a library get queries that were bred from their examples."""
+"""Classes of a library get queries that the genetic algorithm learned from their examples."""
 
 import json
 from dataclasses import replace

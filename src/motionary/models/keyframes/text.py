@@ -1,4 +1,4 @@
-"""Keyframe queries in words, as text that people write and keep, and as authors' patterns.
+"""Keyframe queries given by names of features: as text, and as authors' patterns.
 
 One keyframe a line, the gap to the next one on a line between:
 
