@@ -37,6 +37,7 @@ from motionary.models.keyframes.query import (
     columns_of_query,
 )
 from motionary.packing import PackedFeatures, from_numbers
+from motionary.recording import find_runs
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -106,8 +107,7 @@ def search_packed(
     lists = []
     for keyframe in zip(values, fixed, strict=True):
         shown = _frames_of_keyframe(*keyframe, packed, known)
-        edges = np.flatnonzero(np.diff(shown, prepend=False, append=False))
-        lists.append(Intervals(edges[::2], edges[1::2]))
+        lists.append(Intervals(*find_runs(shown).T))
     return _join(lists, plan, Layout.of_lengths(np.array([len(packed)], dtype=np.int64)))
 
 
