@@ -32,7 +32,7 @@ _FOLLOWING = 4
 _WITHIN = 45
 #: A landmark votes for at most so many others of its kind: common ones tell little.
 _MOST_PARTNERS = 16
-#: Documents whose landmarks are compared at a time.
+#: Sequences whose landmarks are compared at a time.
 _PORTION = 256
 _OFFSETS = 1 << 24
 
@@ -57,25 +57,25 @@ _BONES = (
 
 
 class Changes(NamedTuple):
-    """Changes of features in documents, by document and time.
+    """Changes of features in sequences, by sequence and time.
 
     Attributes
     ----------
-    documents, frames, symbols : arrays, shape (changes,)
+    sequences, frames, symbols : arrays, shape (changes,)
     """
 
-    documents: Integers
+    sequences: Integers
     frames: Integers
     symbols: Integers
 
 
 class Candidates(NamedTuple):
-    """Pairs of documents with the offset that most landmarks vote for.
+    """Pairs of sequences with the offset that most landmarks vote for.
 
     Attributes
     ----------
-    left, right : arrays, shape (pairs,), documents
-    offsets : frame of the left document at which the right one begins
+    left, right : arrays, shape (pairs,), sequences
+    offsets : frame of the left sequence at which the right one begins
     votes : landmarks that agree
     """
 
@@ -88,37 +88,37 @@ class Candidates(NamedTuple):
 def changes_of(
     packed: Sequence[PackedFeatures], known: Sequence[PackedFeatures], n_features: int
 ) -> Changes:
-    """Changes of known features in documents."""
-    documents, frames, symbols = [], [], []
+    """Changes of known features in sequences."""
+    sequences, frames, symbols = [], [], []
     for number, (holding, mask) in enumerate(zip(packed, known, strict=True)):
         changed = (holding[1:] ^ holding[:-1]) & mask[1:] & mask[:-1]
         at = np.flatnonzero(changed.any(axis=1))
         frame, feature = np.nonzero(unpack(changed[at], n_features))
         holds = unpack(holding[at + 1], n_features)[frame, feature]
-        documents.append(np.full(len(frame), number))
+        sequences.append(np.full(len(frame), number))
         frames.append(at[frame])
         symbols.append(2 * feature + holds)
-    return Changes(*(np.concatenate(column) for column in (documents, frames, symbols)))
+    return Changes(*(np.concatenate(column) for column in (sequences, frames, symbols)))
 
 
 def mirrored(changes: Changes, mirror_order: NDArray[np.intp]) -> Changes:
     """Changes of the mirrored motions."""
     feature, begins = changes.symbols // 2, changes.symbols % 2
     symbols = 2 * mirror_order[feature] + begins
-    order = np.lexsort((symbols, changes.frames, changes.documents))
-    return Changes(changes.documents[order], changes.frames[order], symbols[order])
+    order = np.lexsort((symbols, changes.frames, changes.sequences))
+    return Changes(changes.sequences[order], changes.frames[order], symbols[order])
 
 
 def find_candidates(
     left: Changes, right: Changes, *, n_features: int, n_right: int, least_votes: int
 ) -> Candidates:
-    """Pairs of documents that share landmarks.
+    """Pairs of sequences that share landmarks.
 
     Parameters
     ----------
     left, right : changes of both sides
     n_features : of the feature set
-    n_right : documents of the right side
+    n_right : sequences of the right side
     least_votes : landmarks that must agree
     """
     kinds, places, owners = _landmarks(left, n_features)
@@ -138,17 +138,17 @@ def find_candidates(
 
 
 def _landmarks(changes: Changes, n_features: int) -> tuple[Integers, Integers, Integers]:
-    """Kind, frame and document of each landmark."""
-    documents, frames, symbols = changes
+    """Kind, frame and sequence of each landmark."""
+    sequences, frames, symbols = changes
     kinds, at = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for step in range(1, _FOLLOWING + 1):
         gap = frames[step:] - frames[:-step]
-        near = np.flatnonzero((documents[step:] == documents[:-step]) & (gap <= _WITHIN))
+        near = np.flatnonzero((sequences[step:] == sequences[:-step]) & (gap <= _WITHIN))
         pair = symbols[near] * (2 * n_features) + symbols[near + step]
         kinds.append(pair * (_WITHIN + 1) + gap[near])
         at.append(near)
     places = np.concatenate(at)
-    return np.concatenate(kinds), frames[places], documents[places]
+    return np.concatenate(kinds), frames[places], sequences[places]
 
 
 def _partners(kinds: Integers, theirs: Integers) -> tuple[Integers, Integers]:

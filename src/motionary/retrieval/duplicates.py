@@ -103,7 +103,7 @@ class DuplicateResult:
 
 
 class _Pair(NamedTuple):
-    """Documents with the best evidence for them."""
+    """Two sequences with the best evidence for them."""
 
     left: int
     right: int
@@ -219,7 +219,7 @@ class _Sides:
         worth = -np.log2(np.minimum(self.rates, 1.0))
         for sequences, changes in sides:
             bits = np.bincount(
-                changes.documents, weights=worth[changes.symbols], minlength=len(sequences)
+                changes.sequences, weights=worth[changes.symbols], minlength=len(sequences)
             )
             names += [s.source for s, b in zip(sequences, bits, strict=True)
                       if b < settings.least_bits]  # fmt: skip
@@ -242,15 +242,15 @@ class _Sides:
         return pairs
 
     def _signs(
-        self, changes: Changes, sequences: Sequence[FeatureSequence], document: int, flip: bool
+        self, changes: Changes, sequences: Sequence[FeatureSequence], number: int, flip: bool
     ) -> Signs:
-        """Changes of one document as a matrix of signs."""
-        first, stop = np.searchsorted(changes.documents, [document, document + 1])
+        """Changes of one sequence as a matrix of signs."""
+        first, stop = np.searchsorted(changes.sequences, [number, number + 1])
         symbols = changes.symbols[first:stop]
         features = symbols // 2
         if flip:
             features = self.mirror_order[features]
-        signs = np.zeros((len(sequences[document]), self.n_features), dtype=np.int8)
+        signs = np.zeros((len(sequences[number]), self.n_features), dtype=np.int8)
         signs[changes.frames[first:stop], features] = np.where(symbols % 2, 1, -1)
         return signs
 

@@ -28,7 +28,7 @@ _MOST_REASONS = 3
 
 
 class Part(NamedTuple):
-    """A shard of a collection, and the number that each of its documents has there."""
+    """A shard of a collection, and the number that each of its sequences has there."""
 
     shard: Shard
     numbers: NDArray[np.int64]
@@ -50,7 +50,7 @@ class Collection:
     failures: tuple[Failure[NamedFile], ...] = field(default=())
 
     def __post_init__(self) -> None:
-        if isinstance(self.sequences, _Documents):
+        if isinstance(self.sequences, _Sequences):
             return
         stray = [s for s in self.sequences if s.feature_set.name != self.feature_set.name]
         if stray:
@@ -66,7 +66,7 @@ class Collection:
         feature_set: FeatureSet,
         failures: tuple[Failure[NamedFile], ...] = (),
     ) -> Self:
-        """The documents of shards, sorted by name; nothing is copied."""
+        """The sequences of shards, sorted by name; nothing is copied."""
         names = [name for shard in shards for name in shard.names]
         order = np.array(sorted(range(len(names)), key=names.__getitem__), dtype=np.int64)
         numbers = np.empty_like(order)
@@ -74,7 +74,7 @@ class Collection:
         borders = np.cumsum([len(shard) for shard in shards])[:-1]
         split = np.split(numbers, borders) if shards else []
         parts = tuple(Part(shard, part) for shard, part in zip(shards, split, strict=True))
-        return cls(_Documents(parts, order), feature_set, failures)
+        return cls(_Sequences(parts, order), feature_set, failures)
 
     def __len__(self) -> int:
         return len(self.sequences)
@@ -91,14 +91,14 @@ class Collection:
         if not self.sequences:
             reasons = "".join(f"; {f.item[0]}: {f.error}" for f in self.failures[:_MOST_REASONS])
             raise InvalidInput(f"there is no readable recording to search{reasons}")
-        if isinstance(self.sequences, _Documents):
+        if isinstance(self.sequences, _Sequences):
             return self.sequences.parts
         shard = make_shard(self.sequences, self.feature_set)
         return (Part(shard, np.arange(len(shard))),)
 
     def locate(self, number: int) -> tuple[int, int]:
-        """Part in which a recording stands, and its document there."""
-        if isinstance(self.sequences, _Documents):
+        """Part in which a recording stands, and its place there."""
+        if isinstance(self.sequences, _Sequences):
             return self.sequences.locate(number)
         return 0, number
 
@@ -114,8 +114,8 @@ class Collection:
         return prior_of_counts(counts[1:-1:2], counts[0:-1:2] + counts[1:-1:2])
 
 
-class _Documents(Sequence[FeatureSequence]):
-    """Documents of shards in the order of their names, made when they are asked for."""
+class _Sequences(Sequence[FeatureSequence]):
+    """Sequences of shards in the order of their names, made when they are asked for."""
 
     def __init__(self, parts: tuple[Part, ...], order: NDArray[np.int64]) -> None:
         self.parts = parts
@@ -132,8 +132,8 @@ class _Documents(Sequence[FeatureSequence]):
     def __getitem__(self, index: int | slice) -> FeatureSequence | Sequence[FeatureSequence]:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        part, document = self.locate(index)
-        return self.parts[part].shard.sequence(document)
+        part, place = self.locate(index)
+        return self.parts[part].shard.sequence(place)
 
     def locate(self, index: int) -> tuple[int, int]:
         place = int(self._order[index])

@@ -20,7 +20,7 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
 from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder
 from motionary.retrieval.index.collection import Collection
-from motionary.retrieval.index.shard import DOCUMENT, Shard, join_shards, make_shard, select
+from motionary.retrieval.index.shard import ROW, Shard, join_shards, make_shard, select
 from motionary.retrieval.index.storage import (
     FILE,
     FailedFile,
@@ -288,7 +288,7 @@ class Index:
                 states.append((0, 0, 0, 0.0, state.mtime_ns, state.size, sidecar))
         shards = dict(self._shards)
         if read:
-            table = np.array(states, dtype=DOCUMENT)
+            table = np.array(states, dtype=ROW)
             shards |= self._write(make_shard(read, self.feature_set, states=table))
         self._commit(replace(self._manifest, failures=failures), shards)
 

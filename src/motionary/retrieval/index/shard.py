@@ -1,10 +1,10 @@
 """Shards: the features of many recordings in arrays, in memory as on disk.
 
-Documents stand one behind the other as the matcher takes them, with room between, beside
+Sequences stand one behind the other as the matcher takes them, with room between, beside
 bitmaps of their features as keyframe queries take them. All are plain arrays, which may be
 memory-mapped.
 
-Conventions: a position counts frames of the shard, the room between documents included.
+Conventions: a position counts frames of the shard, the room between sequences included.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ from motionary.models.keyframes import HitRanges, PostingIndex, index_packed
 from motionary.packing import PackedFeatures, full_mask
 from motionary.recording import Recording
 
-#: What is known of a document beside its features. `mtime_ns`, `size` and `companion` tell the
+#: What is known of a sequence beside its features. `mtime_ns`, `size` and `companion` tell the
 #: state of the file that it was read from; they are 0 where there is none.
-DOCUMENT = np.dtype(
+ROW = np.dtype(
     [
         ("length", "<i8"),
         ("file_frames", "<i8"),
@@ -42,8 +42,8 @@ class Shard:
 
     Attributes
     ----------
-    names : of the documents
-    table : array, shape (documents,), of `DOCUMENT`
+    names : of the recordings
+    table : array, shape (sequences,), of `ROW`
     packed : array, shape (positions, n_integers), uint64; unknown features are 0
     masks : array, shape (runs, 1 + n_integers), uint64
         Which features are known: one past the last position of a run, and the mask that
@@ -65,7 +65,7 @@ class Shard:
         shapes = self.packed.shape, self.masks.shape[1:], len(self.names)
         if shapes != ((n_positions, n_integers), (1 + n_integers,), len(self.table)):
             raise InvalidInput(
-                f"a shard of {len(self.table)} documents needs features of shape "
+                f"a shard of {len(self.table)} sequences needs features of shape "
                 f"({n_positions}, {n_integers}), got {len(self.names)} names and "
                 f"{self.packed.shape}"
             )
@@ -75,18 +75,18 @@ class Shard:
 
     @property
     def lengths(self) -> NDArray[np.int64]:
-        """Frames of each document, shape (documents,)."""
+        """Frames of each sequence, shape (sequences,)."""
         return np.asarray(self.table["length"], dtype=np.int64)
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
-        """Position of the first frame of each document, shape (documents,)."""
+        """Position of the first frame of each sequence, shape (sequences,)."""
         steps = self.lengths + PADDING
         return np.cumsum(steps) - steps
 
     @property
     def n_frames(self) -> int:
-        """Frames of all documents."""
+        """Frames of all sequences."""
         return int(self.lengths.sum())
 
     @cached_property
@@ -112,7 +112,7 @@ class Shard:
         )
 
     def cut(self, ranges: HitRanges) -> Corpus:
-        """Some segments of documents, at least one, as documents of their own."""
+        """Some segments of sequences, at least one, as sequences of their own."""
         lengths = ranges.stops - ranges.starts
         starts = np.cumsum(lengths + PADDING) - lengths - PADDING
         n_positions = int(starts[-1] + lengths[-1])
@@ -128,13 +128,13 @@ class Shard:
         return Corpus(packed, self.masks[run, 1:], starts, lengths, np.flatnonzero(blocked))
 
     def features_of(self, number: int) -> tuple[PackedFeatures, PackedFeatures]:
-        """Packed features and mask of a document."""
+        """Packed features and mask of a sequence."""
         start = int(self.starts[number])
         stop = start + int(self.table["length"][number])
         return self.packed[start:stop], self._known(start, stop)
 
     def sequence(self, number: int) -> FeatureSequence:
-        """A document."""
+        """The sequence of a recording."""
         packed, known = self.features_of(number)
         row = self.table[number]
         return FeatureSequence(
@@ -172,14 +172,14 @@ def make_shard(
     ----------
     sequences : at least one, over `feature_set`
     feature_set : what the bits mean
-    states : array, shape (documents,), of `DOCUMENT`, whose file states are taken over
+    states : array, shape (sequences,), of `ROW`, whose file states are taken over
 
     Raises
     ------
     InvalidInput
         If there is no recording, or features and masks do not fit.
     """
-    table = np.zeros(len(sequences), dtype=DOCUMENT)
+    table = np.zeros(len(sequences), dtype=ROW)
     if states is not None:
         table[:] = states
     table["length"] = [len(s) for s in sequences]
@@ -188,7 +188,7 @@ def make_shard(
     table["rate_hz"] = [s.recording.rate_hz for s in sequences]
     full = full_mask(1, len(feature_set))[0]
     corpus = concatenate([s.packed for s in sequences], [s.known for s in sequences], full=full)
-    # What stands between documents does not count: the same as before it, runs are fewest.
+    # What stands between sequences does not count: the same as before it, runs are fewest.
     known = corpus.known.copy()
     for back in range(PADDING):
         between = corpus.blocked[back::PADDING]
@@ -198,14 +198,14 @@ def make_shard(
 
 
 def join_shards(shards: Sequence[Shard]) -> Shard:
-    """One shard with the documents of several, in their order."""
+    """One shard with the sequences of several, in their order."""
     return select(shards, [np.arange(len(shard)) for shard in shards])
 
 
 def select(shards: Sequence[Shard], chosen: Sequence[NDArray[np.intp]]) -> Shard:
-    """One shard with the chosen documents of several."""
+    """One shard with the chosen sequences of several."""
     pairs = [(s, int(i)) for s, numbers in zip(shards, chosen, strict=True) for i in numbers]
-    states = np.array([shard.table[i] for shard, i in pairs], dtype=DOCUMENT)
+    states = np.array([shard.table[i] for shard, i in pairs], dtype=ROW)
     sequences = [shard.sequence(i) for shard, i in pairs]
     return make_shard(sequences, shards[0].feature_set, states=states)
 

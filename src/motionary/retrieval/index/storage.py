@@ -26,7 +26,7 @@ from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FeatureSet
 from motionary.io import FileState, ReadOptions
 from motionary.io.text import read_text
-from motionary.retrieval.index.shard import DOCUMENT, Shard
+from motionary.retrieval.index.shard import ROW, Shard
 
 #: Environment variable with the folder of the cache, instead of the system's.
 CACHE_VARIABLE = "MOTIONARY_CACHE"
@@ -249,7 +249,7 @@ def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
     try:
         names = json.loads((path / _NAMES).read_text("utf-8"))
         table, packed, masks, planes = (_map(path / file) for file in _ARRAYS.values())
-        if table.dtype != DOCUMENT:
+        if table.dtype != ROW:
             raise InvalidInput("its table has other columns")
         if planes.shape[0] != 2 * len(feature_set) + 1:
             raise InvalidInput("its bitmaps are of another feature set")

@@ -197,9 +197,9 @@ class _Piece(NamedTuple):
     Attributes
     ----------
     query : number of the query
-    frames : array, shape (hits, K), frames of the documents; of one keyframe the first and the
+    frames : array, shape (hits, K), frames of the sequences; of one keyframe the first and the
         last that show it
-    gap_costs, numbers : arrays, shape (hits,); documents are numbered as in the collection
+    gap_costs, numbers : arrays, shape (hits,); sequences are numbered as in the collection
     """
 
     query: int

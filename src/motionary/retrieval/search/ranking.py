@@ -4,7 +4,7 @@ Hits below a threshold (Müller and Röder 2006, section 5.4). A template with k
 (Müller, Baak and Seidel 2009, section 5) is matched only around their hits: no path leaves
 such a window, and the cost is infinite outside of it.
 
-Conventions: a window belongs to a document; documents are numbered as in the collection.
+Conventions: a window belongs to a sequence; sequences are numbered as in the collection.
 """
 
 import heapq
@@ -118,11 +118,11 @@ class SearchPattern:
 
 
 class Window(NamedTuple):
-    """A segment of a document in which a template was matched.
+    """A segment of a sequence in which a template was matched.
 
     Attributes
     ----------
-    start : its first frame in the document
+    start : its first frame in the sequence
     packed, known, distance : of the segment
     """
 
@@ -140,25 +140,25 @@ class MatchedPart:
     ----------
     part : the part
     corpus : the windows
-    documents, starts : arrays, shape (windows,): document of the part, and its first frame
+    sequences, starts : arrays, shape (windows,): number in the part, and its first frame
     distance : array, shape (frames of the corpus,)
     """
 
     part: Part
     corpus: Corpus
-    documents: Integers
+    sequences: Integers
     starts: Integers
     distance: Single
 
     def least(self) -> Single:
         """Smallest cost of every window, shape (windows,)."""
-        # Documents without frames begin past the end.
+        # Sequences without frames begin past the end.
         padded = np.append(self.distance, np.float32(np.inf))
         return np.minimum.reduceat(padded, self.corpus.starts)
 
-    def windows(self, document: int) -> Iterator[Window]:
-        """Windows of one document of the part."""
-        first, stop = np.searchsorted(self.documents, [document, document + 1])
+    def windows(self, place: int) -> Iterator[Window]:
+        """Windows of one sequence of the part."""
+        first, stop = np.searchsorted(self.sequences, [place, place + 1])
         for i in range(first, stop):
             inside = slice(self.corpus.starts[i], self.corpus.starts[i] + self.corpus.lengths[i])
             packed, known = self.corpus.document(i)
@@ -188,18 +188,18 @@ class Matches:
 
     @cached_property
     def smallest(self) -> NDArray[np.float64]:
-        """Smallest cost of every document over all templates, shape (documents,)."""
+        """Smallest cost of every recording over all templates, shape (recordings,)."""
         smallest = np.full(len(self.collection), np.inf)
         for matched in self.parts:
             for found in matched.values():
-                np.minimum.at(smallest, found.part.numbers[found.documents], found.least())
+                np.minimum.at(smallest, found.part.numbers[found.sequences], found.least())
         return smallest
 
     def rank(self, *, threshold: float, limit: int | None) -> list[Hit]:
-        """Hits over all documents, best first; of equal ones the earlier document's first."""
+        """Hits over all recordings, best first; of equal ones the earlier recording's first."""
         least = np.sort(self.smallest[np.isfinite(self.smallest)])
         if limit is not None and limit <= len(least):
-            # So many documents have a hit of at most this cost, unless too little was seen.
+            # So many recordings have a hit of at most this cost, unless too little was seen.
             bound = min(threshold, float(least[limit - 1]) * (1 + _ROUNDING) + _ROUNDING)
             hits = self._collect(bound, limit)
             if len(hits) == limit or bound == threshold:
@@ -207,7 +207,7 @@ class Matches:
         return self._collect(threshold, limit)
 
     def _collect(self, threshold: float, limit: int | None) -> list[Hit]:
-        """Hits of the documents by their smallest cost, until no other can count."""
+        """Hits of the recordings by their smallest cost, until no other can count."""
         found: list[tuple[float, int, int, Hit]] = []
         for number in np.argsort(self.smallest, kind="stable").tolist():
             least = self.smallest[number]
@@ -223,12 +223,12 @@ class Matches:
         return [f[3] for f in found[:limit]]
 
     def _hits_in(self, number: int, threshold: float, limit: int | None) -> list[Hit]:
-        """Hits in one document; where templates of one class overlap the cheaper one stays."""
-        part, document = self.collection.locate(number)
+        """Hits in one recording; where templates of one class overlap the cheaper one stays."""
+        part, place = self.collection.locate(number)
         sequence = self.collection.sequences[number]
         candidates: list[Evidence] = []
         for pattern, parts in zip(self.patterns, self.parts, strict=True):
-            for window in parts[part].windows(document) if part in parts else ():
+            for window in parts[part].windows(place) if part in parts else ():
                 candidates += _find_matches(pattern, window, sequence, threshold, limit)
         taken: list[Evidence] = []
         for match in sorted(candidates, key=lambda e: (e.alignment.cost, e.alignment.start)):
@@ -262,16 +262,16 @@ def _match_one(pattern: SearchPattern, collection: Collection) -> dict[int, Matc
     matched = {}
     for number, part in enumerate(collection.parts):
         if not pattern.queries:
-            corpus, documents = part.shard.corpus, np.arange(len(part.shard))
-            starts = np.zeros_like(documents)
+            corpus, sequences = part.shard.corpus, np.arange(len(part.shard))
+            starts = np.zeros_like(sequences)
         else:
             ranges = pattern.windows(part.shard.posting_index)
             if not len(ranges):
                 continue
             corpus = part.shard.cut(ranges)
-            documents, starts = ranges.sequences, ranges.starts
+            sequences, starts = ranges.sequences, ranges.starts
         distance = corpus_distance(pattern.pattern, corpus)
-        matched[number] = MatchedPart(part, corpus, documents, starts, distance)
+        matched[number] = MatchedPart(part, corpus, sequences, starts, distance)
     return matched
 
 
