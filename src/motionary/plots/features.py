@@ -38,6 +38,7 @@ from motionary.plots.style import (
     house_style,
     text_width,
 )
+from motionary.recording import find_runs
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -249,7 +250,7 @@ def hatch_cells(axes: "Axes", cells: Flags, *, stop_s: float) -> None:
     least = _NARROWEST_HATCH / width * len(cells)
     corners = []
     for row, marked in enumerate(cells.T):
-        for first, stop in runs(marked):
+        for first, stop in find_runs(marked).tolist():
             if stop - first >= least:
                 left, right = first * column_s, stop * column_s
                 top, low = row - 0.5, row + 0.5
@@ -260,12 +261,6 @@ def hatch_cells(axes: "Axes", cells: Flags, *, stop_s: float) -> None:
         ),
         autolim=False,
     )
-
-
-def runs(marked: Flags) -> list[tuple[int, int]]:
-    """Runs of True, half-open."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def pool_starts(n_columns: int) -> NDArray[np.intp]:

@@ -1,4 +1,4 @@
-"""Which motions occur in a recording, and when?
+"""Labels of the motions in a recording.
 
 The annotation procedure of Müller, Baak and Seidel (2009), section 4: per class a modified
 distance function that gives every frame of a match the cost of the match; per frame the
@@ -6,12 +6,13 @@ class with the least; runs of one class, extended while the class's own function
 rise. Where a class has keyframes, its distance is computed around their hits only and
 infinite elsewhere (section 5).
 
-Conventions: frames are words at 30 Hz, 0-based; ties go to the earlier class.
+Conventions: frames are those of the sequence, at 30 Hz, 0-based; ties go to the earlier class.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassDistance:
-    """How one class fits one recording.
+    """Modified distance function of one class in one recording, and its matches.
 
     Attributes
     ----------
@@ -58,6 +59,19 @@ class ClassDistance:
     owner: NDArray[np.intp]
     matches: tuple[Evidence, ...]
     least: Evidence | None
+
+
+class Annotation(NamedTuple):
+    """Labels of one recording, and the distances that they were assigned by.
+
+    Attributes
+    ----------
+    track : the labels
+    distances : of each class of the library, by its name
+    """
+
+    track: LabelTrack
+    distances: dict[str, ClassDistance]
 
 
 def annotate(
@@ -87,7 +101,21 @@ def annotate(
     InvalidInput
         If the library is empty or has another feature set.
     """
-    sequence = _words_of(recording, library)
+    return annotate_with_distances(
+        recording, library, threshold=threshold, preselect=preselect, skip_weight=skip_weight
+    ).track
+
+
+def annotate_with_distances(
+    recording: Motion | FeatureSequence,
+    library: ClassLibrary,
+    *,
+    threshold: float | None = None,
+    preselect: bool = True,
+    skip_weight: float = SKIP_WEIGHT,
+) -> Annotation:
+    """Labels of one recording with the distances of all classes; otherwise as `annotate`."""
+    sequence = _sequence_of(recording, library)
     distance = partial(class_distance, sequence, threshold=threshold, skip_weight=skip_weight)
     distances = [distance(motion_class, preselect=preselect) for motion_class in library]
     segments = annotate_distances([d.modified for d in distances])
@@ -95,16 +123,17 @@ def annotate(
     nearest = ""
     if not labels:
         everywhere = [
-            distance(motion_class, preselect=False) if _has_keyframes(motion_class) else found
-            for motion_class, found in zip(library, distances, strict=True)
+            distance(one, preselect=False) if any(p.queries for p in one.prototypes) else found
+            for one, found in zip(library, distances, strict=True)
         ]
         nearest = _nearest(sequence, library, everywhere, threshold)
-    return LabelTrack(
+    track = LabelTrack(
         recording=sequence.recording,
         labels=labels,
         unassessed=unassessed(sequence),
         nearest=nearest,
     )
+    return Annotation(track, dict(zip(library.names, distances, strict=True)))
 
 
 def class_distance(
@@ -138,7 +167,7 @@ def class_distance(
 
 
 def _windows(prototype: Prototype, sequence: FeatureSequence) -> list[tuple[int, int]]:
-    """Where a subclass is looked for: around the hits of its keyframes."""
+    """Where a prototype is matched: around the hits of its keyframes."""
     ranges = select_in_sequence(
         prototype.queries,
         prototype.template.n_columns,
@@ -187,21 +216,21 @@ def _align(
 
 
 def unassessed(sequence: FeatureSequence) -> tuple[Segment, ...]:
-    """Segments in which fewer than half of the relations are known."""
+    """Segments in which fewer than half of the features are known."""
     known = count(sequence.known) / len(sequence.feature_set)
     return tuple(
         sequence.segment(start, stop) for start, stop in find_runs(known < ASSESSED_FROM).tolist()
     )
 
 
-def _words_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
+def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
     if not library:
         raise InvalidInput("the library has no classes, so there is nothing to look for")
     if isinstance(recording, Motion):
         return compute_features(recording, feature_set=library.feature_set)
     if recording.feature_set.name != library.feature_set.name:
         raise InvalidInput(
-            f"{recording.source}: words of {recording.feature_set.name!r}, but the library "
+            f"{recording.source}: features of {recording.feature_set.name!r}, but the library "
             f"uses {library.feature_set.name!r}; compute them with feature_set="
         )
     return recording
@@ -243,7 +272,3 @@ def _nearest(
             f"{motion_class.name} {cost:.3f} at {start / SEQUENCE_HZ:.1f} s"
         )
     return describe_nearest(evidence, what=motion_class.name, threshold=limit)
-
-
-def _has_keyframes(motion_class: MotionClass) -> bool:
-    return any(prototype.queries for prototype in motion_class.prototypes)

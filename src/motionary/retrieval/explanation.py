@@ -1,7 +1,7 @@
-"""Why was this stretch called that?
+"""Explanations of labels and hits: what held, what failed, and when.
 
-Every match is a path through a template; each fixed cell on it asks for a relation to hold
-or not. An explanation lists which of them held, which failed, and when.
+Every match is a path through a template; each fixed cell on it asks for a feature to hold
+or not to hold.
 """
 
 from collections.abc import Iterator
@@ -16,10 +16,11 @@ from motionary.features import FeatureSequence
 from motionary.matching import Alignment, Pattern
 from motionary.models.templates import QuantisedTemplate
 from motionary.packing import unpack
+from motionary.recording import find_runs
 
 Bools = NDArray[np.bool_]
 
-#: Where less of what is asked for was seen, nothing is told from it.
+#: Where less of what is asked for was seen, a match is not assessed.
 ASSESSED_FROM = 0.5
 
 _MOST_PHRASES = 4
@@ -27,13 +28,13 @@ _MOST_PHRASES = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What a label or hit stands on.
+    """The match behind a label or hit.
 
     Attributes
     ----------
     name : of the class
-    template, pattern : what was sought, cell by cell and as the matcher saw it
-    sequence : words of the recording
+    template, pattern : of the class, cell by cell and as the matcher takes it
+    sequence : features of the recording
     alignment : path through both
     """
 
@@ -45,14 +46,14 @@ class Evidence:
 
     @property
     def known(self) -> float:
-        """Share of the cells that the template asks for and that were seen, in [0, 1]."""
+        """Fraction of the cells asked for that were seen, in [0, 1]."""
         asked, seen, _ = _cells(self)
         n_asked = int(asked.sum())
         return float((asked & seen).sum() / n_asked) if n_asked else 1.0
 
     @property
     def is_assessed(self) -> bool:
-        """Whether enough was seen to tell: what was not seen is no match at any threshold."""
+        """Whether enough was seen: what was not seen is no match at any threshold."""
         return self.known >= ASSESSED_FROM
 
 
@@ -61,19 +62,19 @@ class Explainable(Protocol):
 
     @property
     def evidence(self) -> Evidence | None:
-        """What it stands on; None if it was read from a table."""
+        """The match behind it; None if it was read from a table."""
 
 
 class Finding(NamedTuple):
-    """One relation over one stretch.
+    """One feature over one segment.
 
     Attributes
     ----------
-    relation : id ("F20")
+    feature : id ("F20")
     phrase : what the class asks for, in words; see `Feature.phrase`
     start_s, end_s : seconds, half-open
-    weight : how much it tells: the mean weight of its cells, times the root of their number,
-        so that a short rare thing comes before a long common one
+    weight : mean weight of its cells times the root of their number, so that a short rare
+        finding comes before a long common one
     """
 
     feature: str
@@ -89,14 +90,14 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Which relations held and which failed; `str()` puts it into a sentence.
+    """Which features held and which failed; `str()` puts it into a sentence.
 
     Attributes
     ----------
     name, recording, start_s, end_s, cost : of the match
     held, failed : what the class asks for and the recording shows, or does not
-    unknown : phrases of relations that the class asks for and that were not seen
-    share_held : share of the seen cells that held
+    unknown : phrases of features that the class asks for and that were not seen
+    fraction_held : fraction of the seen cells that held
     """
 
     name: str
@@ -123,12 +124,12 @@ class Explanation:
         return "; ".join(parts)
 
     def worst(self) -> list[Finding]:
-        """The failed relations that tell most, most telling first."""
+        """The failed findings of most weight, the highest first."""
         return sorted(self.failed, key=lambda f: -f.weight)[:_MOST_PHRASES]
 
 
 def explain(match: Explainable | Evidence) -> Explanation:
-    """Why a label or hit was given.
+    """What of a label or hit held and what failed.
 
     Parameters
     ----------
@@ -182,7 +183,7 @@ def describe_nearest(evidence: Evidence, *, what: str, threshold: float) -> str:
 
 
 def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
-    """What is asked for, seen, and agrees, per cell of the path and relation."""
+    """What is asked for, seen, and agrees, per cell of the path and feature."""
     columns, frames = evidence.alignment.path.T
     n = len(evidence.sequence.feature_set)
     seen = unpack(evidence.sequence.known[frames], n)
@@ -192,39 +193,33 @@ def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
 
 
 def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Iterator[Finding]:
-    """Runs along the path in which one relation is asked for with one value."""
+    """Runs along the path in which one feature is asked for with one value."""
     columns = evidence.alignment.path[:, 0]
     wanted = evidence.template.values[columns]
     weights = _cell_weights(evidence)[columns]
     seconds = evidence.sequence.seconds
     for i, feature in enumerate(evidence.sequence.feature_set.features):
         for value in (True, False):
-            for first, last in _runs(where[:, i] & (wanted[:, i] == value)):
+            for first, stop in find_runs(where[:, i] & (wanted[:, i] == value)).tolist():
                 yield Finding(
                     feature.id,
                     feature.phrase(value),
                     seconds(int(frames[first])),
-                    seconds(int(frames[last]) + 1),
-                    float(weights[first : last + 1, i].sum() / np.sqrt(last + 1 - first)),
+                    seconds(int(frames[stop - 1]) + 1),
+                    float(weights[first:stop, i].sum() / np.sqrt(stop - first)),
                 )
 
 
 def _cell_weights(evidence: Evidence) -> NDArray[np.float64]:
-    """How much each cell of the template tells, shape (columns, relations)."""
+    """Weight of each cell of the template, shape (columns, features)."""
     if evidence.pattern.entry_weights is not None:
         return evidence.pattern.entry_weights
-    # What a class does says more than what it leaves undone: most relations rarely hold.
+    # What a class does weighs more than what it leaves undone: most features rarely hold.
     return np.where(evidence.template.values, 1.0, 0.25)
 
 
-def _runs(where: Bools) -> list[tuple[int, int]]:
-    """First and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]])))
-    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
-
-
 def _telling(held: tuple[Finding, ...]) -> list[Finding]:
-    """The findings that tell most, one a relation, in the order of time."""
+    """The findings of most weight, one a feature, in the order of time."""
     ranked = sorted(held, key=lambda f: -f.weight)
     first_of_each = {f.feature: f for f in reversed(ranked)}
     best = sorted(first_of_each.values(), key=lambda f: -f.weight)[:_MOST_PHRASES]

@@ -19,7 +19,7 @@ from motionary.features import FeatureSequence, FeatureSet
 from motionary.matching import PADDING, Corpus, concatenate
 from motionary.models.keyframes import HitRanges, PostingIndex, index_packed
 from motionary.packing import PackedFeatures, full_mask
-from motionary.recording import Recording
+from motionary.recording import Recording, split_runs
 
 #: What is known of a sequence beside its features. `mtime_ns`, `size` and `companion` tell the
 #: state of the file that it was read from; they are 0 where there is none.
@@ -91,7 +91,7 @@ class Shard:
 
     @cached_property
     def corpus(self) -> Corpus:
-        """What the matcher takes; words are not copied."""
+        """What the matcher takes; features are not copied."""
         blocked = np.ones(len(self.packed), dtype=np.bool_)
         blocked[_inside(self.starts, self.lengths)] = False
         known = self._known(0, len(self.packed))
@@ -218,6 +218,5 @@ def _inside(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np
 
 def _runs(known: PackedFeatures) -> PackedFeatures:
     """Masks as runs: one past the last position, and the mask."""
-    change = np.flatnonzero((known[1:] != known[:-1]).any(axis=1)) + 1
-    stops = np.concatenate([change, [len(known)]])
+    stops = np.array([stop for _, stop in split_runs(known)])
     return np.column_stack([stops.astype(np.uint64), known[stops - 1]])

@@ -32,6 +32,7 @@ from motionary.models.keyframes import (
 )
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, pattern_of, quantise
 from motionary.packing import pack, unpack
+from motionary.recording import find_runs
 from motionary.retrieval.explanation import Evidence
 from motionary.retrieval.index import Collection, Part
 from motionary.retrieval.search.ranking import Hit, SearchPattern, hit_of
@@ -310,8 +311,7 @@ def _runs_of(template: QuantisedTemplate, ones: NDArray[np.float64], shortest: i
     for feature in range(template.n_features):
         for value in (True, False):
             shown = template.fixed[:, feature] & (template.values[:, feature] == value)
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], shown, [False]])))
-            for start, stop in edges.reshape(-1, 2).tolist():
+            for start, stop in find_runs(shown).tolist():
                 fraction = min(1.0, (stop - start) / _FULL_WORTH_AT)
                 total = float(worth[start, feature]) * fraction
                 if stop - start >= shortest and total >= _LEAST_WORTH:
