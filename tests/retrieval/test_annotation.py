@@ -7,7 +7,12 @@ from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY_2006, FeatureSequence
 from motionary.matching import align, distance_function, local_minima
 from motionary.models.library import ClassLibrary, TrainingOptions, learn
-from motionary.retrieval.annotation import annotate, class_distance, unassessed
+from motionary.retrieval.annotation import (
+    annotate,
+    annotate_with_distances,
+    class_distance,
+    unassessed,
+)
 from motionary.retrieval.explanation import explain
 from oracles import annotation as oracle
 from packing_cases import N, random_rows, seconds, sequence, stream
@@ -272,3 +277,14 @@ def test_a_class_distance_owns_its_frames(library):
     assert (distance.owner[covered] >= 0).all()
     assert distance.least is not None
     assert isinstance(distance.least.sequence, FeatureSequence)
+
+
+def test_the_distances_of_an_annotation_are_those_of_its_classes(library):
+    rows, _ = stream(STEP, TURN)
+    found = annotate_with_distances(sequence(rows), library)
+    assert found.track == annotate(sequence(rows), library)
+    assert list(found.distances) == ["step", "turn"]
+    for name, distance in found.distances.items():
+        alone = class_distance(sequence(rows), library[name])
+        assert np.array_equal(distance.modified, alone.modified)
+        assert np.isfinite(distance.modified).any()
