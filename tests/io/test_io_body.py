@@ -61,9 +61,9 @@ def test_a_rig_turns_with_its_joints(tmp_path, data, up):
 def test_acclaim_motions_are_looked_at_too(data):
     path = data / SAMPLE
     assert "y up, by the body" in read(path).notes
-    with pytest.raises(InvalidInput, match=r"told that z points up.*along y"):
+    with pytest.raises(InvalidInput, match=r"z points up as given.*along y"):
         read(path, up="z")
-    with pytest.raises(InvalidInput, match=r"told to be in m, which makes legs of .* m"):
+    with pytest.raises(InvalidInput, match=r"unit m as given makes legs of .* m"):
         read(path, unit="m")
     inches = read(path, unit=0.0254 / 0.45)
     np.testing.assert_allclose(inches.positions, read(path).positions, atol=1e-12)
@@ -88,7 +88,7 @@ def test_units_are_told_by_the_legs(tmp_path, walk, metres, note):
 
 def test_a_unit_that_makes_giants_is_refused_unless_it_is_meant(tmp_path, walk):
     path = save(tmp_path / "a.npz", walk, positions=walk.positions * 1000)
-    with pytest.raises(InvalidInput, match=r"told to be in m.*by the body it is mm.*number: 1"):
+    with pytest.raises(InvalidInput, match=r"unit m as given.*by the body it is mm.*number: 1"):
         read(path, unit="m")
     for unit in (1, "1.0", "m!"):
         np.testing.assert_allclose(read(path, unit=unit).positions, walk.positions * 1000)
@@ -109,7 +109,7 @@ def test_exchanged_sides_are_an_error_and_can_be_put_right(tmp_path, walk):
     right = read(wrong, sides="swapped")
     assert right.names == walk.names
     np.testing.assert_array_equal(compute_features(right).packed, compute_features(walk).packed)
-    assert "left and right named, as told" in read(wrong, sides="named").notes
+    assert "left and right named, as given" in read(wrong, sides="named").notes
 
 
 def test_left_handed_axes_are_an_error_and_can_be_put_right(tmp_path, walk):
@@ -164,7 +164,7 @@ def test_names_of_points_that_are_not_mapped_are_not_exchanged(tmp_path, walk):
     path = save(tmp_path / "a.npz", walk, names=names)
     assert not any("left and right" in note for note in read(path, sides="swapped").notes)
     mirrored = read(path, sides="mirrored")
-    assert "left and right mirrored, as told" in mirrored.notes
+    assert "left and right mirrored, as given" in mirrored.notes
     np.testing.assert_allclose(mirrored.positions, walk.positions * (-1, 1, 1))
 
 

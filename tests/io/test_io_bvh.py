@@ -274,7 +274,7 @@ def test_the_unit_may_be_given_by_name_or_number(tmp_path, unit, metres):
     motion = read(write(tmp_path, STICK, np.zeros((3, 5))), unit=unit)
     np.testing.assert_allclose(motion.positions[0, :, 1], [0, metres, 4 * metres])
     np.testing.assert_allclose(motion.skeleton.offsets[2], [0, 3 * metres, 0])
-    assert motion.notes[0] == f"unit {unit}, as told"
+    assert motion.notes[0] == f"unit {unit}, as given"
 
 
 @pytest.mark.parametrize("unit", ["parsec", "", 0, -1.0, float("nan"), float("inf")])

@@ -51,7 +51,7 @@ def read_query_collections(path: str | Path) -> dict[str, dict[str, QueryRecord]
         content = json.loads(read_text(path))
     except (ValueError, RecursionError) as error:
         raise UnreadableFile(f"{path}: is no JSON file: {error}") from None
-    if not _is_table(content) or not all(_is_table(part) for part in content.values()):
+    if not _is_object(content) or not all(_is_object(part) for part in content.values()):
         raise UnreadableFile(
             f"{path}: needs an object of collections, each an object of queries by name"
         )
@@ -67,7 +67,7 @@ def _read_record(path: Path, name: str, entry: Any) -> QueryRecord:
     def refuse(problem: str) -> UnreadableFile:
         return UnreadableFile(f"{path}: query {name!r}: {problem}")
 
-    if not _is_table(entry):
+    if not _is_object(entry):
         raise refuse("needs to be an object")
     missing = [key for key in QueryRecord._fields if key not in entry]
     if missing:
@@ -116,5 +116,5 @@ def _is_number(value: Any, kind: type) -> bool:
     return isinstance(value, allowed) and not isinstance(value, bool)
 
 
-def _is_table(value: Any) -> bool:
+def _is_object(value: Any) -> bool:
     return isinstance(value, dict)

@@ -1,7 +1,7 @@
 """Joint positions in arrays (frames, joints, 3) of .npy and .npz files.
 
 HumanML3D (22 joints, 20 Hz), outputs of networks that lift poses to space, and whatever
-people save from NumPy. Which joint is which is told, or guessed by their number and, where
+people save from NumPy. Which joint is which is given, or guessed by their number and, where
 several orders have that number, by whose bones keep their length; every guess is a note.
 """
 
@@ -216,8 +216,8 @@ def _guess_order(positions: Floats, source: str) -> Joints:
         )
     some = positions[:: 1 + len(positions) // _LOOKED_AT]
     best = min(fitting, key=lambda mapping: _unsteadiness(some, mapping))
-    told_by = "by their number" if len(fitting) == 1 else "by bones that keep their length"
-    return Joints(list(best.order), best, (f"order of joints guessed: {best.name}, {told_by}",))
+    found_by = "by their number" if len(fitting) == 1 else "by bones that keep their length"
+    return Joints(list(best.order), best, (f"order of joints guessed: {best.name}, {found_by}",))
 
 
 def _unsteadiness(positions: Floats, mapping: JointMapping) -> float:

@@ -1,7 +1,7 @@
 """BVH files: writing a motion in its own rig, and cutting clips.
 
 Joints keep their names, places and turns; angles are written in the order Z X Y, lengths in
-centimetres unless told otherwise. A joint that moves against its parent has position
+centimetres unless given otherwise. A joint that moves against its parent has position
 channels. In an Acclaim skeleton a joint is the end of its bone and turns it: there each
 joint gets a second one, "start of" it, at the place of its parent, which does the turning.
 """

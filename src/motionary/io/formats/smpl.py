@@ -1,7 +1,7 @@
 """Pose parameters of SMPL models (AMASS, AIST++).
 
 Parameters are turns of joints, not places: without the model's file they move a skeleton
-of our own, with the average proportions of Drillis and Contini (1966) as shares of the
+of our own, with the average proportions of Drillis and Contini (1966) as fractions of the
 stature. Features scale with the body, so they hardly change; with `body_model=` the
 person's own joints are used. AMASS has z up and metres.
 
@@ -32,8 +32,8 @@ STATURE_M = 1.70
 NAMES = (*named_mapping("smpl").order[:N_BODY], "left_hand", "right_hand", "head_top")
 PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21, 15)
 
-# Shares of the stature: aside (left), up, forward, from the parent.
-_SHARES = {
+# Fractions of the stature: aside (left), up, forward, from the parent.
+_PROPORTIONS = {
     "left_hip": (0.055, -0.03, 0.0),
     "spine1": (0.0, 0.065, 0.0),
     "left_knee": (0.0, -0.245, 0.0),
@@ -166,8 +166,8 @@ def average_skeleton() -> Skeleton:
     offsets = np.zeros((len(NAMES), 3))
     offsets[0] = _PELVIS
     for joint, name in enumerate(NAMES[1:], start=1):
-        own = name if name in _SHARES else name.replace("right", "left")
-        mirrored = np.multiply(_SHARES[own], 1.0 if own == name else _MIRROR)
+        own = name if name in _PROPORTIONS else name.replace("right", "left")
+        mirrored = np.multiply(_PROPORTIONS[own], 1.0 if own == name else _MIRROR)
         offsets[joint] = mirrored
     return Skeleton(NAMES, np.array(PARENTS, dtype=np.intp), offsets * STATURE_M)
 

@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 
 _TITLE = "PathFileType"
 _COLUMNS_BEFORE = 2
-# A rate and the times of the frames belong together if they differ by less than this share.
+# A rate and the times of the frames belong together if they differ by less than this fraction.
 _SAME_RATE = 0.02
 _DECIMALS = 6
 _MM = 1000.0

@@ -1,4 +1,4 @@
-"""Which way is up in a file, and how is a recording turned so that y is up?
+"""The axis that points up in a file, and turning a recording so that y is up.
 
 By the body over the whole recording. Now and then the head (or what is seen of the trunk) is
 above the feet: it stands along that axis. Who lies on the floor seems to stand along another
@@ -37,17 +37,17 @@ _NOW_AND_THEN = 0.1
 _HARDLY_EVER = 0.02
 _MOSTLY = 0.5
 # A floor is clearly steadier than another if it moves half as much, and that other one by
-# this share of the way from feet to head.
+# this fraction of the way from feet to head.
 _HALF = 0.5
 _MOVES = 0.05
-# Who jumps leaves the floor by less than this share of the body, who crawls goes further.
+# Who jumps leaves the floor by less than this fraction of the body, who crawls goes further.
 _CRAWLS = 0.5
 # Who walks goes at least half a body's length, mostly in the direction of the face.
 _SOME_WAY = 0.5
 _FACING = 0.6
 _HIGH = ("headtop", "head", "neck", "chest")
 _LOW = ("ltoes", "rtoes", "lankle", "rankle")
-# Hips of who breathes stir less than this share of the body.
+# Hips of who breathes stir less than this fraction of the body.
 _STIRS = 0.03
 _ENDS = (
     (_HIGH, _LOW),
@@ -62,8 +62,8 @@ class Stance:
 
     Attributes
     ----------
-    shares : per axis, the share of frames in which the body stands along it
-    floors : per axis, how far the body's end on its side wanders, as a share of the body; 0
+    fractions : per axis, the fraction of frames in which the body stands along it
+    floors : per axis, how far the body's end on its side wanders, as a fraction of the body; 0
         where no foot is seen, as there is no floor to tell of
     walks : whether it goes some way, and in the direction that it faces
     is_planted : whether a foot stays where it is while the hips move, as of who stands

@@ -1,4 +1,4 @@
-"""How are short gaps of a recording filled, where one asks for it?
+"""Short gaps of a recording, filled where one asks for it.
 
 A gap is a run of frames in which a point is not seen, between frames in which it is. Cubic:
 the point leaves and arrives with the velocity that it has in a few frames on either side.
@@ -72,7 +72,7 @@ def fill_gaps(motion: Motion, *, longest_s: float, fill_by: str = "cubic") -> Mo
         track = motion.positions[:, gap.point]
         fill = _fill_cubic if fill_by == "cubic" else _fill_linearly
         positions[gap.start : gap.stop, gap.point] = fill(track, gap.start, gap.stop, around)
-    note = _say(short, kept, longest_s, fill_by)
+    note = _describe(short, kept, longest_s, fill_by)
     return replace(motion, positions=positions, notes=(*motion.notes, note))
 
 
@@ -130,7 +130,7 @@ def _velocity(places: Floats) -> Floats | None:
     return slope
 
 
-def _say(short: list[_Gap], n_kept: int, longest_s: float, fill_by: str) -> str:
+def _describe(short: list[_Gap], n_kept: int, longest_s: float, fill_by: str) -> str:
     if not short:
         return f"no gaps up to {longest_s:g} s to fill; {n_kept} longer or at the ends are kept"
     n_frames = sum(gap.stop - gap.start for gap in short)

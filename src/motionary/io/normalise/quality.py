@@ -1,4 +1,4 @@
-"""What should one know of a recording that was read: a rest pose first, a walk on the spot?
+"""Quality checks of a recording that was read: a rest pose first, a walk on the spot.
 
 Exported clips are often kept in place: the hips stay above one point and the feet slide over
 the floor. How fast the body or a foot moves is unknown there.
@@ -18,7 +18,7 @@ _REST_POSE_JUMP = 5.0
 _REST_POSE_MIN_M = 0.02
 _STILL_M = 1e-3
 
-# Hips of people sway more than this share of a leg, those of a clip in place may not at all.
+# Hips of people sway more than this fraction of a leg, those of a clip in place may not at all.
 _PINNED = 0.005
 _ON_THE_SPOT = 0.35
 # Legs a second at which the foot on the floor moves: of people who stay on the spot at most
@@ -32,7 +32,7 @@ _FEET = list(GENERIC_JOINTS.index(j) for j in ("lankle", "rankle", "ltoes", "rto
 
 
 def check_quality(motion: Motion) -> Motion:
-    """The motion with notes on what was noticed, and marked if it is kept in place."""
+    """The motion with notes on what the checks found, and marked if it is kept in place."""
     notes = list(motion.notes)
     n_rest = count_rest_frames(motion.positions, motion.rate_hz)
     if n_rest:

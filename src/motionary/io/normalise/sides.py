@@ -1,4 +1,4 @@
-"""Are left and right what they are called?
+"""Left and right: names compared with the body.
 
 A body tells: toes lie before the ankles and bent knees before the line from hip to ankle, seen
 with the left hip on the left; bent elbows bring the forearms forward, seen with the left
@@ -29,7 +29,7 @@ _LOOKED_AT = 500
 _FEET = 0.05
 _KNEES = 0.05
 _ELBOWS = 0.5
-# What is called a thigh or an upper arm keeps its length up to this share, or is none.
+# What is called a thigh or an upper arm keeps its length up to this fraction, or is none.
 _RIGID = 0.15
 # Cosine between the lines of shoulders and hips; in all recordings at hand at least .69.
 _TURNED = -0.3
@@ -56,7 +56,7 @@ def check_sides(sides: str) -> str:
 
 
 def normalise_sides(motion: Motion, sides: str | None) -> Motion:
-    """The motion with left and right as they are told, else as the names say.
+    """The motion with left and right as given, else as the names say.
 
     Parameters
     ----------
@@ -67,14 +67,14 @@ def normalise_sides(motion: Motion, sides: str | None) -> Motion:
     Raises
     ------
     InvalidInput
-        If nothing is told and the body contradicts the names, or an answer is unknown.
+        If nothing is given and the body contradicts the names, or an answer is unknown.
     """
     # Without a mapping no name says left or right; only axes can be changed.
     if motion.mapping is None and sides != "mirrored":
         return motion
     if sides is not None:
-        told = {"named": _keep, "swapped": exchange_names, "mirrored": mirror}[check_sides(sides)]
-        return replace(told(motion), notes=(*motion.notes, f"left and right {sides}, as told"))
+        change = {"named": _keep, "swapped": exchange_names, "mirrored": mirror}[check_sides(sides)]
+        return replace(change(motion), notes=(*motion.notes, f"left and right {sides}, as given"))
     verdict = judge_sides(motion)
     if verdict is None:
         note = "left and right as named; the body does not tell"

@@ -4,9 +4,9 @@ What the caller gives counts before what the file says, that before what the bod
 before what the format usually has; it is noted which. Where the caller or the file clearly
 contradict the body, neither is taken: that is an error with both readings.
 
-The unit is told by the legs: hip to knee to ankle is about 0.85 m in a grown person. The
-candidates lie more than a factor of two apart, so a child is still told from a giant; a body that
-is of no person's size in any of them has a unit of its own. Without legs the arms count, without
+The legs give the unit: hip to knee to ankle is about 0.85 m in a grown person. The candidates
+lie more than a factor of two apart, so a child is still distinguished from a giant; a body that is
+of no person's size in any of them has a unit of its own. Without legs the arms count, without
 a known skeleton the longest way through the body from end to end, taken for 2.2 m.
 """
 
@@ -50,11 +50,11 @@ _LIMBS = (
     (("hip", "knee", "ankle"), 0.85, "legs"),
     (("shoulder", "elbow", "wrist"), 0.53, "arms"),
 )
-# As shares of a grown person: a child and a giant; and what no figure is.
+# As fractions of a grown person: a child and a giant; and what no figure is.
 _POSSIBLE = (0.35, 1.65)
 _ABSURD = 3.5
 
-# A bone is rigid if its length varies by less than this share.
+# A bone is rigid if its length varies by less than this fraction.
 _RIGID = 0.02
 
 
@@ -187,11 +187,11 @@ def _find_unit(
         metres = metres_per_unit(unit)
         if not insists(unit) and length is not None and is_absurd(length, metres):
             raise InvalidInput(
-                f"{source}: is told to be in {unit}, which makes {length.said(metres)}; by the "
+                f"{source}: unit {unit} as given makes {length.said(metres)}; by the "
                 f"body it is {nearest_unit(length)}; say which with --unit (unit=...), and "
                 f"if the body is so large, as a number: {metres:g}"
             )
-        return metres, f"unit {str(unit).removesuffix(axes.INSISTS)}, as told"
+        return metres, f"unit {str(unit).removesuffix(axes.INSISTS)}, as given"
     if metadata.unit is not None:
         metres = METRES[metadata.unit]
         if length is not None and is_absurd(length, metres):
@@ -218,10 +218,10 @@ def _find_axis(
         other = None if stance is None else stance.refutes(axis)
         if other is not None and not up.strip().endswith(axes.INSISTS):
             raise InvalidInput(
-                f"{motion.source}: is told that {axis} points up, but its head is above its feet "
+                f"{motion.source}: {axis} points up as given, but its head is above its feet "
                 f"along {other}; say which with --up {other} or, to insist, --up '{axis}!' (up=...)"
             )
-        return _Decision(axis, f"{axis} up, as told")
+        return _Decision(axis, f"{axis} up, as given")
     usual = metadata.up or metadata.usual_up
     seen = axes.detect_up(stance, usual=usual)
     is_still = (
