@@ -74,11 +74,23 @@ def read_table(
         while len(cells) > width and not cells[-1].strip():
             cells.pop()
         where = f"{source}, line {number}"
-        row = [to_number(cell, where, gaps=gaps) for cell in cells]
+        row = _to_row(cells, where, gaps)
         if len(row) > width or (len(row) < width and "" not in gaps):
             raise UnreadableFile(f"{where}: a frame has {width} numbers, this one {len(row)}")
         rows.append(row + [math.nan] * (width - len(row)))
     return np.array(rows).reshape(-1, width)
+
+
+def _to_row(cells: list[str], where: str, gaps: Collection[str]) -> list[float]:
+    try:
+        # Most cells that are no numbers are empty.
+        row = [float(cell) if cell else math.nan for cell in cells]
+    except ValueError:
+        row = [math.nan]
+    n_empty = cells.count("") if "" in gaps else 0
+    if sum(map(math.isfinite, row)) + n_empty == len(cells) and "_" not in "".join(cells):
+        return row
+    return [to_number(cell, where, gaps=gaps) for cell in cells]
 
 
 def to_number(word: str, where: str, *, gaps: Collection[str] = ()) -> float:

@@ -8,11 +8,13 @@ columns are kept as text. With semicolons or tabs, a decimal comma is understood
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.io.text import Cell, read_text, write_table
+from motionary.io import text
+from motionary.io.formats.numbers import parse_number
+from motionary.io.text import Cell, read_text
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording
 
@@ -22,16 +24,8 @@ OPTIONAL = ("start_frame", "end_frame", "cost", "known")
 _SEPARATORS = ",;\t"
 
 
-def read_labels(path: str | Path) -> dict[str, LabelTrack]:
-    """Labels of a table, one track per recording, sorted by recording.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, lacks a column, or a row makes no sense; the message
-        names the line.
-    """
-    path = Path(path)
+def read_table(path: Path) -> dict[str, LabelTrack]:
+    """Labels of a table; see `read_labels`."""
     labels: dict[str, list[Label]] = {}
     for where, row in _rows(read_text(path), path.name):
         if not row["recording"]:
@@ -40,32 +34,9 @@ def read_labels(path: str | Path) -> dict[str, LabelTrack]:
     return {name: LabelTrack(Recording(name), tuple(labels[name])) for name in sorted(labels)}
 
 
-def write_labels(
-    tracks: LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack],
-    path: str | Path,
-    *,
-    excel: bool = False,
-) -> None:
-    """Write tracks as a table that `read_labels` reads.
-
-    Columns that say nothing are left out: `known` where everything was seen and no label has
-    a cost. A track without labels leaves no row.
-
-    Parameters
-    ----------
-    tracks : one or several
-    path : the file
-    excel : with semicolons, decimal commas and a mark that says UTF-8, as Excel opens it
-        by a double click in most of Europe
-
-    Raises
-    ------
-    InvalidInput
-        If a label's further column has the name of one of this table's own.
-    UnwritableFile
-        If the file cannot be written; what was there before stays.
-    """
-    rows = [(track.recording.name, label) for track in _as_tracks(tracks) for label in track]
+def write_table(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
+    """Write tracks as a table; see `write_labels`."""
+    rows = [(track.recording.name, label) for track in tracks for label in track]
     extra = list(dict.fromkeys(column for _, label in rows for column in label.extra))
     clash = set(extra) & {*REQUIRED, *OPTIONAL}
     if clash:
@@ -76,15 +47,7 @@ def write_labels(
         own = [_cell(label, name) for name in ("start_s", "end_s", *used)]
         further = [label.extra.get(column, "") for column in extra]
         table.append([recording, label.name, *own, *further])
-    write_table(table, path, excel=excel)
-
-
-def _as_tracks(
-    tracks: LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack],
-) -> Iterable[LabelTrack]:
-    if isinstance(tracks, LabelTrack):
-        return [tracks]
-    return tracks.values() if isinstance(tracks, Mapping) else tracks
+    text.write_table(table, path, excel=excel)
 
 
 def _says(label: Label, column: str) -> bool:
@@ -102,9 +65,9 @@ def _cell(label: Label, column: str) -> Cell:
     return int(value) if column.endswith("_frame") else float(value)
 
 
-def _rows(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
+def _rows(content: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
     """Rows by column, each with its place for errors."""
-    lines = text.split("\n")
+    lines = content.split("\n")
     skipped = 1 if lines[0].lower().startswith("sep=") else 0
     header = next((line for line in lines[skipped:] if line.strip()), "")
     separator = max(_SEPARATORS, key=header.count)
@@ -151,14 +114,7 @@ def _check_columns(cells: list[str], where: str) -> list[str]:
 
 def _with_point(cell: str) -> str:
     changed = cell.replace(",", ".", 1)
-    return changed if _is_number(changed) else cell
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return math.isfinite(float(cell)) and "_" not in cell
-    except ValueError:
-        return False
+    return cell if math.isnan(parse_number(changed)) else changed
 
 
 def _to_label(row: dict[str, str], where: str) -> Label:
@@ -189,9 +145,10 @@ def _number(row: dict[str, str], column: str, where: str) -> float | None:
     cell = row.get(column, "")
     if not cell:
         return None
-    if not _is_number(cell):
+    value = parse_number(cell)
+    if math.isnan(value):
         raise UnreadableFile(f"{where}: {column} must be a number, got {cell[:40]!r}")
-    return float(cell)
+    return value
 
 
 def _whole(row: dict[str, str], column: str, where: str) -> int | None:
