@@ -19,7 +19,7 @@ from evidence.common.recordings import ACTORS, HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
 from evidence.common.whole import whole_costs
 from motionary.evaluation import score_classification
-from motionary.models.library.classes import TOLERANCE
+from motionary.models.library import TOLERANCE
 
 SEED = 2
 SIZES = (1, 2, 3, 5, 7, 9)

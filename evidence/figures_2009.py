@@ -142,7 +142,7 @@ def _distance(recordings: Recordings, library: ClassLibrary) -> dict[str, Any]:
     name, class_name, prototype = SHOWN
     packed = recordings.others[name]
     one = library[class_name]
-    pattern = {s.name: p for s, (_, p) in zip(one.prototypes, one.sought(), strict=True)}[prototype]
+    pattern = {s.name: p for s, (_, p) in zip(one.prototypes, one.patterns, strict=True)}[prototype]
     return {
         "plain": distance_function(pattern, packed.packed, packed.known),
         "modified": class_distance(packed, one, preselect=False).modified,

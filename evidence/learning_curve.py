@@ -21,7 +21,7 @@ from evidence.common.ranking import (
 )
 from evidence.common.recordings import HDM05, Recordings, data_entry
 from evidence.common.running import Evidence, Results, main
-from motionary.models.library.classes import TOLERANCE
+from motionary.models.library import TOLERANCE
 
 SEED = 1
 SIZES = (1, 2, 3, 5, 9)

@@ -42,7 +42,7 @@ from evidence.common.streams import (
 from motionary.evaluation import Counts, compute_rates, count_overlaps, pool_counts
 from motionary.features import FeatureSequence
 from motionary.models.library import THRESHOLD, Calibration, TrainingOptions, calibrate_thresholds
-from motionary.models.library.thresholds import OTHER_PER_FRAME
+from motionary.models.library.calibration import OTHER_PER_FRAME
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,5 +1,7 @@
 """Examples of made-up classes: relations that come and go, each performance at its own pace."""
 
+from contextlib import contextmanager
+
 import numpy as np
 
 from motionary.features import FULL_BODY
@@ -32,3 +34,19 @@ def performances(class_seed, n, *, first=0, name="class", **how):
         perform(rows, [class_seed, i], name=f"{name}/{i}.bvh", **how)
         for i in range(first, first + n)
     ]
+
+
+class Listening:
+    """A monitor that writes down what it is told."""
+
+    def __init__(self):
+        self.stages, self.notices = {}, []
+
+    @contextmanager
+    def stage(self, name, total):
+        done = []
+        yield lambda *_: done.append(name)
+        self.stages[name] = (len(done), total)
+
+    def notify(self, notice):
+        self.notices.append(notice)

@@ -22,7 +22,7 @@ from motionary.evaluation import (
     interval,
     pool_counts,
 )
-from motionary.features import FULL_BODY, FeatureSequence
+from motionary.features import FeatureSequence
 from motionary.matching import (
     SKIP_WEIGHT,
     Alignment,
@@ -30,8 +30,12 @@ from motionary.matching import (
     distance_function,
     modify,
 )
-from motionary.models.library import MotionClass, TrainingOptions, learn_classes
-from motionary.models.library.training import measure_background
+from motionary.models.library import (
+    MotionClass,
+    TrainingOptions,
+    learn_classes,
+    measure_background,
+)
 from motionary.recording import split_runs
 from motionary.retrieval.annotation import ClassDistance, class_distance
 
@@ -94,7 +98,7 @@ def with_setting(
     background: tuple[float, ...] = ()
     if setting.by_self_information:
         known = examples(clip for clip in clips if clip.motion_class in names)
-        background = measure_background(known, FULL_BODY, mirror=setting.mirrored)
+        background = measure_background(known, training=TrainingOptions(mirror=setting.mirrored))
     return tuple(
         replace(
             one,

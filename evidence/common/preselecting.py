@@ -61,7 +61,7 @@ def match(pattern: Pattern, packed: FeatureSequence, windows: Windows) -> list[n
 
 def hits_in(one: MotionClass, stream: Stream, *, threshold: float) -> StreamHits:
     """Hits of the templates of a class that are not mirrored."""
-    ((_, pattern), *_), prototype = one.sought(), one.prototypes[0]
+    ((_, pattern), *_), prototype = one.patterns, one.prototypes[0]
     windows = windows_of(prototype, stream.packed)
     middles = []
     for (start, stop), distance in zip(
@@ -97,7 +97,7 @@ def search_keyframes(classes: Sequence[MotionClass], packed: FeatureSequence) ->
 def match_all(classes: Sequence[MotionClass], packed: FeatureSequence) -> None:
     """The same, and distance functions of all templates in what is left, to be timed."""
     for one in classes:
-        for prototype, (_, pattern) in zip(one.prototypes, one.sought(), strict=True):
+        for prototype, (_, pattern) in zip(one.prototypes, one.patterns, strict=True):
             match(pattern, packed, windows_of(prototype, packed))
 
 

@@ -42,7 +42,7 @@ def rows_of(text):
 
 
 def fixed(library, name):
-    (one, *_) = load_library(library)[name].quantised()
+    (one, *_) = load_library(library)[name].quantised
     return one
 
 

@@ -76,7 +76,7 @@ def test_labels_are_those_of_the_definition(seed, training):
     distances = []
     for motion_class in library:
         matches = []
-        for _, pattern in motion_class.sought():
+        for _, pattern in motion_class.patterns:
             distance = distance_function(pattern, recording.packed, recording.known)
             ends = local_minima(distance, threshold=0.45)
             matches += align(pattern, recording.packed, recording.known, ends)

@@ -57,7 +57,7 @@ def trained(*, queries=(), votes=1, threshold=0.06):
 
 def query_of(columns, *, stiffness=0.7):
     """Keyframes of whole columns of the step."""
-    template = trained().quantised()[0]
+    template = trained().quantised[0]
     return from_template(template, list(columns), stiffness=stiffness)
 
 
@@ -143,7 +143,7 @@ def hits_of(result):
 
 def plain_hits(motion_class, collection, query):
     """Hits of every window as a document of its own: slow, and obviously right."""
-    ((template, pattern),) = motion_class.sought()
+    ((template, pattern),) = motion_class.patterns
     found = []
     for document in collection.sequences:
         ranges = select_in_sequence([query], template.n_columns, document.packed, document.known)
@@ -455,7 +455,7 @@ def test_without_labels_the_nearest_is_told_with_keyframes_or_without(takes):
 
 def test_chosen_keyframes_of_a_class_label_it(gestures):
     library = learn({"gesture": [sequence(gesture(3))]})
-    template = library["gesture"].quantised()[0]
+    template = library["gesture"].quantised[0]
     chosen = choose_keyframes(template, count=2)
     query = from_template(
         template, [c.position for c in chosen], stiffness=0.5, groups=[c.group for c in chosen]

@@ -21,8 +21,7 @@ from motionary.errors import InvalidInput
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
     from motionary.io import ReadOptions
-    from motionary.models.library import ClassLibrary, Examples, TrainingOptions
-    from motionary.models.library.examples import ReadExamples
+    from motionary.models.library import ClassLibrary, Examples, ReadExamples, TrainingOptions
 
 _COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold")
 _ESTIMATES = {"promised_precision": ">right", "promised_recall": ">found"}

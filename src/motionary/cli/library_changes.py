@@ -227,7 +227,7 @@ def _take_text(library: "ClassLibrary", name: str, changes: Changes) -> "ClassLi
                 raise InvalidInput(f"the library has a class {name!r} already; leave out --new")
             template = template_from_text(text, feature_set=feature_set, name=name)
             added = MotionClass(name, (Prototype(name, template),))
-            added.quantised()
+            _ = added.quantised
             return replace(library, classes=(*library.classes, added))
         if name not in library.names:
             known = ", ".join(library.names) or "none"
@@ -261,20 +261,16 @@ def _calibrate(library: "ClassLibrary", names: set[str], *, jobs: int = 1) -> "C
     """The library with thresholds of some classes chosen anew, if all examples are kept."""
     from motionary.models.library import (
         N_FOLDS,
-        TrainingOptions,
         apply_calibrations,
         calibrate_thresholds,
         kept_examples,
+        training_of,
     )
 
     examples = kept_examples(library)
     if examples is None or not names:
         return library
-    one = library.classes[0]
-    mirrored = any(s.name.endswith("Mirrored") for c in library for s in c.prototypes)
-    training = TrainingOptions(
-        tolerance=one.tolerance, mirror=mirrored, by_self_information=bool(one.background)
-    )
+    training = training_of(library)
     with screen.progress("choosing thresholds", N_FOLDS) as done:
         calibrations = calibrate_thresholds(examples, training=training, jobs=jobs, on_done=done)
     return apply_calibrations(library, {n: s for n, s in calibrations.items() if n in names})

@@ -150,7 +150,7 @@ def class_distance(
     cheapest: list[Evidence] = []
     whole = [(0, len(sequence))]
     for prototype, (template, pattern) in zip(
-        motion_class.prototypes, motion_class.sought(), strict=True
+        motion_class.prototypes, motion_class.patterns, strict=True
     ):
         windows = _windows(prototype, sequence) if preselect and prototype.queries else whole
         distance = _distance(pattern, sequence, windows, skip_weight)

@@ -2,6 +2,7 @@
 
 import os
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,14 @@ import pytest
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006
 from motionary.models.keyframes import parse_query
-from motionary.models.library import ClassLibrary, MotionClass, Prototype, TrainingOptions, learn
+from motionary.models.library import (
+    ClassLibrary,
+    MotionClass,
+    Prototype,
+    TrainingOptions,
+    learn,
+    learn_classes,
+)
 from motionary.models.templates import MotionTemplate
 from motionary.retrieval.annotation import annotate
 from packing_cases import N, random_rows, sequence, stream
@@ -93,7 +101,8 @@ def of_prototype(prototype):
     t = prototype.template
     numbers = (t.values.tobytes(), t.values.shape, t.weights.tobytes())
     about = t.feature_names, t.feature_set, t.provenance, t.n_examples
-    return prototype.name, *numbers, *about, prototype.queries, prototype.votes
+    kept = prototype.queries, prototype.votes, prototype.mirror_of
+    return prototype.name, *numbers, *about, *kept
 
 
 def files(folder):
@@ -172,6 +181,51 @@ def test_what_was_learned_comes_back_and_labels_the_same(tmp_path):
     recording = sequence(stream(step, turn)[0])
     assert annotate(recording, loaded) == annotate(recording, library)
     assert len(annotate(recording, loaded)) == 2
+
+
+def test_how_it_was_trained_comes_back(tmp_path):
+    rows = random_rows(1, 20)
+    training = TrainingOptions(
+        0.07, 0.1, mirror=True, by_self_information=False, keep_examples=True, calibrate=True,
+        groups=r'"(\d)"\n', queries="chosen", query_runs=3, provenance="drawn", licence="CC0",
+    )  # fmt: skip
+    for options in (training, TrainingOptions()):
+        library = learn_classes({"step": {"step": [sequence(rows)]}}, training=options)
+        assert library.training == options
+        library.save(tmp_path / "library")
+        assert ClassLibrary.load(tmp_path / "library").training == options
+    assert ClassLibrary.load(tmp_path / "library")["step"].prototypes[0].mirror_of == ""
+    learn_classes({"step": {"a": [sequence(rows)]}}, training=training).save(tmp_path / "library")
+    one, image = ClassLibrary.load(tmp_path / "library")["step"].prototypes
+    assert (one.mirror_of, image.mirror_of) == ("", "a")
+
+
+def test_what_a_person_wrote_into_the_files_stays(tmp_path):
+    make_library("squat", "kick").save(tmp_path)
+    index, path = tmp_path / "library.toml", tmp_path / "squat.toml"
+    index.write_text(index.read_text("utf-8").replace("version", "# ours\nversion", 1), "utf-8")
+    text = path.read_text("utf-8").replace("threshold = ", "# strict\nthreshold =  ", 1)
+    path.write_text(text.replace("examples = 1", "examples = 1 # of Monday"), "utf-8")
+    library = ClassLibrary.load(tmp_path)
+    changed = tuple(replace(one, tolerance=0.2) for one in library)
+    replace(library, classes=changed).save(tmp_path)
+    assert "# ours\nversion = 1\n" in index.read_text("utf-8")
+    text = path.read_text("utf-8")
+    assert "# strict\nthreshold =  0.05\ntolerance = 0.2\n" in text
+    assert "examples = 1 # of Monday\n" in text
+    assert ClassLibrary.load(tmp_path)["squat"].tolerance == 0.2
+
+
+def test_features_that_no_example_shows_are_remembered(tmp_path):
+    rows, known = random_rows(1, 20), np.ones((20, N), dtype=np.bool_)
+    known[:, [0, 4]] = False
+    library = learn({"step": [sequence(rows, known)]}, mirror=True)
+    library.save(tmp_path)
+    for loaded in (library, ClassLibrary.load(tmp_path)):
+        one, image = (s.template for s in loaded["step"].prototypes)
+        assert one.unmeasured == (FULL_BODY.ids[0], FULL_BODY.ids[4])
+        swapped = {FULL_BODY.ids[i] for i in FULL_BODY.mirror_order[[0, 4]]}
+        assert set(image.unmeasured) == swapped
 
 
 def test_a_library_of_another_feature_set_comes_back(tmp_path):
@@ -284,7 +338,7 @@ def test_a_read_only_folder_is_refused(tmp_path):
         ({"threshold": float("nan")}, "threshold"),
         ({"tolerance": 0.5}, r"'a': tolerance .*below 0\.5, got 0\.5"),
         ({"tolerance": -0.1}, "tolerance"),
-        ({"background": (0.5,)}, f"'a': background needs {N} shares"),
+        ({"background": (0.5,)}, f"'a': background needs {N} fractions"),
         ({"background": (0.0,) * N}, "background"),
         ({"prototypes": ()}, "'a' needs at least one template"),
         ({"name": ""}, "needs a name"),
@@ -294,6 +348,19 @@ def test_a_class_that_could_not_be_used_is_refused(settings, packed):
     given = {"name": "a", "prototypes": (Prototype("a", template(1)),)} | settings
     with pytest.raises(InvalidInput, match=packed):
         MotionClass(**given)
+
+
+@pytest.mark.parametrize("mirror_of", ["a", "gone", "image"])
+def test_a_mirror_image_is_of_another_prototype(mirror_of):
+    others = (Prototype("b", template(1)), Prototype("image", template(1), mirror_of="b"))
+    with pytest.raises(InvalidInput, match="'x': mirror_of of 'a' must name a prototype"):
+        MotionClass("x", (Prototype("a", template(1), mirror_of=mirror_of), *others))
+
+
+def test_templates_are_quantised_once():
+    (one,) = make_library("a")
+    assert one.patterns is one.patterns
+    assert one.patterns[0].template is one.quantised[0]
 
 
 def test_names_are_unique():

@@ -1,11 +1,12 @@
 """Is a library changed by hand what was asked for, and a grown class as if learned at once?"""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from library_cases import performances
+from library_cases import Listening, performances
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY_2006, LEGS
 from motionary.models.keyframes import parse_query
@@ -18,7 +19,7 @@ from motionary.models.library import (
     find_clashes,
     find_prototype,
     join_classes,
-    keeps_examples,
+    learn,
     learn_classes,
     load_library,
     merge_libraries,
@@ -26,6 +27,7 @@ from motionary.models.library import (
     rename_class,
     replace_class,
     replace_template,
+    training_of,
 )
 from motionary.models.templates import MotionTemplate, join, mirror, restrict, template_from_text
 from packing_cases import sequence
@@ -111,7 +113,7 @@ def test_without_kept_examples_the_template_stands_for_them():
     )
     assert expanded["class1"].background == library["class1"].background
     assert expanded["class2"] is library["class2"]
-    assert not keeps_examples(expanded["class1"].prototypes[0])
+    assert not expanded["class1"].prototypes[0].keeps_examples
 
 
 def test_what_was_promised_and_asked_of_the_old_template_goes():
@@ -127,7 +129,7 @@ def test_what_was_promised_and_asked_of_the_old_template_goes():
         None,
         (),
     )
-    assert keeps_examples(expanded.prototypes[0])
+    assert expanded.prototypes[0].keeps_examples
 
 
 def test_one_of_several_templates_learns():
@@ -150,6 +152,58 @@ def test_examples_over_other_features_are_refused():
         add_examples(library, "gone", [])
     with pytest.raises(InvalidInput, match="an example of it over 'legs-14'"):
         replace(library["class1"].prototypes[0], examples=(other,))
+
+
+def test_a_library_from_before_options_were_remembered_learns_further_the_same(tmp_path):
+    training = TrainingOptions(mirror=True, keep_examples=True, tolerance=0.1)
+    examples = examples_of(1, 2, n=6)
+    early = {name: {name: subs[name][:4]} for name, subs in examples.items()}
+    learn(early, training, calibrate=True).save(tmp_path / "library")
+    forget(tmp_path / "library")
+    old = load_library(tmp_path / "library")
+    assert old.training is None
+    assert [s.mirror_of for c in old for s in c.prototypes] == ["", "class1", "", "class2"]
+    remembered = training_of(old)
+    assert (remembered.mirror, remembered.tolerance, remembered.calibrate) == (True, 0.1, True)
+    for name, subs in examples.items():
+        old = add_examples(old, name, subs[name][4:])
+    assert content(old) == content(learn(examples, training, calibrate=True))
+
+
+def forget(folder):
+    """Make the files those of a version that remembered neither options nor mirror images."""
+    for path in folder.glob("*.toml"):
+        text = re.sub(r"(?m)^mirror_of = .*\n", "", path.read_text("utf-8"))
+        text = re.sub(r"(?ms)^\[training\]\n.*?(?=^\[)", "", text)
+        path.write_text(text, "utf-8")
+
+
+def test_classes_that_were_trained_in_several_ways_have_no_common_options():
+    library = learn_classes(examples_of(1, 2), training=TrainingOptions())
+    one = replace(library["class1"], tolerance=0.1)
+    other = replace(replace_class(library, "class1", one), training=None)
+    assert training_of(other) is None
+    assert training_of(library) == TrainingOptions()
+
+
+def test_a_calibrated_library_is_calibrated_again(tmp_path):
+    examples = examples_of(1, 2, n=7)
+    early = {name: {name: subs[name][:5]} for name, subs in examples.items()}
+    settings = TrainingOptions(keep_examples=True, calibrate=True, groups=r"/(\d)")
+    library = learn(early, settings)
+    for name, subs in examples.items():
+        library = add_examples(library, name, subs[name][5:])
+    assert content(library) == content(learn(examples, settings))
+    # Examples come back without their names, so that nothing can be grouped by them.
+    library.save(tmp_path / "library")
+    monitor = Listening()
+    new = performances(1, 1, first=30)
+    again = add_examples(load_library(tmp_path / "library"), "class1", new, monitor=monitor)
+    examples["class1"]["class1"] += new
+    assert content(again) == content(learn(examples, replace(settings, groups=None)))
+    assert [notice.text for notice in monitor.notices] == [
+        "names of examples are not kept: they are dealt at random, not by '/(\\\\d)'"
+    ]
 
 
 # -- joining --------------------------------------------------------------------------------
@@ -205,6 +259,8 @@ def test_removing_and_renaming():
     renamed = rename_class(library, "class2", "squat")
     assert renamed.names == ("class1", "squat", "class3")
     assert [s.name for s in renamed["squat"].prototypes] == ["squat", "squatMirrored"]
+    assert [s.mirror_of for s in renamed["squat"].prototypes] == ["", "squat"]
+    assert renamed.training == library.training
     assert rename_class(library, "class2", "class2").names == library.names
     with pytest.raises(InvalidInput, match="has a class 'class3' already"):
         rename_class(library, "class2", "class3")
@@ -282,6 +338,12 @@ def test_names_that_clash():
         "class2", "class2Mirrored", "class2-2", "class2Mirrored-2", "class2-3", "class2Mirrored-3",
     ]  # fmt: skip
     assert both.prototypes[2].template is second["class2"].prototypes[0].template
+    origins = [s.mirror_of for s in both.prototypes]
+    assert origins == ["", "class2", "", "class2-2", "", "class2-3"]
+    assert both.prototypes[2].template is second["class2"].prototypes[0].template
+    assert first.training == merge_libraries([first, second], clash="first").training
+    other = replace(second, training=replace(second.training, tolerance=0.1))
+    assert merge_libraries([first, other], clash="first").training is None
 
 
 def test_libraries_that_cannot_be_merged():

@@ -7,6 +7,7 @@ import pytest
 from test_library import contents
 
 from cli_cases import write_bvh
+from library_cases import Listening
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features
 from motionary.io import read
@@ -42,7 +43,7 @@ def test_several_examples_share_what_they_have_in_common():
     (motion_class,) = learn({"step": [sequence(rows) for rows in examples]}, training=PLAIN)
     template = motion_class.prototypes[0].template
     assert template.n_examples == 3
-    (quantised,) = motion_class.quantised()
+    (quantised,) = motion_class.quantised
     assert not quantised.fixed[:, 0].any()
     assert quantised.fixed[:, 1:].all()
 
@@ -90,7 +91,7 @@ def test_what_no_example_knows_stays_free():
     known = np.ones_like(STEP)
     known[:, 5] = False
     library = learn({"step": [sequence(STEP, known), sequence(STEP, known)]}, training=PLAIN)
-    (quantised,) = library["step"].quantised()
+    (quantised,) = library["step"].quantised
     assert not quantised.fixed[:, 5].any()
     assert quantised.fixed[:, 6:].all()
 
@@ -207,6 +208,58 @@ def test_an_example_that_cannot_be_read_is_named(folder, tmp_path):
     result = read_examples(tmp_path)
     assert [f.item[0].split("/")[-1] for f in result.failures] == ["c three.bvh"]
     assert {name: len(subs[name]) for name, subs in result.classes.items()} == {"squat": 2}
+
+
+def test_a_monitor_is_told_of_every_step_and_the_rest_is_learned(tmp_path):
+    write_folder(tmp_path, [*FILES[:2], ("lone", "one.bvh", 7)])
+    (tmp_path / "squat" / "c three.bvh").write_text("HIERARCHY")
+    (tmp_path / "lost").mkdir()
+    (tmp_path / "lost" / "a.bvh").write_text("")
+    (tmp_path / "stray.bvh").write_text("not in a class")
+    monitor = Listening()
+    library = learn(
+        tmp_path, calibrate=True, queries="chosen", monitor=monitor, by_self_information=False
+    )
+    assert library.names == ("lone", "squat")
+    assert library.training == TrainingOptions(
+        by_self_information=False, calibrate=True, queries="chosen"
+    )
+    assert list(monitor.stages) == ["reading", "learning", "calibrating thresholds", "keyframes"]
+    assert monitor.stages["reading"] == (5, 5)
+    assert monitor.stages["learning"] == monitor.stages["keyframes"] == (2, 2)
+    failures = [notice for notice in monitor.notices if notice.is_failure]
+    names = [notice.file and notice.file[0] for notice in failures]
+    assert names == ["lost/a.bvh", "squat/c three.bvh", None, None]
+    assert [bool(notice.error) for notice in failures] == [True, True, False, False]
+    assert failures[2].text == "class 'lost': none of its examples could be read; left out"
+    assert failures[3].text.startswith("stray.bvh: in no class")
+    rest = "\n".join(notice.text for notice in monitor.notices if not notice.is_failure)
+    assert "class 'lone': one example: too few" in rest
+    assert "class 'lone': too little to calibrate its threshold by; it stays 0.06" in rest
+    assert "class 'lone' has no queries: choosing keyframes needs at least 2 examples" in rest
+
+
+def test_a_class_that_cannot_be_learned_is_told_and_left_out():
+    still = np.repeat(STEP[:1], 10, axis=0)
+    examples = {"blur": [sequence(still), sequence(~still)], "step": [sequence(STEP)]}
+    monitor = Listening()
+    assert learn(examples, calibrate=True, monitor=monitor).names == ("step",)
+    (refused,) = (notice for notice in monitor.notices if notice.is_failure)
+    assert refused.text.startswith("class 'blur' is left out: template 'blur' has no fixed cell")
+    assert isinstance(refused.error, InvalidInput)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"mirrored": True}, TypeError, "mirrored"),
+        ({"queries": "bred"}, InvalidInput, "queries must be one of none, learned, chosen"),
+        ({"query_runs": 0}, InvalidInput, "query_runs must be at least 1, got 0"),
+    ],
+)
+def test_options_that_there_are_not(options, error, message):
+    with pytest.raises(error, match=message):
+        learn({"step": [sequence(STEP)]}, **options)
 
 
 def test_folders_without_examples_say_what_is_expected(tmp_path):

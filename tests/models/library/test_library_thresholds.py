@@ -21,9 +21,15 @@ from motionary.models.library import (
     learn_classes,
     load_library,
 )
-from motionary.models.library.holding_out import N_FOLDS, make_folds, make_stream
-from motionary.models.library.thresholds import TRIED
-from motionary.models.library.trials import count_alone, count_together, run_trial
+from motionary.models.library.calibration import TRIED
+from motionary.models.library.cross_validation import (
+    N_FOLDS,
+    count_alone,
+    count_together,
+    make_folds,
+    make_stream,
+    run_trial,
+)
 from motionary.retrieval.annotation import annotate
 from packing_cases import random_rows, sequence
 
@@ -74,6 +80,18 @@ def test_a_lone_example_is_always_learned():
     for fold in make_folds(examples, groups=None, seed=0):
         assert "rare" in fold.learned
         assert "rare" not in {name for name, _ in fold.held_out}
+
+
+@pytest.mark.parametrize("alone", ["front", "side"])
+def test_a_lone_example_of_one_of_several_prototypes_is_always_learned(alone):
+    prototypes = {"front": performances(1, 6), "side": performances(2, 6)}
+    prototypes[alone] = prototypes[alone][:1]
+    folds = make_folds({"kick": prototypes, **made_examples(6)}, groups=None, seed=0)
+    assert len(folds) == N_FOLDS
+    (lone,) = prototypes[alone]
+    for fold in folds:
+        assert all(item is not lone for _, item in fold.held_out)
+        assert fold.learned["kick"][alone] == [lone]
 
 
 def test_groups_are_held_out_together():

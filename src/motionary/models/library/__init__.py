@@ -1,13 +1,20 @@
 """Motion classes: what they are, how they are learned, how they lie on disk."""
 
 from motionary.models.library.advice import Advice, advise
+from motionary.models.library.calibration import (
+    Calibration,
+    apply_calibrations,
+    calibrate_thresholds,
+)
 from motionary.models.library.classes import (
     THRESHOLD,
     TOLERANCE,
-    ClassLibrary,
     MotionClass,
     Prototype,
+    PrototypePattern,
+    TrainingOptions,
 )
+from motionary.models.library.cross_validation import N_FOLDS
 from motionary.models.library.editing import (
     find_clashes,
     find_prototype,
@@ -17,24 +24,32 @@ from motionary.models.library.editing import (
     replace_class,
     replace_template,
 )
-from motionary.models.library.examples import Examples, ReadExamples, list_examples, read_examples
-from motionary.models.library.expansion import (
+from motionary.models.library.learning import (
+    Monitor,
+    Notice,
+    ReadExamples,
+    StrictMonitor,
+    learn,
+    list_examples,
+    read_examples,
+)
+from motionary.models.library.queries import (
+    QueriedLibrary,
+    choose_queries,
+    class_of_query,
+    learn_queries,
+)
+from motionary.models.library.relearning import (
+    ClassEdit,
+    EditedLibrary,
     add_examples,
+    edit_class,
     join_classes,
-    keeps_examples,
     kept_examples,
+    training_of,
 )
-from motionary.models.library.holding_out import N_FOLDS
-from motionary.models.library.keyframe_classes import class_of_query
-from motionary.models.library.learning import learn
-from motionary.models.library.querying import QueriedLibrary, choose_queries, learn_queries
-from motionary.models.library.storage import load_library, save_library
-from motionary.models.library.thresholds import (
-    Calibration,
-    apply_calibrations,
-    calibrate_thresholds,
-)
-from motionary.models.library.training import TrainingOptions, learn_classes
+from motionary.models.library.storage import ClassLibrary, load_library
+from motionary.models.library.training import Examples, learn_classes, measure_background
 
 __all__ = [
     "N_FOLDS",
@@ -42,12 +57,18 @@ __all__ = [
     "TOLERANCE",
     "Advice",
     "Calibration",
+    "ClassEdit",
     "ClassLibrary",
+    "EditedLibrary",
     "Examples",
+    "Monitor",
     "MotionClass",
+    "Notice",
     "Prototype",
+    "PrototypePattern",
     "QueriedLibrary",
     "ReadExamples",
+    "StrictMonitor",
     "TrainingOptions",
     "add_examples",
     "advise",
@@ -55,21 +76,22 @@ __all__ = [
     "calibrate_thresholds",
     "choose_queries",
     "class_of_query",
+    "edit_class",
     "find_clashes",
     "find_prototype",
     "join_classes",
-    "keeps_examples",
     "kept_examples",
     "learn",
     "learn_classes",
     "learn_queries",
     "list_examples",
     "load_library",
+    "measure_background",
     "merge_libraries",
     "read_examples",
     "remove_class",
     "rename_class",
     "replace_class",
     "replace_template",
-    "save_library",
+    "training_of",
 ]

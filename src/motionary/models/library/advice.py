@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.matching import Pattern, concatenate, corpus_distance
 from motionary.models.library.classes import TOLERANCE
-from motionary.models.library.examples import Examples
-from motionary.models.library.training import learn_prototype
+from motionary.models.library.training import Examples, learn_prototype
 from motionary.models.templates import Learning, MotionTemplate, pattern_of, quantise
 from motionary.packing import full_mask
 

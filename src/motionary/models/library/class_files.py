@@ -1,18 +1,18 @@
-"""How does one class of a library lie on disk?
+"""One class of a library on disk: a TOML file that people edit, and an NPZ file.
 
-A TOML file with its settings and a table for each template, which names the NPZ file that
-holds the values: of the templates and, where they are kept, the words of their examples.
+The TOML file holds the settings and a table for each template, and names the NPZ file that
+holds the values: of the templates and, where they are kept, the packed features of their
+examples. What a person wrote into the TOML file besides stays when it is written again.
 """
 
 import hashlib
 import io
-import re
 import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,31 +20,43 @@ from numpy.typing import NDArray
 from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FeatureSequence, FeatureSet
-from motionary.models.keyframes import KeyframeQuery, format_queries, parse_queries
+from motionary.models.keyframes import KeyframeQuery, check_votes, format_queries, parse_queries
 from motionary.models.library.classes import MotionClass, Prototype
-from motionary.models.library.lines import refuse, tell_line
-from motionary.models.library.tables import check_keys, read_toml, to_toml, write_text
+from motionary.models.library.tables import (
+    Keys,
+    check_keys,
+    read_document,
+    read_toml,
+    refuse,
+    refuse_value,
+    show_place,
+    tell_line,
+    update_table,
+    write_document,
+)
 from motionary.models.templates import MotionTemplate
 from motionary.packing import count_integers, full_mask
 
-CLASS_KEYS = {
+if TYPE_CHECKING:
+    from tomlkit import TOMLDocument
+
+Arrays = Mapping[str, NDArray[Any]]
+
+CLASS_KEYS: Keys = {
     "name": str, "threshold": float, "tolerance": float, "background": list, "values": str,
     "templates": list,
 }  # fmt: skip
-_TEMPLATE_KEYS = {"name": str, "examples": int, "columns": int, "provenance": str}
-# Keys of the file and attributes of a class.
+_TEMPLATE_KEYS: Keys = {"name": str, "examples": int, "columns": int, "provenance": str}
+_OPTIONAL_KEYS: Keys = {"mirror_of": str, "unmeasured": list}
+# Keys of the file, by attributes of a class.
 _ESTIMATES = {
-    "promised_precision": "estimated_precision", "promised_recall": "estimated_recall",
+    "estimated_precision": "promised_precision", "estimated_recall": "promised_recall",
 }  # fmt: skip
-
 #: What reading a broken archive of arrays ends in.
 _BROKEN_ARCHIVE = (
     ValueError, TypeError, KeyError, EOFError, OSError, MemoryError, OverflowError, RuntimeError,
     zipfile.BadZipFile, zlib.error, struct.error,
 )  # fmt: skip
-
-Arrays = Mapping[str, NDArray[Any]]
-
 
 # -- writing ----------------------------------------------------------------------------
 
@@ -54,38 +66,67 @@ def write_class(
 ) -> set[Path]:
     """Write one class and return its files."""
     arrays: dict[str, NDArray[Any]] = {}
-    tables = ""
+    entries = []
     for i, prototype in enumerate(motion_class.prototypes):
         template = prototype.template
-        entry: dict[str, Any] = {
-            "name": prototype.name,
-            "examples": template.n_examples,
-            "columns": template.n_columns,
-            "provenance": template.provenance,
-        }
-        if prototype.queries:
-            # Line by line, as a person writes a query.
-            text = format_queries(prototype.queries, vocabulary=feature_set)
-            entry |= {"query": text.splitlines(), "votes": prototype.votes}
-        tables += "\n[[templates]]\n" + to_toml(entry)
         arrays[f"values_{i}"], arrays[f"weights_{i}"] = template.values, template.weights
         arrays |= _pack_examples(prototype, i)
+        entries.append(_to_entry(prototype, feature_set))
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
     content = buffer.getvalue()
     values = folder / f"{stem}.{hashlib.sha256(content).hexdigest()[:8]}.npz"
-    attributes = ("name", "threshold", "tolerance", *_ESTIMATES.values(), "background")
-    keys = ("name", "threshold", "tolerance", *_ESTIMATES, "background")
-    settings = {
-        key: value
-        for key, attribute in zip(keys, attributes, strict=True)
-        if (value := getattr(motion_class, attribute)) is not None
+    settings: dict[str, Any] = {
+        key: getattr(motion_class, key) for key in ("name", "threshold", "tolerance")
     }
+    for attribute, key in _ESTIMATES.items():
+        if (fraction := getattr(motion_class, attribute)) is not None:
+            settings[key] = fraction
+    settings |= {"background": list(motion_class.background), "values": values.name}
     path = folder / f"{stem}.toml"
+    document = read_document(path)
+    update_table(document, settings, optional=_ESTIMATES.values())
+    _update_entries(document, entries)
     with write_atomically(values) as beside:
         beside.write_bytes(content)
-    write_text(path, to_toml(settings | {"values": values.name}) + tables)
+    write_document(path, document)
     return {values, path}
+
+
+def _to_entry(prototype: Prototype, feature_set: FeatureSet) -> dict[str, Any]:
+    """The table of a template."""
+    template = prototype.template
+    entry: dict[str, Any] = {
+        "name": prototype.name,
+        "examples": template.n_examples,
+        "columns": template.n_columns,
+        "provenance": template.provenance,
+    }
+    if prototype.mirror_of:
+        entry["mirror_of"] = prototype.mirror_of
+    if template.unmeasured:
+        entry["unmeasured"] = list(template.unmeasured)
+    if prototype.queries:
+        # Line by line, as a person writes a query.
+        text = format_queries(prototype.queries, vocabulary=feature_set)
+        entry |= {"query": text.splitlines(), "votes": prototype.votes}
+    return entry
+
+
+def _update_entries(document: "TOMLDocument", entries: list[dict[str, Any]]) -> None:
+    """Give a class its templates; tables of the same number of templates are kept."""
+    import tomlkit
+    from tomlkit.items import AoT
+
+    tables = document.get("templates")
+    if not isinstance(tables, AoT) or len(tables) != len(entries):
+        document.pop("templates", None)
+        tables = tomlkit.aot()
+        for _ in entries:
+            tables.append(tomlkit.table())
+        document["templates"] = tables
+    for table, entry in zip(tables, entries, strict=True):
+        update_table(table, entry, optional=(*_OPTIONAL_KEYS, "query", "votes"))
 
 
 def _pack_examples(prototype: Prototype, number: int) -> dict[str, NDArray[Any]]:
@@ -116,79 +157,89 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
     path = folder / f"{stem}.toml"
     content = read_toml(path, CLASS_KEYS)
     if content["name"] != name:
-        raise refuse(path, "name", f"is {content['name']!r}, but the library says {name!r}")
+        raise refuse(path, ("name",), f"is {content['name']!r}, but the library says {name!r}")
     if not content["templates"]:
-        raise refuse(path, "templates", "must list at least one, got none")
+        raise refuse(path, ("templates",), "must list at least one, got none")
     background = content["background"]
     if not all(isinstance(fraction, int | float) for fraction in background):
-        raise refuse(path, "background", f"must be a list of numbers, got {background!r}")
-    for key in _ESTIMATES:
-        if key in content:
-            check_keys(path, content, {key: float})
+        raise refuse(path, ("background",), f"must be a list of numbers, got {background!r}")
+    estimates = [_read_estimate(path, content, key) for key in _ESTIMATES.values()]
     arrays = _read_values(path, content["values"])
     prototypes = []
     for i, entry in enumerate(content["templates"]):
-        check_keys(path, entry, _TEMPLATE_KEYS, place=f"templates[{i}].")
+        check_keys(path, entry, _TEMPLATE_KEYS, place=("templates", i))
+        present = {key: kind for key, kind in _OPTIONAL_KEYS.items() if key in entry}
+        check_keys(path, entry, present, place=("templates", i))
         prototypes.append(_read_prototype(path, i, entry, arrays, feature_set))
     try:
         return MotionClass(
             name, tuple(prototypes), content["threshold"], content["tolerance"], tuple(background),
-            *(content.get(key) for key in _ESTIMATES),
+            *estimates,
         )  # fmt: skip
     except InvalidInput as error:
-        raise UnreadableFile(f"{path}: {error}{_line_of(path, str(error))}") from error
+        raise refuse_value(path, (), error) from error
 
 
-def _line_of(path: Path, problem: str, *, place: str = "") -> str:
-    """Where the key stands that an error of a class is about."""
-    keys = (*CLASS_KEYS, *_ESTIMATES, *_TEMPLATE_KEYS, "query", "votes")
-    named = [key for key in keys if re.search(rf"\b(?:n_)?{key}\b", problem)]
-    return next(filter(None, (tell_line(path, key, place=place) for key in named)), "")
+def _read_estimate(path: Path, content: dict[str, Any], key: str) -> float | None:
+    if key not in content:
+        return None
+    check_keys(path, content, {key: float})
+    fraction = float(content[key])
+    if not 0 <= fraction <= 1:
+        raise refuse(path, (key,), f"must lie in [0, 1], got {fraction}")
+    return fraction
 
 
 def _read_prototype(
     path: Path, number: int, entry: dict[str, Any], arrays: Arrays, feature_set: FeatureSet
 ) -> Prototype:
-    place = f"templates[{number}]"
+    place = ("templates", number)
     keys = (f"values_{number}", f"weights_{number}")
     if any(key not in arrays for key in keys):
-        raise UnreadableFile(f"{path}: {place} has no values in the .npz beside it")
+        raise UnreadableFile(f"{path}: {show_place(place)} has no values in the .npz beside it")
     values, weights = (arrays[key] for key in keys)
     shape = (entry["columns"], len(feature_set))
     if values.shape != shape:
         raise UnreadableFile(
-            f"{path}: {place} needs values of shape {shape} (columns, features), "
-            f"the .npz beside it has {values.shape}"
-            f"{tell_line(path, 'columns', place=f'{place}.')}"
+            f"{path}: {show_place(place)} needs values of shape {shape} (columns, features), the "
+            f".npz beside it has {values.shape}{tell_line(path, (*place, 'columns'))}"
         )
     if values.dtype.kind not in "fiu" or weights.dtype.kind not in "fiu":
-        raise UnreadableFile(f"{path}: {place} needs numbers in the .npz beside it")
+        raise UnreadableFile(f"{path}: {show_place(place)} needs numbers in the .npz beside it")
     try:
         template = MotionTemplate(
             values, weights, feature_set.ids, feature_set.name, entry["provenance"],
-            entry["examples"],
+            entry["examples"], tuple(entry.get("unmeasured", ())),
         )  # fmt: skip
-        queries = _read_queries(entry, feature_set)
-        votes = entry.get("votes", 1)
-        if not isinstance(votes, int):
-            raise InvalidInput(f"votes must be a whole number, got {votes!r}")
+        queries, votes = _read_queries(entry, feature_set)
         examples = _unpack_examples(arrays, number, feature_set)
-        return Prototype(entry["name"], template, queries, votes, examples)
+        mirror_of = entry.get("mirror_of", "")
+        return Prototype(entry["name"], template, queries, votes, examples, mirror_of)
     except InvalidInput as error:
-        line = _line_of(path, str(error), place=f"{place}.")
-        raise UnreadableFile(f"{path}: {place}: {error}{line}") from error
+        raise refuse_value(path, place, error) from error
 
 
-def _read_queries(entry: dict[str, Any], feature_set: FeatureSet) -> tuple[KeyframeQuery, ...]:
+def _read_queries(
+    entry: dict[str, Any], feature_set: FeatureSet
+) -> tuple[tuple[KeyframeQuery, ...], int]:
+    """Queries of a template, and how many must agree."""
+    votes = entry.get("votes", 1)
     if "query" not in entry:
-        return ()
+        return (), votes
     lines = entry["query"]
     if not isinstance(lines, list) or not all(isinstance(line, str) for line in lines):
-        raise InvalidInput(f"query must be a list of lines, got {lines!r}")
+        raise InvalidInput(f"query must be a list of lines, got {lines!r}", key="query")
     try:
-        return parse_queries("\n".join(lines), vocabulary=feature_set)
+        queries = parse_queries("\n".join(lines), vocabulary=feature_set)
     except InvalidInput as error:
-        raise InvalidInput(f"query: {error}") from error
+        raise InvalidInput(f"query: {error}", key="query") from error
+    if not isinstance(votes, int):
+        raise InvalidInput(f"votes must be a whole number, got {votes!r}", key="votes")
+    try:
+        check_votes(votes, n_queries=len(queries))
+    except InvalidInput as error:
+        raise InvalidInput(str(error), key="votes") from error
+    return queries, votes
 
 
 def _unpack_examples(
@@ -209,7 +260,7 @@ def _unpack_examples(
         and packed.shape == known.shape == (lengths.sum(), count_integers(len(feature_set)))
     )
     if not fits:
-        raise InvalidInput("the words of its examples, in the .npz beside it, do not fit together")
+        raise InvalidInput("the packed features of its examples, in the .npz, do not fit together")
     known = known & full
     ends = np.cumsum(lengths)[:-1]
     parts = zip(np.split(packed & known, ends), np.split(known, ends), strict=True)
@@ -220,9 +271,9 @@ def _read_values(path: Path, name: str) -> Arrays:
     """Arrays of the file that a class's table names."""
     file = path.parent / name
     if not name or Path(name).name != name:
-        raise refuse(path, "values", f"must name a file beside it, got {name!r}")
+        raise refuse(path, ("values",), f"must name a file beside it, got {name!r}")
     if not file.is_file():
-        raise refuse(path, "values", f"means {name}, which is missing")
+        raise refuse(path, ("values",), f"means {name}, which is missing")
     try:
         # Not the path: after an error NumPy would leave the file open.
         loaded = np.load(io.BytesIO(file.read_bytes()), allow_pickle=False)

@@ -1,25 +1,71 @@
-"""What is a motion class, and a library of them?
+"""Motion classes, their prototypes, and the options that they are trained with.
 
-A class is one name for one or more templates (subclasses: left and right, ways of doing
-it) with the threshold below which a match counts.
+A class is one name for one or more templates, its prototypes (left and right, ways of doing
+the same), with the threshold below which a match counts.
 """
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cached_property
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, FeatureSequence, FeatureSet
+from motionary.features import FeatureSequence
 from motionary.matching import Pattern
 from motionary.models.keyframes import KeyframeQuery, check_features, check_votes
+from motionary.models.query_learning import RUNS
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, pattern_of, quantise
 
 #: Müller and Röder (2006), section 5.4: a good trade-off between precision and recall.
 THRESHOLD = 0.06
 #: Müller, Baak and Seidel (2009), section 3.
 TOLERANCE = 0.05
+
+#: Where the keyframe queries of classes come from: the genetic algorithm, or a choice of
+#: keyframes.
+QuerySource = Literal["none", "learned", "chosen"]
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingOptions:
+    """Settings of training, which a library remembers.
+
+    Attributes
+    ----------
+    threshold, tolerance : of the classes; defaults of the publications of 2006 and 2009
+    mirror : also learn the mirror image of every template, as a prototype
+    by_self_information : whether features that rarely hold among the examples weigh more;
+        False weighs all alike, as published
+    keep_examples : keep the examples' packed features in the library, so that its classes
+        can learn from more later as if from all at once
+    calibrate : choose each class's threshold by cross-validation, and keep the estimates
+    groups : regular expression on the names of examples, such as "HDM_(..)_" for actors;
+        those with the same match are held out together
+    queries : where keyframe queries come from; "none" matches templates everywhere
+    query_runs : so many learned queries vote
+    provenance, licence : written into the library
+    """
+
+    threshold: float = THRESHOLD
+    tolerance: float = TOLERANCE
+    mirror: bool = False
+    by_self_information: bool = True
+    keep_examples: bool = False
+    calibrate: bool = False
+    groups: str | None = None
+    queries: QuerySource = "none"
+    query_runs: int = RUNS
+    provenance: str = ""
+    licence: str = ""
+
+    def __post_init__(self) -> None:
+        if self.queries not in get_args(QuerySource):
+            raise InvalidInput(
+                f"queries must be one of {', '.join(get_args(QuerySource))}, got {self.queries!r}"
+            )
+        if self.query_runs < 1:
+            raise InvalidInput(f"query_runs must be at least 1, got {self.query_runs}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +78,8 @@ class Prototype:
     template : what its examples have in common
     queries : of keyframes; the template is matched only around their hits, if there are any
     votes : so many of the queries must agree
-    examples : words of what it was learned from, if they are kept to learn further
+    examples : packed features of what it was learned from, if they are kept to learn further
+    mirror_of : name of the prototype whose mirror image it is; empty if it is of its own
     """
 
     name: str
@@ -40,6 +87,7 @@ class Prototype:
     queries: tuple[KeyframeQuery, ...] = ()
     votes: int = 1
     examples: tuple[FeatureSequence, ...] = ()
+    mirror_of: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "queries", tuple(self.queries))
@@ -55,22 +103,35 @@ class Prototype:
         if self.queries:
             check_votes(self.votes, n_queries=len(self.queries))
 
+    @property
+    def keeps_examples(self) -> bool:
+        """Whether every example that it was learned from is kept."""
+        return len(self.examples) == self.template.n_examples
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+class PrototypePattern(NamedTuple):
+    """A prototype's template with fixed and free cells, and what the matcher looks for."""
+
+    template: QuantisedTemplate
+    pattern: Pattern
+
+
+# Without slots, which leave no room for what is computed once.
+@dataclass(frozen=True, eq=False)
 class MotionClass:
     """A named class of motion.
 
     Attributes
     ----------
     name : what labels are called
-    subclasses : its templates, at least one
+    prototypes : its templates, at least one
     threshold : largest cost of a match
-    tolerance : a cell of a template is fixed if at most this share of examples differs
-    background : share of frames in which each relation holds, in the recordings that were
+    tolerance : a cell of a template is fixed if at most this fraction of examples differs
+    background : fraction of frames in which each feature holds, in the recordings that were
         known when the class was learned; what is rare there weighs more. Empty: all
         entries weigh the same, as published.
-    promised_precision, promised_recall : what to expect at this threshold, as measured on
-        examples held out when it was suggested; None if it was not
+    estimated_precision, estimated_recall : what to expect at this threshold, as measured by
+        cross-validation when it was calibrated; None if it was not
     """
 
     name: str
@@ -86,37 +147,50 @@ class MotionClass:
             raise InvalidInput("a class needs a name, got an empty one")
         if not self.prototypes:
             raise InvalidInput(f"class {self.name!r} needs at least one template, got none")
-        names = [s.name for s in self.prototypes]
-        if len(set(names)) != len(names):
-            raise InvalidInput(f"class {self.name!r}: names of subclasses must be unique")
-        if not 0 <= self.threshold <= 1:
-            raise InvalidInput(
-                f"class {self.name!r}: threshold must lie in [0, 1], got {self.threshold}"
-            )
-        if not 0 <= self.tolerance < 0.5:
-            raise InvalidInput(
-                f"class {self.name!r}: tolerance must be at least 0 and below 0.5, "
-                f"got {self.tolerance}"
-            )
-        estimates = {
-            "promised_precision": self.estimated_precision,
-            "promised_recall": self.estimated_recall,
-        }
-        for key, fraction in estimates.items():
-            if fraction is not None and not 0 <= fraction <= 1:
-                raise InvalidInput(f"class {self.name!r}: {key} must lie in [0, 1], got {fraction}")
+        self._check_prototypes()
+        self._check_numbers()
         n_features = self.prototypes[0].template.n_features
         fractions = tuple(float(fraction) for fraction in self.background)
         if fractions and (len(fractions) != n_features or not all(0 < s < 1 for s in fractions)):
             raise InvalidInput(
-                f"class {self.name!r}: background needs {n_features} shares between 0 and 1"
+                f"class {self.name!r}: background needs {n_features} fractions between 0 and 1",
+                key="background",
             )
         object.__setattr__(self, "threshold", float(self.threshold))
         object.__setattr__(self, "tolerance", float(self.tolerance))
         object.__setattr__(self, "background", fractions)
 
+    def _check_prototypes(self) -> None:
+        originals = {one.name for one in self.prototypes if not one.mirror_of}
+        if len({one.name for one in self.prototypes}) != len(self.prototypes):
+            raise InvalidInput(f"class {self.name!r}: names of prototypes must be unique")
+        for one in self.prototypes:
+            if one.mirror_of and one.mirror_of not in originals:
+                raise InvalidInput(
+                    f"class {self.name!r}: mirror_of of {one.name!r} must name a prototype that "
+                    f"is no mirror image, got {one.mirror_of!r}"
+                )
+
+    def _check_numbers(self) -> None:
+        if not 0 <= self.threshold <= 1:
+            raise InvalidInput(
+                f"class {self.name!r}: threshold must lie in [0, 1], got {self.threshold}",
+                key="threshold",
+            )
+        if not 0 <= self.tolerance < 0.5:
+            raise InvalidInput(
+                f"class {self.name!r}: tolerance must be at least 0 and below 0.5, "
+                f"got {self.tolerance}",
+                key="tolerance",
+            )
+        for key in ("estimated_precision", "estimated_recall"):
+            fraction = getattr(self, key)
+            if fraction is not None and not 0 <= fraction <= 1:
+                raise InvalidInput(f"class {self.name!r}: {key} must lie in [0, 1], got {fraction}")
+
+    @cached_property
     def quantised(self) -> tuple[QuantisedTemplate, ...]:
-        """Templates of the subclasses with fixed and free cells.
+        """Templates of the prototypes with fixed and free cells; computed once.
 
         Raises
         ------
@@ -133,79 +207,8 @@ class MotionClass:
                 )
         return result
 
-    def sought(self) -> tuple[tuple[QuantisedTemplate, Pattern], ...]:
-        """Quantised templates with the patterns that the matcher looks for."""
+    @cached_property
+    def patterns(self) -> tuple[PrototypePattern, ...]:
+        """Quantised template and pattern of each prototype; computed once."""
         ones = np.array(self.background) if self.background else None
-        return tuple((template, pattern_of(template, ones=ones)) for template in self.quantised())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ClassLibrary:
-    """Classes over one feature set; the order of the classes breaks ties.
-
-    Attributes
-    ----------
-    classes : with unique names
-    feature_set : what the templates' features are
-    provenance, licence : where the classes come from and how they may be used
-    """
-
-    classes: tuple[MotionClass, ...]
-    feature_set: FeatureSet = FULL_BODY
-    provenance: str = ""
-    licence: str = ""
-
-    def __post_init__(self) -> None:
-        if len(set(self.names)) != len(self.names):
-            raise InvalidInput("a library needs unique class names")
-        for motion_class in self.classes:
-            for prototype in motion_class.prototypes:
-                if prototype.template.feature_names != self.feature_set.ids:
-                    raise InvalidInput(
-                        f"template {prototype.name!r} has the features of "
-                        f"{prototype.template.feature_set!r}, the library those of "
-                        f"{self.feature_set.name!r}; learn it again with the library's"
-                    )
-
-    def __iter__(self) -> Iterator[MotionClass]:
-        return iter(self.classes)
-
-    def __len__(self) -> int:
-        return len(self.classes)
-
-    def __getitem__(self, name: str) -> MotionClass:
-        for motion_class in self.classes:
-            if motion_class.name == name:
-                return motion_class
-        known = ", ".join(self.names) or "none"
-        raise InvalidInput(f"the library has no class {name!r}; its classes are: {known}")
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the classes, in order."""
-        return tuple(c.name for c in self.classes)
-
-    def save(self, folder: str | Path) -> None:
-        """Write the library to a folder of readable files; see `storage`.
-
-        Raises
-        ------
-        UnwritableFile
-            If the folder cannot be written, or holds something that is no library.
-        """
-        from motionary.models.library.storage import save_library
-
-        save_library(self, folder)
-
-    @staticmethod
-    def load(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ()) -> "ClassLibrary":
-        """Read a library from its folder; see `load_library`.
-
-        Raises
-        ------
-        UnreadableFile
-            If the folder holds no library, a newer one, or one that does not fit together.
-        """
-        from motionary.models.library.storage import load_library
-
-        return load_library(folder, feature_sets=feature_sets)
+        return tuple(PrototypePattern(one, pattern_of(one, ones=ones)) for one in self.quantised)

@@ -1,16 +1,16 @@
-"""How is a library changed by hand?
+"""Libraries changed by hand: classes renamed, removed, given other templates; libraries merged.
 
-Classes are renamed, removed, given other templates or thresholds, and libraries merged.
 Libraries and classes come back new, never changed.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from motionary.errors import InvalidInput
-from motionary.models.library.classes import ClassLibrary, MotionClass, Prototype
-from motionary.models.library.training import MIRRORED, mirror_prototype
+from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
+from motionary.models.library.storage import ClassLibrary
+from motionary.models.library.training import mirror_prototype, rename_prototype
 from motionary.models.templates import MotionTemplate
 
 #: What becomes of a class whose name another library has, too.
@@ -27,8 +27,7 @@ def replace_class(library: ClassLibrary, name: str, changed: MotionClass) -> Cla
         features.
     """
     old = library[name]
-    classes = tuple(changed if one is old else one for one in library)
-    return replace(library, classes=classes)
+    return replace(library, classes=tuple(changed if one is old else one for one in library))
 
 
 def remove_class(library: ClassLibrary, name: str) -> ClassLibrary:
@@ -54,13 +53,12 @@ def rename_class(library: ClassLibrary, name: str, new_name: str) -> ClassLibrar
     if new_name != name and new_name in library.names:
         raise InvalidInput(f"the library has a class {new_name!r} already; choose another name")
     old = library[name]
-    names = {name: new_name, name + MIRRORED: new_name + MIRRORED}
-    prototypes = tuple(replace(s, name=names.get(s.name, s.name)) for s in old.prototypes)
+    prototypes = rename_prototype(old.prototypes, name, new_name)
     return replace_class(library, name, replace(old, name=new_name, prototypes=prototypes))
 
 
 def find_prototype(motion_class: MotionClass, name: str | None = None) -> Prototype:
-    """The subclass of a name; without one, the only one, or the one that is called as the class.
+    """The prototype of a name; by default the only one, or the one called like the class.
 
     Raises
     ------
@@ -81,12 +79,12 @@ def replace_template(
 ) -> ClassLibrary:
     """Library in which a class has another template, and its mirror image with it.
 
-    Queries, kept examples and what was promised were of the template before, and go.
+    Queries, kept examples and estimates were of the template before, and go.
 
     Raises
     ------
     InvalidInput
-        If there is no such class or subclass, or the template is over other features or
+        If there is no such class or prototype, or the template is over other features or
         fixes nothing.
     """
     old = find_prototype(library[name], prototype)
@@ -96,30 +94,28 @@ def replace_template(
 
 
 def replace_prototype(library: ClassLibrary, name: str, changed: Prototype) -> ClassLibrary:
-    """Library in which a class has another subclass of the same name, and its mirror image.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no such class, or the template is over other features or fixes nothing.
-    """
-    motion_class = library[name]
+    """Library in which a class has another prototype of the same name, and its mirror image."""
     if changed.template.feature_names != library.feature_set.ids:
         raise InvalidInput(
             f"template {changed.name!r} is over {changed.template.feature_set!r}, the library over "
             f"{library.feature_set.name!r}; both need one feature set"
         )
-    new = {changed.name: changed}
-    if any(one.name == changed.name + MIRRORED for one in motion_class.prototypes):
-        new[changed.name + MIRRORED] = mirror_prototype(changed, library.feature_set)
-    replaced = replace(
-        motion_class,
-        prototypes=tuple(new.get(one.name, one) for one in motion_class.prototypes),
-        estimated_precision=None,
-        estimated_recall=None,
-    )
-    replaced.quantised()
+    prototypes = []
+    for one in library[name].prototypes:
+        if one.name == changed.name:
+            one = changed
+        elif one.mirror_of == changed.name:
+            one = mirror_prototype(changed, library.feature_set, name=one.name)
+        prototypes.append(one)
+    replaced = without_estimates(library[name], prototypes=tuple(prototypes))
+    # A template that would match everything is refused.
+    _ = replaced.quantised
     return replace_class(library, name, replaced)
+
+
+def without_estimates(motion_class: MotionClass, **changes: Any) -> MotionClass:
+    """A changed class, of which nothing is known from cross-validation."""
+    return replace(motion_class, estimated_precision=None, estimated_recall=None, **changes)
 
 
 def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse") -> ClassLibrary:
@@ -158,11 +154,14 @@ def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse
                 classes[one.name] = one
             elif clash == "both":
                 classes[one.name] = _side_by_side(classes[one.name], one)
+    provenance = _unite(library.provenance for library in libraries)
+    licence = _unite(library.licence for library in libraries)
     return ClassLibrary(
         tuple(classes.values()),
         first.feature_set,
-        _unite(library.provenance for library in libraries),
-        _unite(library.licence for library in libraries),
+        provenance,
+        licence,
+        _common_training(libraries, provenance, licence),
     )
 
 
@@ -175,19 +174,29 @@ def find_clashes(libraries: Sequence[ClassLibrary]) -> list[str]:
 def _side_by_side(first: MotionClass, second: MotionClass) -> MotionClass:
     """The first class with the templates of the second beside its own."""
     taken = {one.name for one in first.prototypes}
-    added = []
+    names: dict[str, str] = {}
     for one in second.prototypes:
         name, number = one.name, 2
         while name in taken:
             name, number = f"{one.name}-{number}", number + 1
         taken.add(name)
-        added.append(replace(one, name=name))
-    return replace(
-        first,
-        prototypes=(*first.prototypes, *added),
-        estimated_precision=None,
-        estimated_recall=None,
-    )
+        names[one.name] = name
+    added = [
+        replace(one, name=names[one.name], mirror_of=names.get(one.mirror_of, ""))
+        for one in second.prototypes
+    ]
+    return without_estimates(first, prototypes=(*first.prototypes, *added))
+
+
+def _common_training(
+    libraries: Sequence[ClassLibrary], provenance: str, licence: str
+) -> TrainingOptions | None:
+    """Options that all libraries were trained with; None if they differ."""
+    options = {
+        one.training and replace(one.training, provenance=provenance, licence=licence)
+        for one in libraries
+    }
+    return options.pop() if len(options) == 1 else None
 
 
 def _unite(texts: Iterable[str]) -> str:

@@ -1,56 +1,135 @@
-"""How does a library lie on disk?
+"""Libraries of motion classes, and how they lie on disk.
 
-A folder: `library.toml` says what the library is, and each class has a TOML file with its
-settings, which names the NPZ file that holds the values of its templates. Values are named
-after their content and written first, and a class keeps its file, so that each class is
-the old one or the new one whenever writing ends. Files of others are left alone.
+A folder: `library.toml` says what the library is and how it was trained, and each class has a
+TOML file with its settings, which names the NPZ file that holds the values of its templates.
+Values are named after their content and written first, and a class keeps its file, so that
+each class is the old one or the new one whenever writing ends. Files of others are left
+alone.
 
 Class files are named after their classes; characters that file systems dislike become
-`_`, and `library.toml` lists file and class. It also lists the relations of a feature set
+`_`, and `library.toml` lists file and class. It also lists the features of a feature set
 that does not come with the package, so that the library can be used without it.
 """
 
 import re
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+import unicodedata
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.features import FeatureSet, describe_set, known_sets, set_from_rows
+from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, set_from_rows
 from motionary.models.library.class_files import CLASS_KEYS, read_class, write_class
-from motionary.models.library.classes import ClassLibrary
-from motionary.models.library.lines import refuse, tell_line
-from motionary.models.library.naming import choose_stems, to_stem
-from motionary.models.library.tables import read_toml, to_toml, write_text
+from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
+from motionary.models.library.tables import (
+    Keys,
+    check_keys,
+    read_document,
+    read_toml,
+    refuse,
+    refuse_value,
+    tell_line,
+    update_table,
+    write_document,
+)
 
 #: Raised when a reader of the version before could misunderstand the files.
 VERSION = 1
 INDEX = "library.toml"
 
-_INDEX_KEYS = {
+_INDEX_KEYS: Keys = {
     "version": int, "feature_set": str, "features": list, "provenance": str, "licence": str,
     "classes": dict,
 }  # fmt: skip
+_TRAINING_KEYS: Keys = {
+    "threshold": float, "tolerance": float, "mirror": bool, "by_self_information": bool,
+    "keep_examples": bool, "calibrate": bool, "groups": str, "queries": str, "query_runs": int,
+}  # fmt: skip
 _VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
+_LONGEST_BYTES = 100
+_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 
 
-def save_library(library: ClassLibrary, folder: str | Path) -> None:
-    """Write a library to a folder; classes that it had before are replaced.
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassLibrary:
+    """Classes over one feature set; the order of the classes breaks ties.
 
-    Raises
-    ------
-    UnwritableFile
-        If the folder cannot be written, or holds something that is no library.
-    InvalidInput
-        If the feature set has the name of another one that comes with the package.
+    Attributes
+    ----------
+    classes : with unique names
+    feature_set : what the templates' features are
+    provenance, licence : where the classes come from and how they may be used
+    training : how the classes were trained; None if they were not, not all alike, or before
+        libraries remembered it
     """
-    folder = Path(folder)
+
+    classes: tuple[MotionClass, ...]
+    feature_set: FeatureSet = FULL_BODY
+    provenance: str = ""
+    licence: str = ""
+    training: TrainingOptions | None = None
+
+    def __post_init__(self) -> None:
+        if len(set(self.names)) != len(self.names):
+            raise InvalidInput("a library needs unique class names")
+        for motion_class in self.classes:
+            for prototype in motion_class.prototypes:
+                if prototype.template.feature_names != self.feature_set.ids:
+                    raise InvalidInput(
+                        f"template {prototype.name!r} has the features of "
+                        f"{prototype.template.feature_set!r}, the library those of "
+                        f"{self.feature_set.name!r}; learn it again with the library's"
+                    )
+
+    def __iter__(self) -> Iterator[MotionClass]:
+        return iter(self.classes)
+
+    def __len__(self) -> int:
+        return len(self.classes)
+
+    def __getitem__(self, name: str) -> MotionClass:
+        for motion_class in self.classes:
+            if motion_class.name == name:
+                return motion_class
+        known = ", ".join(self.names) or "none"
+        raise InvalidInput(f"the library has no class {name!r}; its classes are: {known}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the classes, in order."""
+        return tuple(c.name for c in self.classes)
+
+    def save(self, folder: str | Path) -> None:
+        """Write the library to a folder; classes that it had before are replaced.
+
+        Raises
+        ------
+        UnwritableFile
+            If the folder cannot be written, or holds something that is no library.
+        InvalidInput
+            If the feature set has the name of another one that comes with the package.
+        """
+        _save(self, Path(folder))
+
+    @staticmethod
+    def load(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ()) -> "ClassLibrary":
+        """Read a library from its folder; see `load_library`."""
+        return load_library(folder, feature_sets=feature_sets)
+
+
+# -- writing ----------------------------------------------------------------------------
+
+
+def _save(library: ClassLibrary, folder: Path) -> None:
     _check_name(library.feature_set)
     _check_target(folder)
     before = _read_stems(folder, library.feature_set)
-    stems = choose_stems(
+    stems = _choose_stems(
         library.names,
         kept={name: before[name] for name in library.names if name in before},
         taken={Path(INDEX).stem, *before.values(), *_stems_of_others(folder)},
@@ -63,47 +142,6 @@ def save_library(library: ClassLibrary, folder: str | Path) -> None:
         written |= write_class(motion_class, folder, stems[motion_class.name], library.feature_set)
     _write_index(library, stems, folder)
     _remove_stale(folder, {*before.values(), *stems.values()}, kept=written)
-
-
-def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ()) -> ClassLibrary:
-    """Read a library from its folder.
-
-    Parameters
-    ----------
-    folder : folder of the library
-    feature_sets : sets with quantities of one's own, which no file can tell
-
-    Raises
-    ------
-    UnreadableFile
-        If the folder is no library, was written by a newer version, or was edited into
-        something that does not fit; the message names file, key and line.
-    """
-    folder = Path(folder)
-    path = folder / INDEX
-    if not path.is_file():
-        raise UnreadableFile(f"{folder}: no library there ({INDEX} is missing)")
-    index = read_toml(path, _INDEX_KEYS)
-    if not 1 <= index["version"] <= VERSION:
-        raise UnreadableFile(
-            f"{path}: written by a newer motionary (version {index['version']}, "
-            f"this one reads up to {VERSION}){tell_line(path, 'version')}; update motionary"
-        )
-    feature_set = _find_feature_set(path, index, feature_sets)
-    classes = []
-    for name, stem in index["classes"].items():
-        if not isinstance(stem, str) or Path(stem).name != stem:
-            raise refuse(path, name, f"must be a file name, got {stem!r}", place="classes.")
-        if not (folder / f"{stem}.toml").is_file():
-            raise refuse(path, name, f"means {stem}.toml, which is missing", place="classes.")
-        classes.append(read_class(folder, stem, name, feature_set))
-    try:
-        return ClassLibrary(tuple(classes), feature_set, index["provenance"], index["licence"])
-    except InvalidInput as error:
-        raise UnreadableFile(f"{folder}: {error}") from error
-
-
-# -- writing ----------------------------------------------------------------------------
 
 
 def _check_name(feature_set: FeatureSet) -> None:
@@ -131,7 +169,7 @@ def _read_stems(folder: Path, feature_set: FeatureSet) -> dict[str, str]:
         index = read_toml(folder / INDEX, _INDEX_KEYS)
     except UnreadableFile:
         return {}
-    stems = {n: s for n, s in index["classes"].items() if isinstance(s, str) and s == to_stem(s)}
+    stems = {n: s for n, s in index["classes"].items() if isinstance(s, str) and s == _to_stem(s)}
     if index["feature_set"] == feature_set.name:
         return stems
     # Until the index is replaced these are classes of the other feature set.
@@ -152,19 +190,44 @@ def _is_class(path: Path) -> bool:
 
 
 def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) -> None:
-    index = {
+    import tomlkit
+
+    document = read_document(folder / INDEX)
+    if not document:
+        document.add(tomlkit.comment("A motionary library: classes of motion, their origin."))
+    content = {
         "version": VERSION,
         "feature_set": library.feature_set.name,
         "features": list(library.feature_set.ids),
         "provenance": library.provenance,
         "licence": library.licence,
     }
-    text = "# A motionary library: classes of motion and where they come from.\n"
-    text += to_toml(index) + "\n[classes]\n" + to_toml(stems)
-    if library.feature_set.name not in known_sets():
-        for row in describe_set(library.feature_set) or ():
-            text += "\n[[relations]]\n" + to_toml(row)
-    write_text(folder / INDEX, text)
+    update_table(document, content)
+    own_set = library.feature_set.name not in known_sets()
+    rows = describe_set(library.feature_set) if own_set else ()
+    tables = {"training": _describe_training(library), "classes": stems, "relations": rows}
+    for key, table in tables.items():
+        _replace_table(document, key, table, required=key == "classes")
+    write_document(folder / INDEX, document)
+
+
+def _describe_training(library: ClassLibrary) -> dict[str, Any]:
+    """What the library remembers of its training, by the keys of the file."""
+    if library.training is None:
+        return {}
+    options = asdict(library.training)
+    return {key: options[key] for key in _TRAINING_KEYS if options[key] is not None}
+
+
+def _replace_table(document: Any, key: str, content: Any, *, required: bool) -> None:
+    """Give a document a table, or tables; one that holds the same already stays as it is."""
+    before = document.get(key)
+    # The order of classes counts, which equality of tables passes over.
+    if before == content and list(before or ()) == list(content or ()):
+        return
+    document.pop(key, None)
+    if content or required:
+        document[key] = content
 
 
 def _remove_stale(folder: Path, stems: Collection[str], *, kept: Collection[Path]) -> None:
@@ -178,7 +241,121 @@ def _remove_stale(folder: Path, stems: Collection[str], *, kept: Collection[Path
                 path.unlink()
 
 
+# -- names of files -----------------------------------------------------------------------
+
+
+def _choose_stems(
+    names: Iterable[str], *, kept: Mapping[str, str], taken: Collection[str]
+) -> dict[str, str]:
+    """File name without suffix for each class.
+
+    Some file systems fold case, some decompose accents, some keep names of devices to
+    themselves, all limit the length.
+
+    Parameters
+    ----------
+    names : of the classes
+    kept : stems that classes had before and keep
+    taken : stems that others must not get
+    """
+    used = {_fold(stem) for stem in (*taken, *kept.values())}
+    stems = {}
+    for name in names:
+        stems[name] = kept[name] if name in kept else _free_stem(_to_stem(name), used)
+        used.add(_fold(stems[name]))
+    return stems
+
+
+def _to_stem(name: str) -> str:
+    """The nearest name that every file system takes; not unique."""
+    stem = re.sub(r"[^\w.-]", "_", unicodedata.normalize("NFC", name))
+    stem = stem.encode()[:_LONGEST_BYTES].decode(errors="ignore").strip(".-")
+    return f"_{stem}" if _DEVICES.match(stem) else stem or "class"
+
+
+def _free_stem(stem: str, used: Collection[str]) -> str:
+    candidate, number = stem, 2
+    while _fold(candidate) in used:
+        candidate, number = f"{stem}-{number}", number + 1
+    return candidate
+
+
+def _fold(stem: str) -> str:
+    return unicodedata.normalize("NFC", stem).casefold()
+
+
 # -- reading ----------------------------------------------------------------------------
+
+
+def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ()) -> ClassLibrary:
+    """Read a library from its folder.
+
+    Parameters
+    ----------
+    folder : folder of the library
+    feature_sets : sets with quantities of one's own, which no file can tell
+
+    Raises
+    ------
+    UnreadableFile
+        If the folder is no library, was written by a newer version, or was edited into
+        something that does not fit; the message names file, key and line.
+    """
+    folder = Path(folder)
+    path = folder / INDEX
+    if not path.is_file():
+        raise UnreadableFile(f"{folder}: no library there ({INDEX} is missing)")
+    index = read_toml(path, _INDEX_KEYS)
+    if not 1 <= index["version"] <= VERSION:
+        raise UnreadableFile(
+            f"{path}: written by a newer motionary (version {index['version']}, "
+            f"this one reads up to {VERSION}){tell_line(path, ('version',))}; update motionary"
+        )
+    feature_set = _find_feature_set(path, index, feature_sets)
+    training = _read_training(path, index)
+    classes = []
+    for name, stem in index["classes"].items():
+        if not isinstance(stem, str) or Path(stem).name != stem:
+            raise refuse(path, ("classes", name), f"must be a file name, got {stem!r}")
+        if not (folder / f"{stem}.toml").is_file():
+            raise refuse(path, ("classes", name), f"means {stem}.toml, which is missing")
+        motion_class = read_class(folder, stem, name, feature_set)
+        # Libraries of before do not say which template is the mirror image of which.
+        classes.append(motion_class if training else _pair_mirrors(motion_class, feature_set))
+    try:
+        return ClassLibrary(
+            tuple(classes), feature_set, index["provenance"], index["licence"], training
+        )
+    except InvalidInput as error:
+        raise UnreadableFile(f"{folder}: {error}") from error
+
+
+def _read_training(path: Path, index: dict[str, Any]) -> TrainingOptions | None:
+    """The options that the library was trained with, if it remembers them."""
+    if "training" not in index:
+        return None
+    content = {"groups": "", **index["training"]}
+    check_keys(path, content, _TRAINING_KEYS, place=("training",))
+    options = {key: content[key] for key in _TRAINING_KEYS} | {"groups": content["groups"] or None}
+    about = {key: index[key] for key in ("provenance", "licence")}
+    try:
+        return TrainingOptions(**options, **about)
+    except InvalidInput as error:
+        raise refuse_value(path, ("training",), error) from error
+
+
+def _pair_mirrors(motion_class: MotionClass, feature_set: FeatureSet) -> MotionClass:
+    """The class, with the templates named that are to the bit mirror images of others."""
+    paired: list[Prototype] = []
+    for one in motion_class.prototypes:
+        for original in paired:
+            same = np.array_equal(one.template.weights, original.template.weights)
+            image = original.template.values[:, feature_set.mirror_order]
+            if same and not original.mirror_of and np.array_equal(one.template.values, image):
+                one = replace(one, mirror_of=original.name)
+                break
+        paired.append(one)
+    return replace(motion_class, prototypes=tuple(paired))
 
 
 def _find_feature_set(path: Path, index: dict[str, Any], given: Sequence[FeatureSet]) -> FeatureSet:
@@ -190,18 +367,18 @@ def _find_feature_set(path: Path, index: dict[str, Any], given: Sequence[Feature
     if found is None:
         raise refuse(
             path,
-            "feature_set",
+            ("feature_set",),
             f"{name!r} is not known; known are {', '.join(sets)}; "
             "sets of one's own are passed as feature_sets=",
         )
     if ids != found.ids:
-        raise refuse(path, "features", f"are not those of {name!r}; learn it again")
+        raise refuse(path, ("features",), f"are not those of {name!r}; learn it again")
     return found
 
 
 def _read_features(path: Path, name: str, rows: Any) -> FeatureSet:
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise refuse(path, "relations", "must be tables of relations")
+        raise refuse(path, ("relations",), "must be tables of features")
     try:
         return set_from_rows(name, rows)
     except InvalidInput as error:

@@ -157,6 +157,7 @@ def join(
         weights=stack.weights[:end],
         provenance=f"joined from: {names[0]}; {names[1]}",
         n_examples=n_examples,
+        unmeasured=tuple(name for name in first.unmeasured if name in second.unmeasured),
     )
 
 

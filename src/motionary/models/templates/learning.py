@@ -94,7 +94,12 @@ def learn_template(
     settings = learning or Learning()
     examples = _check_examples(matrices)
     n_features = examples[0].shape[1]
-    columns = examples if known is None else _with_fractions(examples, known)
+    columns = examples
+    unmeasured: tuple[str, ...] = ()
+    if known is not None:
+        columns = _with_fractions(examples, known)
+        never = ~np.concatenate(columns)[:, n_features:].any(axis=0)
+        unmeasured = tuple(np.array(feature_names)[never].tolist())
     offsets = np.cumsum([0] + [len(example) for example in examples]).astype(np.intp)
     stack = Stack(np.concatenate(columns), np.ones(offsets[-1]), offsets)
     stack = repeat_passes(stack, n_features, settings, _choose_engine(engine, stack))
@@ -106,6 +111,7 @@ def learn_template(
         feature_set=feature_set,
         provenance=provenance,
         n_examples=len(examples),
+        unmeasured=unmeasured,
     )
 
 

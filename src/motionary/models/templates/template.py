@@ -41,6 +41,8 @@ class MotionTemplate:
     feature_set : name of the set that they belong to
     provenance : where the template comes from, in words
     n_examples : number of examples it was learned from
+    unmeasured : names of the features that no example shows; free for want of knowledge, not
+        because examples differ
     """
 
     values: NDArray[np.float64]
@@ -49,6 +51,7 @@ class MotionTemplate:
     feature_set: str
     provenance: str = ""
     n_examples: int = 1
+    unmeasured: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         values = check_values(self.values)
@@ -56,7 +59,17 @@ class MotionTemplate:
         if not self.feature_set:
             raise InvalidInput("a template needs the name of its feature set, got an empty one")
         if self.n_examples < 1:
-            raise InvalidInput(f"a template needs n_examples of at least 1, got {self.n_examples}")
+            raise InvalidInput(
+                f"a template needs n_examples of at least 1, got {self.n_examples}", key="examples"
+            )
+        if not set(self.unmeasured) <= set(names):
+            strange = sorted(set(self.unmeasured) - set(names))
+            raise InvalidInput(
+                f"unmeasured must name features of the template, got {strange}", key="unmeasured"
+            )
+        # What is fixed by hand afterwards, or known of other examples, is no longer unknown.
+        unknown = dict(zip(names, (values == 0.5).all(axis=0).tolist(), strict=True))
+        object.__setattr__(self, "unmeasured", tuple(n for n in self.unmeasured if unknown[n]))
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "weights", _check_weights(self.weights, n_columns=len(values)))
         object.__setattr__(self, "feature_names", names)
@@ -206,6 +219,11 @@ def mirror(template: MotionTemplate, order: ArrayLike) -> MotionTemplate:
         template,
         values=template.values[:, partners],
         provenance=f"mirror image of {origin}",
+        unmeasured=tuple(
+            name
+            for name, partner in zip(template.feature_names, partners, strict=True)
+            if template.feature_names[partner] in template.unmeasured
+        ),
     )
 
 

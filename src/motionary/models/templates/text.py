@@ -87,6 +87,10 @@ def template_to_text(
     """
     features = find_set(template, feature_set=feature_set)
     lines = [f"# {' '.join(template.provenance.split())}"] if template.provenance else []
+    if template.unmeasured:
+        names = dict(zip(features.ids, features.names, strict=True))
+        unmeasured = ", ".join(names[id_] for id_ in template.unmeasured)
+        lines.append(f"# measured in no example: {unmeasured}")
     lines.append(f"features: {features.name}")
     lines += write_states(_states(template, tolerance), features)
     return "\n".join(lines) + "\n"

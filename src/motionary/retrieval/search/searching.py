@@ -204,7 +204,7 @@ def _patterns_of(
         templates = [prototype.template for prototype in query.prototypes]
         patterns = [
             SearchPattern(query.name, template, pattern, prototype.queries, prototype.votes)
-            for prototype, (template, pattern) in zip(query.prototypes, query.sought(), strict=True)
+            for prototype, (template, pattern) in zip(query.prototypes, query.patterns, strict=True)
         ]
     elif isinstance(query, MotionTemplate):
         quantised = quantise(query, tolerance=expansion.tolerance)

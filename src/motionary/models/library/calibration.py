@@ -1,12 +1,11 @@
-"""Below which cost is a match of a class to be believed?
+"""Thresholds calibrated by cross-validation: below which cost a match is believed.
 
-Examples are held out in turn and sought, with templates learned from the rest, in streams
-of held-out examples and other recordings. Of each class the threshold with the best F of
-segments is taken and, as few examples would decide by chance, drawn towards the one
-threshold that is best for all. What the thresholds promise is measured as annotation
-decides between classes, in each part with thresholds chosen on the others.
+Of each class the threshold with the best F of segments on held-out examples is taken and, as
+few examples would decide by chance, drawn towards the one threshold that is best for all.
+Precision and recall are estimated as annotation decides between classes, in each fold with
+thresholds chosen on the others.
 
-Conventions: frames are words at 30 Hz; seeded.
+Conventions: frames are packed features at 30 Hz; seeded.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,11 +19,17 @@ from numpy.typing import NDArray
 from motionary.batch import Failure, map_ordered
 from motionary.evaluation import Counts, pool_counts
 from motionary.features import SEQUENCE_HZ, FeatureSequence
-from motionary.models.library.classes import ClassLibrary
-from motionary.models.library.examples import Examples
-from motionary.models.library.holding_out import Fold, make_folds
-from motionary.models.library.training import TrainingOptions
-from motionary.models.library.trials import Trial, count_alone, count_together, run_trial
+from motionary.models.library.classes import TrainingOptions
+from motionary.models.library.cross_validation import (
+    Fold,
+    Trial,
+    count_alone,
+    count_together,
+    make_folds,
+    run_trial,
+)
+from motionary.models.library.storage import ClassLibrary
+from motionary.models.library.training import Examples
 
 Floats = NDArray[np.float64]
 
@@ -43,9 +48,9 @@ class Calibration(NamedTuple):
     Attributes
     ----------
     threshold : largest cost of a match
-    precision : share of the labels that are right, in recordings with `OTHER_PER_FRAME` as
-        much other motion as examples, as if one more label had been right and one more false
-    recall : share of the examples that are found, with one more found and one more missed
+    precision : fraction of the labels that are right, in recordings with `OTHER_PER_FRAME`
+        as much other motion as examples, as if one more label had been right and one false
+    recall : fraction of the examples that are found, with one more found and one more missed
     n_positives : examples that were held out
     negative_minutes : minutes of other motion, other classes included, that they were
         told from
@@ -72,19 +77,19 @@ def calibrate_thresholds(
 
     Parameters
     ----------
-    examples : class -> subclass -> words
+    examples : class -> prototype -> packed features
     groups : regular expression on the names of examples, such as "HDM_(..)_" for actors;
-        those with the same match are held out together, so that what is promised holds for
+        those with the same match are held out together, so that the estimates hold for
         actors never seen. Without it examples are dealt at random.
     negatives : other recordings, without any of the classes: the more, the better
-    teaching : how classes are learned
-    seed : of the parts and the streams
+    training : how classes are learned
+    seed : of the folds and the streams
     jobs : processes; the result does not depend on it
-    on_done : called after each part, of which there are `N_FOLDS` at most
+    on_done : called after each fold, of which there are `N_FOLDS` at most
 
     Returns
     -------
-    dict of Suggestion by class; without classes of which nothing can be held out, or that
+    dict of Calibration by class; without classes of which nothing can be held out, or that
     there is nothing to tell from
 
     Raises
@@ -114,7 +119,7 @@ def calibrate_thresholds(
     weight = _weight_of_false(trials)
     counts = np.array([[count_alone(t, name, TRIED) for name in names] for t in trials])
     chosen = dict(zip(names, _choose(counts, weight), strict=True))
-    promised = _promise(trials, names, counts, weight)
+    estimates = _estimate(trials, names, counts, weight)
     return {
         name: Calibration(
             chosen[name],
@@ -123,14 +128,14 @@ def calibrate_thresholds(
             seen.true,
             told_from[name] / SEQUENCE_HZ / 60,
         )
-        for name, seen in promised.items()
+        for name, seen in estimates.items()
     }
 
 
 def apply_calibrations(
     library: ClassLibrary, calibrations: Mapping[str, Calibration]
 ) -> ClassLibrary:
-    """Library whose classes have the suggested thresholds, and promise what was measured."""
+    """Library whose classes have the calibrated thresholds, with their estimates."""
     classes = []
     for one in library:
         if one.name in calibrations:
@@ -146,7 +151,7 @@ def apply_calibrations(
 
 
 def _frames_told_from(trials: Sequence[Trial]) -> dict[str, int]:
-    """Frames of other motion that each class was sought in."""
+    """Frames of other motion that each class was searched in."""
     frames: dict[str, int] = {}
     for trial in trials:
         for name in trial.names:
@@ -189,7 +194,7 @@ def _best(scores: Floats) -> float:
     return TRIED[int(best[len(best) // 2])]
 
 
-def _promise(
+def _estimate(
     trials: Sequence[Trial], names: Sequence[str], counts: NDArray[np.int64], weight: float
 ) -> dict[str, Counts]:
     """Counts of each class, in each trial with thresholds chosen on the others."""
@@ -204,5 +209,5 @@ def _promise(
 
 
 def _cautious(right: float, wrong: float, weight: float) -> float:
-    """Share of the right ones, had there been one more right and one more wrong."""
+    """Fraction of the right ones, had there been one more right and one more wrong."""
     return (right + 1) / (right + 1 + wrong + weight)
