@@ -32,7 +32,7 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
     ----------
     path : the file; texts may be packed (`take.bvh.gz`)
     options : what the file does not say
-    **fields : fields of `ReadOptions`, instead of them or on top: `rate_hz=60`, `up="z"`
+    fields : fields of `ReadOptions` by name, instead of it or on top: `rate_hz=60`, `up="z"`
 
     Returns
     -------
