@@ -50,6 +50,27 @@ def golden() -> Path:
     return _folder(Path(_named_folder()).resolve().parent / "reference" / "golden")
 
 
+@pytest.fixture
+def motionary(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Runs a command in this process."""
+    from cli_cases import run
+
+    return lambda *arguments: run(capsys, monkeypatch, *arguments)
+
+
+@pytest.fixture(scope="session")
+def examples() -> Any:
+    """Four synthetic motions of each of a few classes, each class of one prototype."""
+    from cli_cases import CLASSES
+    from motionary.features import compute_features
+    from motionary.samples import synthetic_motion
+
+    return {
+        name: {name: [compute_features(synthetic_motion(name, seed=seed)) for seed in range(4)]}
+        for name in CLASSES
+    }
+
+
 def _named_folder() -> str:
     named = os.environ.get(VARIABLE, "")
     if not named:

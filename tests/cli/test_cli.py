@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
-from cli_cases import CLASSES, EXAMPLES, RATE_HZ, run, write_bvh, write_examples, write_stream
+from cli_cases import CLASSES, EXAMPLES, RATE_HZ, write_bvh, write_examples, write_stream
 from motionary.cli.app import COMMANDS
 from motionary.features import compute_features
 from motionary.io import read, read_labels
@@ -16,12 +16,6 @@ from motionary.samples import synthetic_motion
 
 LABEL_KEYS = {"label", "start_s", "end_s", "start_frame", "end_frame", "cost", "known"}
 HIT_KEYS = {"recording", "start_s", "end_s", "start_frame", "end_frame", "cost", "known"}
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture(scope="module")

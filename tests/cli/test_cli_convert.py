@@ -5,15 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from cli_cases import RATE_HZ, run, write_bvh
+from cli_cases import RATE_HZ, write_bvh
 from motionary.io import read
 from motionary.samples import synthetic_motion
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture

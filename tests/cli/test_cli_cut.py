@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from cli_cases import run, write_bvh
+from cli_cases import write_bvh
 from motionary.io import read, read_labels
 from motionary.samples import synthetic_motion
 
@@ -14,12 +14,6 @@ a/take.bvh,squat,0.5,1.5
 a/take.bvh,bow,1.0,2.0
 b.bvh,squat,0.2,0.9
 """
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture

@@ -5,15 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from cli_cases import run, write_bvh
+from cli_cases import write_bvh
 from motionary.recording import Recording
 from motionary.samples import synthetic_stream
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ import csv
 import numpy as np
 import pytest
 
-from cli_cases import run
 from motionary.io import read, read_labels, write, write_labels, write_table
 from motionary.labels import Label, LabelTrack
 from motionary.motion import GENERIC_JOINTS, Motion
@@ -14,12 +13,6 @@ from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 from motionary.skeletons import named_mapping
 from rig_cases import rig_motion, standing
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture

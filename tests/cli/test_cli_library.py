@@ -6,17 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
-from cli_cases import CLASSES, EXAMPLES, RATE_HZ, run, write_bvh, write_examples
+from cli_cases import CLASSES, EXAMPLES, RATE_HZ, write_bvh, write_examples
 from motionary.models.library import ClassLibrary, TrainingOptions, learn, load_library
 from motionary.samples import synthetic_motion
 
 PNG = b"\x89PNG"
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture(scope="module")

@@ -5,17 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from cli_cases import run
 from motionary.io import write
 from motionary.models.library import learn
 from motionary.samples import synthetic_motion
 from rig_cases import dog
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture

@@ -5,17 +5,10 @@ import shutil
 
 import pytest
 
-from cli_cases import run
 from motionary.io import read_labels
 
 SQUAT = "HDM_mm_squat1Reps_037_120.amc"
 TAUGHT = {"squat1Reps": "HDM_tr_squat1Reps_04*", "kickLFront1Reps": "HDM_mm_kickLFront1Reps_*"}
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture(scope="module")

@@ -11,16 +11,10 @@ import time
 
 import pytest
 
-from cli_cases import CLASSES, RATE_HZ, run, write_bvh, write_examples, write_stream
+from cli_cases import CLASSES, RATE_HZ, write_bvh, write_examples, write_stream
 from motionary.samples import synthetic_motion
 
 COMMAND = [sys.executable, "-m", "motionary.cli"]
-
-
-@pytest.fixture
-def motionary(capsys, monkeypatch):
-    """Runs a command in this process."""
-    return lambda *arguments: run(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture(scope="module")

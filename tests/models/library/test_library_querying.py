@@ -22,14 +22,6 @@ from motionary.samples import synthetic_motion
 
 
 @pytest.fixture(scope="module")
-def examples():
-    return {
-        name: {name: [compute_features(synthetic_motion(name, seed=seed)) for seed in range(4)]}
-        for name in CLASSES
-    }
-
-
-@pytest.fixture(scope="module")
 def queried(examples):
     return choose_queries(learn_classes(examples, training=TrainingOptions(mirror=True)), examples)
 

@@ -17,14 +17,6 @@ QUICK = GeneticSettings(population=20, generations=15)
 
 
 @pytest.fixture(scope="module")
-def examples():
-    return {
-        name: {name: [compute_features(synthetic_motion(name, seed=seed)) for seed in range(4)]}
-        for name in CLASSES
-    }
-
-
-@pytest.fixture(scope="module")
 def queried(examples):
     library = learn_classes(examples, training=TrainingOptions(mirror=True))
     return learn_queries(library, examples, settings=QUICK, runs=5)
