@@ -17,27 +17,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet, known_sets
-from motionary.plots.page import (
-    Layout,
-    add_legend,
-    in_seconds,
-    mark_seconds,
-    new_page,
-    swatch,
-    unknown_swatch,
-)
-from motionary.plots.style import (
-    BLACK,
-    FREE,
-    HATCH,
-    RULE,
-    UNKNOWN,
-    UNKNOWN_HATCH,
-    WHITE,
-    fit,
-    house_style,
-    text_width,
-)
+from motionary.plots import page, style
 from motionary.recording import find_runs
 
 if TYPE_CHECKING:
@@ -60,7 +40,7 @@ _INCHES_PER_S = 0.35
 _WIDTHS = (3.5, 7.5)
 
 
-@house_style()
+@style.house_style()
 def plot_features(sequence: FeatureSequence, *, ids: Sequence[str] | None = None) -> "Figure":
     """Picture of a recording's features over time.
 
@@ -83,21 +63,21 @@ def plot_features(sequence: FeatureSequence, *, ids: Sequence[str] | None = None
     fraction, unknown = _pool(sequence.features[:, chosen], sequence.known_features[:, chosen])
     stop_s = len(sequence) / sequence.rate_hz
     parts = blocks(rows)
-    layout = Layout(
+    layout = page.Layout(
         left=name_room(rows),
         width=float(np.clip(stop_s * _INCHES_PER_S, *_WIDTHS)),
         right=group_room(rows),
         heights=tuple((part.stop - part.start) * ROW_HEIGHT for part in parts),
     )
-    title = f"{sequence.source or 'features'}, {in_seconds(stop_s)}"
-    figure, (axes,) = new_page(layout, title=title)
+    title = f"{sequence.source or 'features'}, {page.in_seconds(stop_s)}"
+    figure, (axes,) = page.new_page(layout, title=title)
     for ax, part in zip(axes, parts, strict=True):
         draw_grid(ax, _colours(fraction[:, part], unknown[:, part]), stop_s=stop_s)
         hatch_cells(ax, unknown[:, part], stop_s=stop_s)
         name_rows(ax, rows[part])
         name_group(ax, rows[part][0].group)
-    mark_seconds(axes, stop_s)
-    add_legend(
+    page.mark_seconds(axes, stop_s)
+    page.add_legend(
         figure, _legend(pooled=len(sequence) > MOST_COLUMNS, any_unknown=bool(unknown.any()))
     )
     return figure
@@ -133,16 +113,16 @@ def _colours(fraction: Floats, unknown: Flags) -> Floats:
     from matplotlib.colors import to_rgb
 
     colours = np.repeat(fraction[:, :, np.newaxis], 3, axis=2)
-    colours[unknown] = to_rgb(UNKNOWN)
+    colours[unknown] = to_rgb(style.UNKNOWN)
     return colours
 
 
 def _legend(*, pooled: bool, any_unknown: bool) -> "list[Artist]":
-    handles = [swatch("holds", WHITE), swatch("does not hold", BLACK)]
+    handles = [page.swatch("holds", style.WHITE), page.swatch("does not hold", style.BLACK)]
     if pooled:
-        handles.append(swatch("changes in between", FREE))
+        handles.append(page.swatch("changes in between", style.FREE))
     if any_unknown:
-        handles.append(unknown_swatch("unknown"))
+        handles.append(page.unknown_swatch("unknown"))
     return handles
 
 
@@ -186,17 +166,17 @@ def blocks(rows: Sequence[Row]) -> list[slice]:
 
 def name_room(rows: Sequence[Row]) -> float:
     """Room for names on the left of a grid, inches."""
-    phrases = max(text_width(fit(row.phrase, _LONGEST_PHRASE)) for row in rows)
+    phrases = max(style.text_width(style.fit(row.phrase, _LONGEST_PHRASE)) for row in rows)
     return phrases + _id_room(rows) + _ID_GAP
 
 
 def group_room(rows: Sequence[Row]) -> float:
     """Room for the names of groups on the right of a grid, inches."""
-    return max(text_width(fit(row.group, _LONGEST_GROUP)) for row in rows) + 0.1
+    return max(style.text_width(style.fit(row.group, _LONGEST_GROUP)) for row in rows) + 0.1
 
 
 def _id_room(rows: Sequence[Row]) -> float:
-    widest = max(text_width(row.id) for row in rows)
+    widest = max(style.text_width(row.id) for row in rows)
     return widest + _ID_GAP if widest else 0.0
 
 
@@ -213,7 +193,7 @@ def draw_grid(axes: "Axes", colours: Floats, *, stop_s: float) -> None:
         colours.swapaxes(0, 1), aspect="auto", interpolation="nearest",
         extent=(0.0, stop_s, n_rows - 0.5, -0.5),
     )  # fmt: skip
-    axes.hlines(np.arange(1, n_rows) - 0.5, 0.0, stop_s, color=RULE, linewidth=0.4)
+    axes.hlines(np.arange(1, n_rows) - 0.5, 0.0, stop_s, color=style.RULE, linewidth=0.4)
     axes.set_ylim(n_rows - 0.5, -0.5)
     axes.set_yticks([])
 
@@ -222,7 +202,7 @@ def name_rows(axes: "Axes", rows: Sequence[Row]) -> None:
     """Names on the left of a grid: phrase, then the short name next to the cells."""
     for i, row in enumerate(rows):
         _beside(axes, row.id, i, -_ID_GAP / 2)
-        _beside(axes, fit(row.phrase, _LONGEST_PHRASE), i, -_ID_GAP / 2 - _id_room(rows))
+        _beside(axes, style.fit(row.phrase, _LONGEST_PHRASE), i, -_ID_GAP / 2 - _id_room(rows))
 
 
 def _beside(axes: "Axes", text: str, row: int, inches: float) -> None:
@@ -236,7 +216,7 @@ def _beside(axes: "Axes", text: str, row: int, inches: float) -> None:
 def name_group(axes: "Axes", group: str) -> None:
     """Name of a group on the right of its grid."""
     axes.annotate(
-        fit(group, _LONGEST_GROUP), (1.0, 0.5), xycoords="axes fraction", xytext=(5, 0),
+        style.fit(group, _LONGEST_GROUP), (1.0, 0.5), xycoords="axes fraction", xytext=(5, 0),
         textcoords="offset points", va="center", annotation_clip=False,
     )  # fmt: skip
 
@@ -255,12 +235,7 @@ def hatch_cells(axes: "Axes", cells: Flags, *, stop_s: float) -> None:
                 left, right = first * column_s, stop * column_s
                 top, low = row - 0.5, row + 0.5
                 corners.append([(left, top), (right, top), (right, low), (left, low)])
-    axes.add_collection(
-        PolyCollection(
-            corners, facecolor=UNKNOWN, edgecolor=UNKNOWN_HATCH, hatch=HATCH, linewidth=0
-        ),
-        autolim=False,
-    )
+    axes.add_collection(PolyCollection(corners, **style.UNKNOWN_PATCH), autolim=False)
 
 
 def pool_starts(n_columns: int) -> NDArray[np.intp]:

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
 from motionary.motion import GENERIC_JOINTS
-from motionary.plots.page import Layout, add_legend, new_page
-from motionary.plots.style import LEFT_SIDE, RIGHT_SIDE, RULE, TRUNK, house_style
+from motionary.plots import page, style
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -188,7 +187,8 @@ def draw_poses(
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle
 
-    for part, colour in (("left", LEFT_SIDE), ("trunk", TRUNK), ("right", RIGHT_SIDE)):
+    colours = {"left": style.LEFT_SIDE, "trunk": style.TRUNK, "right": style.RIGHT_SIDE}
+    for part, colour in colours.items():
         lines = [scale * getattr(f, part) + p for f, p in zip(stick_figures, places, strict=True)]
         axes.add_collection(
             LineCollection(
@@ -202,7 +202,7 @@ def draw_poses(
                 for f, p in zip(stick_figures, places, strict=True)
                 if not np.isnan(f.head).any()
             ]
-            axes.add_collection(PatchCollection(heads, color=TRUNK, zorder=2), autolim=False)
+            axes.add_collection(PatchCollection(heads, color=style.TRUNK, zorder=2), autolim=False)
 
 
 def legend_of_sides() -> "list[Artist]":
@@ -210,12 +210,12 @@ def legend_of_sides() -> "list[Artist]":
     from matplotlib.lines import Line2D
 
     return [
-        Line2D([], [], color=LEFT_SIDE, linewidth=_LIMB_PT, label="left side"),
-        Line2D([], [], color=RIGHT_SIDE, linewidth=_LIMB_PT, label="right side"),
+        Line2D([], [], color=style.LEFT_SIDE, linewidth=_LIMB_PT, label="left side"),
+        Line2D([], [], color=style.RIGHT_SIDE, linewidth=_LIMB_PT, label="right side"),
     ]
 
 
-@house_style()
+@style.house_style()
 def plot_pose(position: ArrayLike, *, title: str = "") -> "Figure":
     """Picture of one pose, from the right side and from the front.
 
@@ -229,20 +229,20 @@ def plot_pose(position: ArrayLike, *, title: str = "") -> "Figure":
         If the shape is another one.
     """
     positions = check_positions(np.asarray(position, dtype=np.float64)[np.newaxis], name="pose")
-    layout = Layout(left=0.0, width=2.4, heights=(2.6,), n_stacks=2, above=0.2, below=0.0)
-    figure, stacks = new_page(layout, title=title or "pose")
+    layout = page.Layout(left=0.0, width=2.4, heights=(2.6,), n_stacks=2, above=0.2, below=0.0)
+    figure, stacks = page.new_page(layout, title=title or "pose")
     for (axes,), heading, turn in zip(stacks, ("right side", "front"), (0.0, 90.0), strict=True):
         view = project(positions, turn_deg=turn)
         low, high = np.fmin.reduce(view[0]), np.fmax.reduce(view[0])
         size = max(np.nan_to_num(high - low).max(), 1e-9)
         view -= np.nan_to_num([(low[0] + high[0]) / 2, low[1]])
         draw_poses(axes, poses(positions, view, [0]), np.zeros((1, 2)), scale=1.0)
-        axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0.5)
+        axes.axhline(0.0, color=style.RULE, linewidth=0.6, zorder=0.5)
         axes.set(xlim=(-0.53 * size, 0.53 * size), ylim=(-0.05 * size, 1.1 * size))
         axes.set_aspect("equal")
         axes.set(xticks=[], yticks=[])
         axes.axis("off")
         unseen = np.isnan(view).all()
         axes.set_title(f"{heading}: nothing was seen" if unseen else heading, loc="left", pad=4.0)
-    add_legend(figure, legend_of_sides())
+    page.add_legend(figure, legend_of_sides())
     return figure

@@ -12,18 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.plots.style import (
-    DPI,
-    HATCH,
-    RULE,
-    TEXT_PT,
-    TITLE_PT,
-    UNKNOWN,
-    UNKNOWN_HATCH,
-    WHITE,
-    fit,
-    text_width,
-)
+from motionary.plots import style
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -89,7 +78,7 @@ def new_page(layout: Layout, *, title: str) -> "tuple[Figure, list[list[Axes]]]"
     head = _MARGIN + _TITLE_HEIGHT + _LEGEND_HEIGHT + layout.above
     gaps = layout.gap * (len(layout.heights) - 1)
     height = head + sum(layout.heights) + gaps + layout.below + _MARGIN
-    figure = Figure(figsize=(layout.page_width, height), dpi=DPI)
+    figure = Figure(figsize=(layout.page_width, height), dpi=style.DPI)
     tops = height - head - np.cumsum([0.0] + [tall + layout.gap for tall in layout.heights[:-1]])
     lefts = _MARGIN + layout.left + layout.pitch * np.arange(layout.n_stacks)
     stacks = [
@@ -99,8 +88,8 @@ def new_page(layout: Layout, *, title: str) -> "tuple[Figure, list[list[Axes]]]"
         ]
         for left in lefts.tolist()
     ]
-    text = fit(title, layout.page_width - 2 * _MARGIN, size=TITLE_PT, bold=True)
-    place(figure, text, _MARGIN, height - _MARGIN, size=TITLE_PT, bold=True, va="top")
+    text = style.fit(title, layout.page_width - 2 * _MARGIN, size=style.TITLE_PT, bold=True)
+    place(figure, text, _MARGIN, height - _MARGIN, size=style.TITLE_PT, bold=True, va="top")
     return figure, stacks
 
 
@@ -116,7 +105,7 @@ def place(
     left: float,
     bottom: float,
     *,
-    size: float = TEXT_PT,
+    size: float = style.TEXT_PT,
     bold: bool = False,
     va: str = "baseline",
 ) -> None:
@@ -141,14 +130,14 @@ def swatch(label: str, colour: str) -> "Artist":
     """Entry of a legend: a filled box."""
     from matplotlib.patches import Patch
 
-    return Patch(facecolor=colour, edgecolor=RULE, linewidth=0.6, label=label)
+    return Patch(facecolor=colour, edgecolor=style.RULE, linewidth=0.6, label=label)
 
 
 def unknown_swatch(label: str) -> "Artist":
     """Entry of a legend for what was not seen: a hatched box."""
     from matplotlib.patches import Patch
 
-    return Patch(facecolor=UNKNOWN, edgecolor=UNKNOWN_HATCH, hatch=HATCH, linewidth=0, label=label)
+    return Patch(**style.UNKNOWN_PATCH, label=label)
 
 
 def add_ramp(figure: "Figure", colours: NDArray[np.float64], ends: tuple[str, str]) -> None:
@@ -161,11 +150,11 @@ def add_ramp(figure: "Figure", colours: NDArray[np.float64], ends: tuple[str, st
     """
     across, up = figure.get_size_inches()
     bottom = up - _MARGIN - _TITLE_HEIGHT - 0.09
-    right = across - _MARGIN - text_width(ends[1]) - 0.06
+    right = across - _MARGIN - style.text_width(ends[1]) - 0.06
     axes = add_axes(figure, right - 1.1, bottom, 1.1, 0.12)
     axes.imshow(colours, aspect="auto", interpolation="nearest")
     axes.set(xticks=[], yticks=[])
-    left = right - 1.1 - 0.06 - text_width(ends[0])
+    left = right - 1.1 - 0.06 - style.text_width(ends[0])
     place(figure, ends[0], left, bottom + 0.01)
     place(figure, ends[1], right + 0.06, bottom + 0.01)
 
@@ -179,7 +168,7 @@ def mark_seconds(axes: "Sequence[Axes]", stop_s: float) -> None:
     for ax in axes:
         ax.set_xlim(0.0, stop_s)
         ax.set_xticks(ticks, labels=[])
-        ax.tick_params(axis="x", color=RULE, length=2.5, width=0.6)
+        ax.tick_params(axis="x", color=style.RULE, length=2.5, width=0.6)
     axes[-1].set_xticks(ticks, labels=[f"{tick:g}" for tick in ticks])
     axes[-1].set_xlabel("seconds", labelpad=2.0)
 
@@ -221,13 +210,10 @@ def draw_blocks(
     least = _TOO_SHORT * stop_s
     for (first, end), (start, stop) in pairwise(spans):
         if start - end < least / 2 and min(start - first, stop - start) > least:
-            axes.vlines(start, low, low + height, color=WHITE, linewidth=0.8)
+            axes.vlines(start, low, low + height, color=style.WHITE, linewidth=0.8)
 
 
 def hatch(axes: "Axes", segments: Iterable[tuple[float, float]]) -> None:
     """Hatching over segments (start_s, end_s) that were not seen."""
     for start, stop in segments:
-        axes.axvspan(
-            start, stop, facecolor=UNKNOWN, edgecolor=UNKNOWN_HATCH, hatch=HATCH, linewidth=0,
-            zorder=0.5,
-        )  # fmt: skip
+        axes.axvspan(start, stop, **style.UNKNOWN_PATCH, zorder=0.5)

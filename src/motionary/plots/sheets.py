@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from motionary.errors import InvalidInput
 from motionary.motion import GENERIC_JOINTS, Motion
+from motionary.plots import page, style
 from motionary.plots.figures import (
     Floats,
     check_positions,
@@ -23,8 +24,6 @@ from motionary.plots.figures import (
     poses,
     project,
 )
-from motionary.plots.page import Layout, add_legend, new_page
-from motionary.plots.style import FAINT, PALE, RULE, TEXT_PT, TRUNK, fit, house_style, wrap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,7 +71,7 @@ class _Strip(NamedTuple):
     heights: Floats
 
 
-@house_style()
+@style.house_style()
 def plot_sheet(
     query: tuple[str, ArrayLike] | None,
     hits: Sequence[tuple[str, ArrayLike]],
@@ -107,10 +106,11 @@ def plot_sheet(
     scale = _scale(strips, slot)
     heights = [_row_height(strip, scale) for strip in strips]
     note = _note(len(hits))
-    layout = Layout(
+    layout = page.Layout(
         left=0.0, width=_WIDTH, heights=(sum(heights) + (_TITLE if note else 0.0),), below=0.0
     )
-    figure, ((axes,),) = new_page(layout, title=_title(len(hits), with_query=query is not None))
+    title = _title(len(hits), with_query=query is not None)
+    figure, ((axes,),) = page.new_page(layout, title=title)
     top = layout.heights[0]
     axes.set(xlim=(0.0, _WIDTH), ylim=(0.0, top), xticks=[], yticks=[])
     axes.axis("off")
@@ -118,8 +118,8 @@ def plot_sheet(
         is_query = query is not None and row == 0
         _draw_row(axes, strip, top, height, slot=slot, scale=scale, is_query=is_query)
         top -= height
-    axes.text(0.06, 0.08, note, color=TRUNK)
-    add_legend(figure, legend_of_sides())
+    axes.text(0.06, 0.08, note, color=style.TRUNK)
+    page.add_legend(figure, legend_of_sides())
     return figure
 
 
@@ -169,16 +169,16 @@ def _draw_row(
 
     if is_query:
         axes.add_patch(
-            Rectangle((0.0, top - height), _WIDTH, height, color=PALE, linewidth=0, zorder=0)
+            Rectangle((0.0, top - height), _WIDTH, height, color=style.PALE, linewidth=0, zorder=0)
         )
     else:
-        axes.axhline(top, color=FAINT, linewidth=0.5)
-    title = fit(strip.title, _WIDTH - 0.12, bold=is_query)
+        axes.axhline(top, color=style.FAINT, linewidth=0.5)
+    title = style.fit(strip.title, _WIDTH - 0.12, bold=is_query)
     axes.text(0.06, top - 0.06, title, va="top", weight="bold" if is_query else "normal")
     floor = top - height + _GROUND
-    axes.hlines(floor, 0.06, _WIDTH - 0.06, color=RULE, linewidth=0.6, zorder=0.5)
+    axes.hlines(floor, 0.06, _WIDTH - 0.06, color=style.RULE, linewidth=0.6, zorder=0.5)
     if np.isnan(strip.views[strip.frames]).all():
-        axes.text(0.06, floor + 0.1, "nothing was seen", color=TRUNK)
+        axes.text(0.06, floor + 0.1, "nothing was seen", color=style.TRUNK)
     n_slots = round(_WIDTH / slot)
     at = np.arange(len(strip.frames)) * (n_slots - 1) / max(len(strip.frames) - 1, 1)
     places = np.stack([(at + 0.5) * slot, np.full(len(at), floor)], axis=1)
@@ -197,7 +197,7 @@ def _note(n_hits: int) -> str:
     return f"and {n_hits - _MOST_HITS} more hits" if n_hits > _MOST_HITS else ""
 
 
-@house_style()
+@style.house_style()
 def plot_recordings(motions: Sequence[Motion]) -> "Figure":
     """Picture of the first pose of recordings, with what is known of their axes.
 
@@ -212,11 +212,11 @@ def plot_recordings(motions: Sequence[Motion]) -> "Figure":
     """
     if not 1 <= len(motions) <= MOST_RECORDINGS:
         raise InvalidInput(f"a picture takes 1 to {MOST_RECORDINGS} recordings, got {len(motions)}")
-    layout = Layout(
+    layout = page.Layout(
         left=_TEXT, width=_WIDTH_OF_POSE, heights=(_HEIGHT,) * len(motions), gap=0.25, above=0.2,
         below=0.05, n_stacks=2,
     )  # fmt: skip
-    figure, stacks = new_page(layout, title="the first pose, heights in metres")
+    figure, stacks = page.new_page(layout, title="the first pose, heights in metres")
     for row, motion in enumerate(motions):
         for column, view in enumerate(_views(motion)):
             _draw(stacks[column][row], motion, view)
@@ -224,7 +224,7 @@ def plot_recordings(motions: Sequence[Motion]) -> "Figure":
         _write(stacks[0][row], motion)
     for (first, *_), heading in zip(stacks, ("from its right side", "from the front"), strict=True):
         first.set_title(heading, loc="left", pad=4.0)
-    add_legend(figure, legend_of_sides())
+    page.add_legend(figure, legend_of_sides())
     return figure
 
 
@@ -276,7 +276,7 @@ def _draw(axes: "Axes", motion: Motion, view: Floats) -> None:
         size = max(size, float(high[1]))
     across = (low[0] + high[0]) / 2
     if motion.mapping is None:
-        axes.plot(*flat.T, ".", color=TRUNK, markersize=3)
+        axes.plot(*flat.T, ".", color=style.TRUNK, markersize=3)
     else:
         draw_poses(axes, poses(_first_pose(motion), view, [0]), np.zeros((1, 2)), scale=1.0)
     ratio = _WIDTH_OF_POSE / _HEIGHT
@@ -285,10 +285,10 @@ def _draw(axes: "Axes", motion: Motion, view: Floats) -> None:
         ylim=(low[1] - 0.05 * size, low[1] + 1.1 * size),
     )
     axes.set_aspect("equal")
-    axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0.5)
+    axes.axhline(0.0, color=style.RULE, linewidth=0.6, zorder=0.5)
     axes.set_xticks([])
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-    axes.tick_params(axis="y", color=RULE, length=2.5, width=0.6)
+    axes.tick_params(axis="y", color=style.RULE, length=2.5, width=0.6)
     axes.spines[["top", "right", "bottom"]].set_visible(False)
     if unseen:
         axes.text(0.5, 0.5, "nothing was seen", transform=axes.transAxes, ha="center")
@@ -296,19 +296,13 @@ def _draw(axes: "Axes", motion: Motion, view: Floats) -> None:
 
 def _write(axes: "Axes", motion: Motion) -> None:
     """Name, axes, unit and side of a recording, to the left of its picture."""
-    lines = [note for note in motion.notes if _is_of_axes(note)]
     facing = describe_facing(motion)
     skeleton = f"skeleton {motion.mapping.name}" if motion.mapping else "no known skeleton"
-    lines = [f"{skeleton}, {motion.rate_hz:g} Hz", *([facing] if facing else []), *lines]
-    wrapped = [part for line in [motion.source, *lines] for part in wrap(line, _TEXT - 0.55)]
+    lines = [f"{skeleton}, {motion.rate_hz:g} Hz", *([facing] if facing else []), *motion.notes]
+    wrapped = [part for line in [motion.source, *lines] for part in style.wrap(line, _TEXT - 0.55)]
     for number, line in enumerate(wrapped[:_MOST_LINES]):
         axes.annotate(
-            line, (0.0, 1.0), xycoords="axes fraction", textcoords="offset points", size=TEXT_PT,
-            xytext=(-72 * (_TEXT - 0.05), -72 * (_LINE * number + 0.1)),
+            line, (0.0, 1.0), xycoords="axes fraction", textcoords="offset points",
+            xytext=(-72 * (_TEXT - 0.05), -72 * (_LINE * number + 0.1)), size=style.TEXT_PT,
             weight="bold" if number == 0 else "normal", annotation_clip=False,
         )  # fmt: skip
-
-
-def _is_of_axes(note: str) -> bool:
-    starts = ("unit ", "axes and unit", "left and right", "kept in place", "no relations: ")
-    return note.startswith(starts) or " up, " in note

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from motionary.batch import write_atomically
 from motionary.errors import InvalidInput
@@ -34,8 +34,9 @@ TRUNK = "#333333"
 
 #: Features and segments that were not seen.
 UNKNOWN = "#C9D5E0"
-UNKNOWN_HATCH = "#5F7D99"
-HATCH = "//////"
+UNKNOWN_PATCH: dict[str, Any] = {
+    "facecolor": UNKNOWN, "edgecolor": "#5F7D99", "hatch": "//////", "linewidth": 0,
+}  # fmt: skip
 
 #: Cells of a template that match anything.
 FREE = "#C4C4C4"

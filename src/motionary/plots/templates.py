@@ -14,6 +14,7 @@ from motionary.features import FeatureSet
 from motionary.models.library import ClassLibrary, MotionClass, Prototype
 from motionary.models.templates import RATE_HZ, MotionTemplate, quantise
 from motionary.models.templates.template import ROUNDING_SLACK
+from motionary.plots import page, style
 from motionary.plots.features import (
     ROW_HEIGHT,
     Floats,
@@ -25,26 +26,6 @@ from motionary.plots.features import (
     name_room,
     name_rows,
     named_rows,
-)
-from motionary.plots.page import (
-    Layout,
-    add_legend,
-    add_ramp,
-    in_seconds,
-    mark_seconds,
-    new_page,
-    swatch,
-)
-from motionary.plots.style import (
-    BETWEEN,
-    BLACK,
-    BLUE,
-    FREE,
-    RULE,
-    WHITE,
-    fit,
-    house_style,
-    text_width,
 )
 
 if TYPE_CHECKING:
@@ -61,7 +42,7 @@ _STRIP_WIDTHS = (2.4, 6.0)
 _LONGEST_NAME = 2.6
 
 
-@house_style()
+@style.house_style()
 def plot_template(
     template: MotionTemplate,
     *,
@@ -93,7 +74,7 @@ def plot_template(
     parts = blocks(rows)
     heights = [(part.stop - part.start) * ROW_HEIGHT for part in parts]
     wanted = template.n_columns * _INCHES_PER_COLUMN
-    layout = Layout(
+    layout = page.Layout(
         left=name_room(rows),
         width=float(np.clip(wanted, _LEAST_WIDTH, _WIDTH_OF_ALL / len(panels))),
         right=group_room(rows),
@@ -101,23 +82,23 @@ def plot_template(
         above=0.2,
         n_stacks=len(panels),
     )
-    figure, stacks = new_page(layout, title=_title(template))
+    figure, stacks = page.new_page(layout, title=_title(template))
     stop_s = template.n_columns / RATE_HZ
     for axes, (heading, colours) in zip(stacks, panels, strict=True):
         for ax, part in zip(axes, parts, strict=False):
             draw_grid(ax, colours[:, part], stop_s=stop_s)
         axes[0].set_title(heading, loc="left", pad=4.0)
         _draw_weights(axes[-1], template.weights)
-        mark_seconds(axes, stop_s)
+        page.mark_seconds(axes, stop_s)
     _name_grids(stacks, rows, parts)
-    add_legend(figure, _legend() if tolerance is not None else ())
-    add_ramp(figure, _ramp(), ("none of the examples", "all"))
+    page.add_legend(figure, _legend() if tolerance is not None else ())
+    page.add_ramp(figure, _ramp(), ("none of the examples", "all"))
     return figure
 
 
 def _title(template: MotionTemplate) -> str:
     examples = "1 example" if template.n_examples == 1 else f"{template.n_examples} examples"
-    size = f"{examples}, {template.n_columns} columns, {in_seconds(template.duration_s)}"
+    size = f"{examples}, {template.n_columns} columns, {page.in_seconds(template.duration_s)}"
     return f"{template.provenance}: {size}" if template.provenance else f"template of {size}"
 
 
@@ -125,7 +106,7 @@ def _fractions(values: Floats) -> Floats:
     """Colours of template values, shape (..., 3)."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    ramp = LinearSegmentedColormap.from_list("between", BETWEEN)
+    ramp = LinearSegmentedColormap.from_list("between", style.BETWEEN)
     colours = ramp(values)[..., :3]
     colours[values <= ROUNDING_SLACK] = 0.0
     colours[values >= 1.0 - ROUNDING_SLACK] = 1.0
@@ -137,7 +118,7 @@ def _fixed_cells(template: MotionTemplate, tolerance: float) -> Floats:
 
     quantised = quantise(template, tolerance=tolerance)
     colours = np.repeat(quantised.values[:, :, np.newaxis].astype(np.float64), 3, axis=2)
-    colours[~quantised.fixed] = to_rgb(FREE)
+    colours[~quantised.fixed] = to_rgb(style.FREE)
     return colours
 
 
@@ -148,8 +129,8 @@ def _ramp() -> Floats:
 
 def _draw_weights(axes: "Axes", weights: Floats) -> None:
     edges = np.arange(len(weights) + 1) / RATE_HZ
-    axes.stairs(weights, edges, fill=True, color=BLUE)
-    axes.axhline(1.0, color=RULE, linewidth=0.6)
+    axes.stairs(weights, edges, fill=True, color=style.BLUE)
+    axes.axhline(1.0, color=style.RULE, linewidth=0.6)
     axes.set_ylim(0.0, max(1.25, 1.05 * float(weights.max())))
     axes.set_yticks([])
 
@@ -159,15 +140,16 @@ def _name_grids(stacks: "list[list[Axes]]", rows: list[Row], parts: list[slice])
         name_rows(first, rows[part])
         name_group(last, rows[part][0].group)
     stacks[0][-1].set_yticks([0.0, 1.0], labels=["0", "1"])
-    stacks[0][-1].tick_params(axis="y", color=RULE, length=2.5, width=0.6)
+    stacks[0][-1].tick_params(axis="y", color=style.RULE, length=2.5, width=0.6)
     stacks[0][-1].set_ylabel("column weight", rotation="horizontal", ha="right", va="center")
 
 
 def _legend() -> "list[Artist]":
-    return [swatch("holds", WHITE), swatch("does not hold", BLACK), swatch("free", FREE)]
+    colours = {"holds": style.WHITE, "does not hold": style.BLACK, "free": style.FREE}
+    return [page.swatch(label, colour) for label, colour in colours.items()]
 
 
-@house_style()
+@style.house_style()
 def plot_library(library: ClassLibrary, *, title: str = "") -> "Figure":
     """Picture of a library.
 
@@ -187,20 +169,21 @@ def plot_library(library: ClassLibrary, *, title: str = "") -> "Figure":
     if not strips:
         raise InvalidInput("the library has no classes, so there is nothing to draw")
     longest_s = max(prototype.template.n_columns for _, prototype in strips) / RATE_HZ
-    names = [fit(_name_of(one, prototype), _LONGEST_NAME) for one, prototype in strips]
+    names = [style.fit(_name_of(one, prototype), _LONGEST_NAME) for one, prototype in strips]
     notes = [_note(one, prototype) for one, prototype in strips]
-    layout = Layout(
-        left=max(map(text_width, names)) + 0.1,
+    layout = page.Layout(
+        left=max(map(style.text_width, names)) + 0.1,
         width=float(np.clip(longest_s * _INCHES_PER_SECOND, *_STRIP_WIDTHS)),
-        right=max(text_width(line) for note in notes for line in note) + 0.1,
+        right=max(style.text_width(line) for note in notes for line in note) + 0.1,
         heights=(_STRIP_HEIGHT,) * len(strips),
     )
-    figure, (axes,) = new_page(layout, title=title or library.provenance or "classes of motion")
+    heading = title or library.provenance or "classes of motion"
+    figure, (axes,) = page.new_page(layout, title=heading)
     for ax, name, note, (one, prototype) in zip(axes, names, notes, strips, strict=True):
         _draw_strip(ax, one, prototype)
         _write(ax, name, note)
-    mark_seconds(axes, longest_s)
-    add_legend(figure, _legend())
+    page.mark_seconds(axes, longest_s)
+    page.add_legend(figure, _legend())
     return figure
 
 
@@ -212,7 +195,7 @@ def _draw_strip(axes: "Axes", motion_class: MotionClass, prototype: Prototype) -
         extent=(0.0, template.n_columns / RATE_HZ, template.n_features - 0.5, -0.5),
     )  # fmt: skip
     # White cells end where the template does.
-    axes.axvline(template.n_columns / RATE_HZ, color=RULE, linewidth=0.6)
+    axes.axvline(template.n_columns / RATE_HZ, color=style.RULE, linewidth=0.6)
     axes.set_yticks([])
     axes.spines[["top", "right", "left"]].set_visible(False)
 

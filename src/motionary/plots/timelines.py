@@ -13,34 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
 from motionary.labels import LabelTrack
+from motionary.plots import page, style
 from motionary.plots.features import pool_starts
-from motionary.plots.page import (
-    Layout,
-    Timed,
-    add_legend,
-    add_ramp,
-    draw_blocks,
-    hatch,
-    mark_seconds,
-    new_page,
-    swatch,
-    unknown_swatch,
-)
-from motionary.plots.style import (
-    BLACK,
-    BLUE,
-    FAINT,
-    NEAR_TO_FAR,
-    PALE_BLUE,
-    RULE,
-    TRUNK,
-    VERMILLION,
-    WHITE,
-    fit,
-    house_style,
-    text_width,
-    wrap,
-)
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -61,7 +35,7 @@ _NAME_HEIGHT = 0.2
 _TRUTH_FRACTION = 0.08
 
 
-@house_style()
+@style.house_style()
 def plot_annotation(
     track: LabelTrack,
     truth: LabelTrack | None = None,
@@ -92,27 +66,27 @@ def plot_annotation(
     names = occurring if classes is None else list(classes)
     shown = [name for name in names if name in curves]
     stop_s = _stop_s(track, truth, curves)
-    note = [] if len(track) else wrap(f"no labels: {track.nearest}".rstrip(": "), _WIDTH)
+    note = [] if len(track) else style.wrap(f"no labels: {track.nearest}".rstrip(": "), _WIDTH)
     heights = [len(shown) * _DISTANCE_ROW] if shown else []
     heights.append(max(len(names), 1) * _LABEL_ROW)
-    layout = Layout(
-        left=max([text_width(fit(name, _LONGEST_NAME)) for name in names] or [0.0]) + 0.1,
+    layout = page.Layout(
+        left=max([style.text_width(text) for text in _shorten(names)] or [0.0]) + 0.1,
         width=_WIDTH, heights=tuple(heights), right=0.1, above=_NOTE_LINE * len(note),
     )  # fmt: skip
-    figure, (axes,) = new_page(layout, title=track.recording.name)
+    figure, (axes,) = page.new_page(layout, title=track.recording.name)
     handles = _draw_labels(axes[-1], names, track, truth, stop_s)
     if shown:
         highest_cost = _draw_distances(axes[0], shown, curves)
-        add_ramp(
+        page.add_ramp(
             figure,
             _colours(np.linspace(0, 1, 128)[np.newaxis]),
             ("distance 0", f"{highest_cost:.2g}"),
         )
-        handles.append(swatch("no match", WHITE))
+        handles.append(page.swatch("no match", style.WHITE))
     if note:
         axes[0].set_title("\n".join(note), loc="left", pad=4.0)
-    mark_seconds(axes, stop_s)
-    add_legend(figure, handles)
+    page.mark_seconds(axes, stop_s)
+    page.add_legend(figure, handles)
     return figure
 
 
@@ -135,27 +109,32 @@ def _stop_s(track: LabelTrack, truth: LabelTrack | None, curves: Mapping[str, Fl
 def _draw_labels(
     axes: "Axes", names: Sequence[str], track: LabelTrack, truth: LabelTrack | None, stop_s: float
 ) -> "list[Artist]":
-    handles = [swatch("labels", VERMILLION)]
+    handles = [page.swatch("labels", style.VERMILLION)]
     # Labels stand over the truth; alone, in the middle of their row.
     top = _BLOCK / 2 if truth is None else _BLOCK
     for row, name in enumerate(names):
-        for labels, low, colour in ((track, row - top, VERMILLION), (truth or (), row, BLACK)):
+        rows = (track, row - top, style.VERMILLION), (truth or (), row, style.BLACK)
+        for labels, low, colour in rows:
             own = [label for label in labels if label.name == name]
-            draw_blocks(axes, own, low=low, height=_BLOCK, colour=colour, stop_s=stop_s)
+            page.draw_blocks(axes, own, low=low, height=_BLOCK, colour=colour, stop_s=stop_s)
     if truth is not None:
-        handles.append(swatch("truth", BLACK))
+        handles.append(page.swatch("truth", style.BLACK))
     if track.unassessed:
-        hatch(axes, track.unassessed)
-        handles.append(unknown_swatch("not assessed"))
+        page.hatch(axes, track.unassessed)
+        handles.append(page.unknown_swatch("not assessed"))
     _name_rows(axes, names)
     return handles
 
 
+def _shorten(names: Sequence[str]) -> list[str]:
+    return [style.fit(name, _LONGEST_NAME) for name in names]
+
+
 def _name_rows(axes: "Axes", names: Sequence[str]) -> None:
     axes.hlines(np.arange(1, len(names)) - 0.5, 0, 1, transform=axes.get_yaxis_transform(),
-                color=FAINT, linewidth=0.5, zorder=0.6)  # fmt: skip
+                color=style.FAINT, linewidth=0.5, zorder=0.6)  # fmt: skip
     axes.set_ylim(max(len(names), 1) - 0.5, -0.5)
-    axes.set_yticks(range(len(names)), labels=[fit(name, _LONGEST_NAME) for name in names])
+    axes.set_yticks(range(len(names)), labels=_shorten(names))
     axes.tick_params(axis="y", length=0)
 
 
@@ -179,16 +158,17 @@ def _colours(fractions: Floats) -> Floats:
     """Colours of distances from 0 to 1; infinite ones are white."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    colours = LinearSegmentedColormap.from_list("near to far", NEAR_TO_FAR)(fractions)[..., :3]
+    ramp = LinearSegmentedColormap.from_list("near to far", style.NEAR_TO_FAR)
+    colours = ramp(fractions)[..., :3]
     colours[~np.isfinite(fractions)] = 1.0
     return np.asarray(colours, dtype=np.float64)
 
 
-@house_style()
+@style.house_style()
 def plot_distance(
     distances: Mapping[str, ArrayLike],
     *,
-    hits: Mapping[str, Sequence[Timed]] | None = None,
+    hits: Mapping[str, Sequence[page.Timed]] | None = None,
     threshold: float | None = None,
     truth: LabelTrack | None = None,
     rate_hz: float = 30.0,
@@ -213,28 +193,28 @@ def plot_distance(
     """
     curves = _check_panels(distances, hits or {}, rate_hz)
     tall = _HEIGHTS[0] if len(curves) == 1 else _HEIGHTS[1]
-    layout = Layout(
+    layout = page.Layout(
         left=0.4, width=_WIDTH, heights=(tall,) * len(curves), gap=_NAME_HEIGHT + 0.06,
         above=_NAME_HEIGHT, right=0.1,
     )  # fmt: skip
-    figure, (axes,) = new_page(layout, title=title or "distance")
+    figure, (axes,) = page.new_page(layout, title=title or "distance")
     stop_s = max(len(curve) for curve in curves.values()) / rate_hz
     for ax, (name, curve) in zip(axes, curves.items(), strict=True):
         _draw_curve(ax, curve, rate_hz)
         _scale(ax, curve, threshold)
         for hit in (hits or {}).get(name, ()):
-            ax.axvspan(hit.start_s, hit.end_s, color=PALE_BLUE, linewidth=0.5, zorder=0.5)
+            ax.axvspan(hit.start_s, hit.end_s, color=style.PALE_BLUE, linewidth=0.5, zorder=0.5)
         _draw_truth(ax, truth, name, stop_s)
-        ax.set_title(fit(name, _WIDTH), loc="left", pad=3.0)
-    mark_seconds(axes, stop_s)
+        ax.set_title(style.fit(name, _WIDTH), loc="left", pad=3.0)
+    page.mark_seconds(axes, stop_s)
     has_hits = any(len(found) for found in (hits or {}).values())
     has_truth = truth is not None and any(label.name in curves for label in truth)
-    add_legend(figure, _legend(hits=has_hits, threshold=threshold, truth=has_truth))
+    page.add_legend(figure, _legend(hits=has_hits, threshold=threshold, truth=has_truth))
     return figure
 
 
 def _check_panels(
-    distances: Mapping[str, ArrayLike], hits: Mapping[str, Sequence[Timed]], rate_hz: float
+    distances: Mapping[str, ArrayLike], hits: Mapping[str, Sequence[page.Timed]], rate_hz: float
 ) -> dict[str, Floats]:
     if not isinstance(distances, Mapping) or not distances:
         raise InvalidInput(
@@ -255,15 +235,15 @@ def _check_panels(
 def _draw_curve(axes: "Axes", curve: Floats, rate_hz: float) -> None:
     # A frame's value stands at its middle: a recording of one frame shows, too.
     seconds = (np.arange(len(curve)) + 0.5) / rate_hz
-    axes.plot(seconds, curve, color=BLUE, linewidth=1.1, solid_joinstyle="round")
+    axes.plot(seconds, curve, color=style.BLUE, linewidth=1.1, solid_joinstyle="round")
     seen = ~np.isnan(curve)
     beside = np.concatenate([[False], seen, [False]])
     lonely = seen & ~beside[:-2] & ~beside[2:]
-    axes.plot(seconds[lonely], curve[lonely], ".", color=BLUE, markersize=3)
+    axes.plot(seconds[lonely], curve[lonely], ".", color=style.BLUE, markersize=3)
     if not seen.any():
         axes.text(
             0.5, 0.5, "no match fits anywhere", transform=axes.transAxes, ha="center",
-            va="center", color=TRUNK,
+            va="center", color=style.TRUNK,
         )  # fmt: skip
 
 
@@ -272,33 +252,33 @@ def _scale(axes: "Axes", curve: Floats, threshold: float | None) -> None:
     if not values:
         axes.set_yticks([])
     if threshold is not None and np.isfinite(threshold):
-        axes.axhline(threshold, color=VERMILLION, linewidth=1.0, linestyle=(0, (4, 2)))
+        axes.axhline(threshold, color=style.VERMILLION, linewidth=1.0, linestyle=(0, (4, 2)))
         values.append(1.25 * threshold)
     top = 1.08 * max([*values, 0.01])
     axes.set_ylim(-_TRUTH_FRACTION * top, top)
     if values:
         axes.locator_params(axis="y", nbins=5)
-    axes.tick_params(axis="y", color=RULE, length=2.5, width=0.6)
+    axes.tick_params(axis="y", color=style.RULE, length=2.5, width=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def _draw_truth(axes: "Axes", truth: LabelTrack | None, name: str, stop_s: float) -> None:
     low, top = axes.get_ylim()
     labels = [label for label in truth or () if label.name == name]
-    draw_blocks(axes, labels, low=low, height=0.6 * -low, colour=BLACK, stop_s=stop_s)
+    page.draw_blocks(axes, labels, low=low, height=0.6 * -low, colour=style.BLACK, stop_s=stop_s)
     axes.set_ylim(low, top)
 
 
 def _legend(*, hits: bool, threshold: float | None, truth: bool) -> "list[Artist]":
     from matplotlib.lines import Line2D
 
-    handles: list[Artist] = [Line2D([], [], color=BLUE, label="distance")]
+    handles: list[Artist] = [Line2D([], [], color=style.BLUE, label="distance")]
     if threshold is not None:
-        line = Line2D([], [], color=VERMILLION, linestyle=(0, (4, 2)))
+        line = Line2D([], [], color=style.VERMILLION, linestyle=(0, (4, 2)))
         line.set_label(f"threshold {threshold:g}")
         handles.append(line)
     if hits:
-        handles.append(swatch("hit", PALE_BLUE))
+        handles.append(page.swatch("hit", style.PALE_BLUE))
     if truth:
-        handles.append(swatch("truth", BLACK))
+        handles.append(page.swatch("truth", style.BLACK))
     return handles

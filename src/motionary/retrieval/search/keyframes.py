@@ -106,11 +106,7 @@ def preselect_by(
 
 
 def rank_queries(
-    queries: Sequence[KeyframeQuery],
-    collection: Collection,
-    *,
-    threshold: float,
-    limit: int | None,
+    queries: Sequence[KeyframeQuery], collection: Collection, *, threshold: float, limit: int | None
 ) -> list[Hit]:
     """Hits of any query of which none overlap, best first; of equal ones the earlier first.
 

@@ -18,14 +18,7 @@ from numpy.typing import NDArray
 
 from motionary.batch import Failure
 from motionary.features import FeatureSequence, NamedFile
-from motionary.matching import (
-    Alignment,
-    Corpus,
-    Pattern,
-    align,
-    corpus_distance,
-    find_hits,
-)
+from motionary.matching import Alignment, Corpus, Pattern, align, corpus_distance, find_hits
 from motionary.models.keyframes import HitRanges, KeyframeQuery, PostingIndex, select_in_index
 from motionary.models.templates import MotionTemplate, QuantisedTemplate
 from motionary.packing import PackedFeatures

@@ -240,11 +240,7 @@ def _check_pattern(item: SearchPattern, collection: Collection) -> None:
 
 
 def _result(
-    matches: Matches,
-    templates: Sequence[MotionTemplate],
-    *,
-    threshold: float,
-    limit: int | None,
+    matches: Matches, templates: Sequence[MotionTemplate], *, threshold: float, limit: int | None
 ) -> SearchResult:
     hits = tuple(matches.rank(threshold=threshold, limit=limit))
     queries = tuple(dict.fromkeys(q for pattern in matches.patterns for q in pattern.queries))
@@ -310,10 +306,7 @@ def _to_pattern(
 
 
 def _weigh_against(
-    irrelevant: Sequence[FeatureSequence],
-    pattern: SearchPattern,
-    ones: Floats | None,
-    prior: float,
+    irrelevant: Sequence[FeatureSequence], pattern: SearchPattern, ones: Floats | None, prior: float
 ) -> SearchPattern:
     """Pattern whose entries weigh by their self-information among the irrelevant hits."""
     if not irrelevant:
