@@ -46,6 +46,17 @@ def template(n_columns=45, n_features=40, *, provenance="squat", seed=2):
     )  # fmt: skip
 
 
+def partial_template():
+    """No example shows its first and its last feature."""
+    random = np.random.default_rng(6)
+    values = random.choice([0.0, 0.5, 1.0], (45, 40))
+    values[:, [0, -1]] = 0.5
+    ends = (FULL_BODY.ids[0], FULL_BODY.ids[-1])
+    return MotionTemplate(
+        values, np.ones(45), FULL_BODY.ids, FULL_BODY.name, "squat", 6, unmeasured=ends
+    )
+
+
 def strange_motion():
     """Far away, nothing known of it, and much said."""
     positions = np.random.default_rng(5).normal(size=(3, 7, 3)) * 200
@@ -133,6 +144,7 @@ CASES = {
     "template": lambda: plots.plot_template(template()),
     "template, quantised": lambda: plots.plot_template(template(), tolerance=0.1),
     "template, 300 columns": lambda: plots.plot_template(template(300), tolerance=0.0),
+    "template, never measured": lambda: plots.plot_template(partial_template(), tolerance=0.1),
     "template, one column": lambda: plots.plot_template(template(1, 39)),
     "template, nasty names": lambda: plots.plot_template(strange_template(), tolerance=0.1),
     "distance": lambda: plots.plot_distance({"squat": distance()}),
@@ -330,6 +342,27 @@ def test_a_change_within_one_column_of_a_long_recording_is_grey():
     figure = plots.plot_features(FeatureSequence(pack(features), mask, FULL_BODY))
     pixel = colour_at(rendered(figure), figure.axes[0], 50.0, 0.0)
     np.testing.assert_allclose(pixel, 1 / 3, atol=0.01)
+
+
+def test_features_that_no_example_shows_are_hatched_and_not_between():
+    values = np.full((30, 40), 0.5)
+    values[:, ::2] = 1.0
+    never = MotionTemplate(
+        values, np.ones(30), FULL_BODY.ids, FULL_BODY.name, "kick", 3, unmeasured=("F2",)
+    )
+    for tolerance in (None, 0.1):
+        figure = plots.plot_template(never, tolerance=tolerance)
+        pixels = rendered(figure)
+        n_panels = 1 if tolerance is None else 2
+        upper = figure.axes[(n_panels - 1) * len(figure.axes) // n_panels]
+        spots = [
+            [colour_at(pixels, upper, (c + 0.5) / 30, row + y) for c in range(30)
+             for y in (-0.2, 0, 0.2)] for row in (0, 1, 3)
+        ]  # fmt: skip
+        assert all(is_colour(spot, style.WHITE) for spot in spots[0])
+        assert any(is_colour(spot, style.UNKNOWN) for spot in spots[1])
+        assert not any(is_colour(spot, style.UNKNOWN) for spot in spots[2])
+        assert "never measured" in [text.get_text() for text, _ in written(figure)]
 
 
 def test_a_quantised_template_shows_what_is_fixed():

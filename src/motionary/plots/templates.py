@@ -17,11 +17,13 @@ from motionary.models.templates.template import ROUNDING_SLACK
 from motionary.plots import page, style
 from motionary.plots.features import (
     ROW_HEIGHT,
+    Flags,
     Floats,
     Row,
     blocks,
     draw_grid,
     group_room,
+    hatch_cells,
     name_group,
     name_room,
     name_rows,
@@ -52,7 +54,7 @@ def plot_template(
     """Picture of a template, and with a tolerance of its fixed cells beside it.
 
     White: the feature holds in all examples, black: in none, red to yellow: in some.
-    Below, the time that each column stands for.
+    Hatched: no example shows the feature. Below, the time that each column stands for.
 
     Parameters
     ----------
@@ -67,7 +69,7 @@ def plot_template(
         If the tolerance lies outside [0, 0.5).
     """
     rows = named_rows(template.feature_names, feature_set=feature_set, of=template.feature_set)
-    panels = [("fraction of the examples in which the feature holds", _fractions(template.values))]
+    panels = [("fraction of the examples in which the feature holds", _all_cells(template))]
     if tolerance is not None:
         heading = f"fixed and free cells at tolerance {tolerance:g}"
         panels.append((heading, _fixed_cells(template, tolerance)))
@@ -84,14 +86,17 @@ def plot_template(
     )
     figure, stacks = page.new_page(layout, title=_title(template))
     stop_s = template.n_columns / RATE_HZ
+    unmeasured = np.tile(_unmeasured(template), (template.n_columns, 1))
     for axes, (heading, colours) in zip(stacks, panels, strict=True):
         for ax, part in zip(axes, parts, strict=False):
             draw_grid(ax, colours[:, part], stop_s=stop_s)
+            hatch_cells(ax, unmeasured[:, part], stop_s=stop_s)
         axes[0].set_title(heading, loc="left", pad=4.0)
         _draw_weights(axes[-1], template.weights)
         page.mark_seconds(axes, stop_s)
     _name_grids(stacks, rows, parts)
-    page.add_legend(figure, _legend() if tolerance is not None else ())
+    handles = _legend() if tolerance is not None else []
+    page.add_legend(figure, handles + _legend_of_unmeasured(template))
     page.add_ramp(figure, _ramp(), ("none of the examples", "all"))
     return figure
 
@@ -113,12 +118,26 @@ def _fractions(values: Floats) -> Floats:
     return np.asarray(colours, dtype=np.float64)
 
 
+def _unmeasured(template: MotionTemplate) -> Flags:
+    """Which features no example shows, shape (features,)."""
+    return np.isin(template.feature_names, template.unmeasured)
+
+
+def _all_cells(template: MotionTemplate) -> Floats:
+    from matplotlib.colors import to_rgb
+
+    colours = _fractions(template.values)
+    colours[:, _unmeasured(template)] = to_rgb(style.UNKNOWN)
+    return colours
+
+
 def _fixed_cells(template: MotionTemplate, tolerance: float) -> Floats:
     from matplotlib.colors import to_rgb
 
     quantised = quantise(template, tolerance=tolerance)
     colours = np.repeat(quantised.values[:, :, np.newaxis].astype(np.float64), 3, axis=2)
     colours[~quantised.fixed] = to_rgb(style.FREE)
+    colours[:, _unmeasured(template)] = to_rgb(style.UNKNOWN)
     return colours
 
 
@@ -149,11 +168,16 @@ def _legend() -> "list[Artist]":
     return [page.swatch(label, colour) for label, colour in colours.items()]
 
 
+def _legend_of_unmeasured(*templates: MotionTemplate) -> "list[Artist]":
+    is_needed = any(template.unmeasured for template in templates)
+    return [page.unknown_swatch("never measured")] if is_needed else []
+
+
 @style.house_style()
 def plot_library(library: ClassLibrary, *, title: str = "") -> "Figure":
     """Picture of a library.
 
-    White: the feature must hold, black: it must not, grey: free.
+    White: the feature must hold, black: it must not, grey: free, pale blue: no example shows it.
 
     Parameters
     ----------
@@ -183,7 +207,8 @@ def plot_library(library: ClassLibrary, *, title: str = "") -> "Figure":
         _draw_strip(ax, one, prototype)
         _write(ax, name, note)
     page.mark_seconds(axes, longest_s)
-    page.add_legend(figure, _legend())
+    handles = _legend() + _legend_of_unmeasured(*(one.template for _, one in strips))
+    page.add_legend(figure, handles)
     return figure
 
 
