@@ -12,8 +12,7 @@ import numpy as np
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSet
 from motionary.models.library import ClassLibrary, MotionClass, Prototype
-from motionary.models.templates import RATE_HZ, MotionTemplate, quantise
-from motionary.models.templates.template import ROUNDING_SLACK
+from motionary.models.templates import RATE_HZ, ROUNDING_SLACK, MotionTemplate, quantise
 from motionary.plots import page, style
 from motionary.plots.features import (
     ROW_HEIGHT,

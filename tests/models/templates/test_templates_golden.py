@@ -15,10 +15,8 @@ import pytest
 from motionary.features import FULL_BODY_2006, compute_features
 from motionary.io import read
 from motionary.models.templates import Learning, learn_template
-from motionary.models.templates.alignment import align_batched
-from motionary.models.templates.averaging import Stack, unwarp
-from motionary.models.templates.compiled import align_compiled
-from motionary.models.templates.learning import learn_pass
+from motionary.models.templates.alignment import align_batched, align_compiled
+from motionary.models.templates.learning import Stack, learn_pass, unwarp
 from oracles import learning as oracle
 
 CONTRACT_AT = Learning().contract_at

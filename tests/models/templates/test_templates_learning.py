@@ -11,10 +11,21 @@ from hypothesis import strategies as st
 from motionary.errors import InvalidInput
 from motionary.models.templates import Learning, learn_template
 from motionary.models.templates import alignment as alignment_module
-from motionary.models.templates.alignment import Pair, align_all, align_batched
-from motionary.models.templates.averaging import Stack, average, contract, expand, unwarp
-from motionary.models.templates.compiled import align_compiled
-from motionary.models.templates.learning import learn_pass, repeat_passes
+from motionary.models.templates.alignment import (
+    PairCost,
+    align_all,
+    align_batched,
+    align_compiled,
+)
+from motionary.models.templates.learning import (
+    Stack,
+    average,
+    contract,
+    expand,
+    learn_pass,
+    repeat_passes,
+    unwarp,
+)
 from oracles import learning as oracle
 
 CONTRACT_AT = Learning().contract_at
@@ -100,7 +111,7 @@ def test_ties_go_to_the_diagonal_then_to_a_step_in_the_warped_example(engine):
     # Rows and columns are examples of three columns. Cell (2, 2) is reached for 0 from
     # (1, 2) and (2, 1) alike, while its diagonal neighbour (1, 1) costs 9.
     cost = np.array([[0.0, 0.0, 9.0], [0.0, 9.0, 0.0], [9.0, 0.0, 0.0]])
-    found = engine(iter([Pair(cost, first=0, second=3)]))
+    found = engine(iter([PairCost(cost, first=0, second=3)]))
     met = set(zip(found.reference.tolist(), found.warped.tolist(), strict=True))
     # Columns of the first example as reference: the last step leads from (2, 1), a step in
     # the warped example only; with the second as reference likewise, the other way round.
@@ -112,7 +123,7 @@ def test_ties_go_to_the_diagonal_then_to_a_step_in_the_warped_example(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_equal_costs_are_walked_diagonally(engine):
-    found = engine(iter([Pair(np.zeros((3, 3)), first=0, second=3)]))
+    found = engine(iter([PairCost(np.zeros((3, 3)), first=0, second=3)]))
     assert sorted(found.reference.tolist()) == [0, 1, 2, 3, 4, 5]
     assert all(abs(r - w) == 3 for r, w in zip(found.reference, found.warped, strict=True))
 
@@ -338,8 +349,8 @@ def test_without_numba_auto_falls_back_and_compiled_says_what_to_install():
     code = (
         "import sys; sys.modules['numba'] = None\n"
         "from motionary.errors import InvalidInput\n"
-        "from motionary.models.templates import learn_template as learn, learning\n"
-        "learning.WORTH_LOADING = 0\n"
+        "from motionary.models.templates import learn_template as learn, alignment\n"
+        "alignment.WORTH_LOADING = 0\n"
         "names = {'feature_names': ['a'], 'feature_set': 'a set'}\n"
         "print(learn([[[0]], [[1]]], **names).values.tolist())\n"
         "try: learn([[[0]], [[1]]], engine='compiled', **names)\n"

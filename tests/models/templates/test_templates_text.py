@@ -20,6 +20,7 @@ from motionary.features import (
 from motionary.matching import distance_function, find_hits
 from motionary.models.templates import (
     MotionTemplate,
+    concatenate,
     pattern_of,
     quantise,
     revise_template,
@@ -99,6 +100,21 @@ def test_stretches_follow_one_another_and_times_count_from_the_beginning():
     expected[:, index_of("body turns")] = 1
     expected[15:18, index_of("right hand fast")] = 0
     assert np.array_equal(template.values, expected)
+
+
+def test_what_no_example_shows_is_told_until_it_is_fixed():
+    values = np.full((6, 40), 0.5)
+    values[:, index_of("body low")] = 1.0
+    template = template_of(values, unmeasured=("F13", "F20"))
+    text = template_to_text(template, tolerance=0.1)
+    assert "# measured in no example: right hand fast, right knee bent\n" in text
+    assert revise_template(template, text, tolerance=0.1) is template
+    revised = revise_template(template, text + "throughout: F13\n", tolerance=0.1)
+    assert revised.unmeasured == ("F20",)
+    both = concatenate([template, template_of(np.ones((3, 40)))])
+    assert both.unmeasured == ()
+    with pytest.raises(InvalidInput, match=r"unmeasured must name features .*got \['F99'\]"):
+        template_of(values, unmeasured=("F99",))
 
 
 def test_what_lasts_longer_than_its_lines_ends_free():
@@ -219,14 +235,14 @@ def test_a_text_of_another_length_replaces_all():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "line 1: the text tells no length"),
-        ("# nothing\n", "line 1: the text tells no length"),
-        ("throughout: body low", "line 1: the text tells no length"),
+        ("", "line 1: the text gives no length"),
+        ("# nothing\n", "line 1: the text gives no length"),
+        ("throughout: body low", "line 1: the text gives no length"),
         ("\nright hand fast", "line 2: not understood: 'right hand fast'; expected 'for 1.5 s"),
         ("for a while: body low", "line 1: not understood: 'for a while'"),
         ("for 1,5 s: body low", "line 1: not understood: 'for 1,5 s'"),
-        ("for 1 s:", "line 1: a relation is missing; 'anything' stands for none"),
-        ("for 1 s: body low,, F13", "line 1: a relation is missing"),
+        ("for 1 s:", "line 1: a feature is missing; 'anything' stands for none"),
+        ("for 1 s: body low,, F13", "line 1: a feature is missing"),
         ("for 1 s: body low,", "line 1: ends in a comma, and nothing follows"),
         ("for 1 s: body low,\nfor 1 s: F13", "line 1: ends in a comma, and a new line begins"),
         ("for 1 s: body low, anything", "line 1: 'anything' stands alone"),
@@ -252,8 +268,8 @@ def test_a_text_of_another_length_replaces_all():
             "throughout: not body low\nfor 1 s: F13\nfor 0.5 s: body low",
             "line 3: 'body low' contradicts 'not body low' of line 1, from 1 to 1.5 s",
         ),
-        ("for 0 s: F13", "line 1: a stretch needs at least 0.03 s"),
-        ("for 0.01 s: F13", "line 1: a stretch needs at least 0.03 s"),
+        ("for 0 s: F13", "line 1: a segment needs at least 0.03 s"),
+        ("for 0.01 s: F13", "line 1: a segment needs at least 0.03 s"),
         ("for 1e9 s: F13", "line 1: not understood"),
         ("for 99999 s: F13", "line 1: a template needs times from 0 to 600 s"),
         ("lasts 99999999999 s\nthroughout: F13", "line 1: a template needs times from 0 to 600"),
@@ -262,7 +278,7 @@ def test_a_text_of_another_length_replaces_all():
         ("for 0 to 0.1 s: F13", "line 1: a range of lengths needs 0 < least <= most"),
         ("from 0.5 to 0.5 s: F13", "line 1: must end after its start"),
         ("lasts 1 s\nfrom 0.5 to 2 s: F13", "line 2: ends at 2 s, but the template lasts 1 s"),
-        ("lasts 1 s\nlasts 1 s\nthroughout: F13", "line 2: the length was told before"),
+        ("lasts 1 s\nlasts 1 s\nthroughout: F13", "line 2: the length was given before"),
         ("features: legs-14\nfor 1 s: F20", "line 1: the text is over 'legs-14', asked for is"),
         ("for 1 s: F20\nfeatures: full-body-40", "line 2: the feature set is named in the first"),
     ],

@@ -20,8 +20,7 @@ from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet
 from motionary.models.keyframes.index import count_steady
 from motionary.models.keyframes.query import Gap, KeyframeQuery, gaps_of, group_members
-from motionary.models.templates import MotionTemplate, QuantisedTemplate
-from motionary.models.templates.alignment import Pair, align_batched
+from motionary.models.templates import MotionTemplate, PairCost, QuantisedTemplate, align_batched
 from motionary.packing import pack
 
 Bits = NDArray[np.bool_]
@@ -225,7 +224,7 @@ def _align_whole(template: MotionTemplate, examples: Sequence[FeatureSequence]) 
     for example in examples:
         seen = np.where(example.known_features, example.features, 0.5)
         cost = np.abs(template.values[:, np.newaxis] - seen).sum(axis=2)
-        pairs.append(Pair(cost, 0, offset))
+        pairs.append(PairCost(cost, 0, offset))
         offset += len(example)
     met = align_batched(iter(pairs))
     of_template = met.reference < n_columns

@@ -1,26 +1,31 @@
 """Motion templates: what the examples of one class of motion have in common.
 
-Learned from examples, shaped by hand, or written down from nothing.
+Learned from examples, shaped by hand, or written down.
 """
 
-from motionary.models.templates.crafting import Pause, concatenate, cut, fix, free, join, restrict
+from motionary.models.templates.alignment import PairCost, align_batched
+from motionary.models.templates.editing import Pause, concatenate, cut, fix, free, join, restrict
 from motionary.models.templates.learning import Learning, learn_template
-from motionary.models.templates.seeking import pattern_of
 from motionary.models.templates.template import (
     RATE_HZ,
+    ROUNDING_SLACK,
     MotionTemplate,
     QuantisedTemplate,
     mirror,
+    pattern_of,
     quantise,
 )
 from motionary.models.templates.text import revise_template, template_from_text, template_to_text
 
 __all__ = [
     "RATE_HZ",
+    "ROUNDING_SLACK",
     "Learning",
     "MotionTemplate",
+    "PairCost",
     "Pause",
     "QuantisedTemplate",
+    "align_batched",
     "concatenate",
     "cut",
     "fix",

@@ -1,4 +1,4 @@
-"""Which columns of the examples of one class belong together?
+"""MatchedColumns of the examples of one class: which of their columns belong together.
 
 Classical dynamic time warping of every example against every other, after Müller and
 Röder (2006), section 4.1: steps (1, 0), (0, 1), (1, 1); a pair of columns costs their
@@ -7,30 +7,38 @@ one that walks back diagonally is taken, then the one that steps in the warped e
 only, then the one that steps in the reference only.
 
 Costs do not depend on which of the two is the reference, so each unordered pair is summed
-up once and walked back twice.
+up once and walked back twice. Both engines give the same result to the bit.
 
 Conventions: a *stack* holds the columns of all examples below one another; example `i` is
 rows `offsets[i]` to `offsets[i + 1]`.
 """
 
+import sys
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 #: Cells that the NumPy engine holds at once: 32 MB, whatever the number of examples.
 BATCH_CELLS = 4_000_000
+#: Pairs of columns in one pass (48 examples of 74 columns) above which loading numba costs
+#: less time than it saves.
+WORTH_LOADING = 6_000_000
+
+EngineName = Literal["auto", "numpy", "compiled"]
 
 
-class Alignment(NamedTuple):
+class MatchedColumns(NamedTuple):
     """Pairs of columns that met, over all ordered pairs of different examples.
 
     `reference` and `warped` are rows of the stack, shape (n_met,), in no particular order;
-    `largest_cost` is the cost of the dearest path.
+    `largest_cost` is the highest cost of a path.
     """
 
     reference: Indices
@@ -38,7 +46,7 @@ class Alignment(NamedTuple):
     largest_cost: float
 
 
-class Pair(NamedTuple):
+class PairCost(NamedTuple):
     """Cost of each pair of columns of two examples, and their first rows in the stack."""
 
     cost: Floats
@@ -46,10 +54,12 @@ class Pair(NamedTuple):
     second: int
 
 
-Engine = Callable[[Iterator[Pair]], Alignment]
+Engine = Callable[[Iterator[PairCost]], MatchedColumns]
 
 
-def align_all(values: Floats, weights: Floats, offsets: Indices, *, engine: Engine) -> Alignment:
+def align_all(
+    values: Floats, weights: Floats, offsets: Indices, *, engine: Engine
+) -> MatchedColumns:
     """Columns that meet when each example in turn is the reference of all others.
 
     Parameters
@@ -62,34 +72,81 @@ def align_all(values: Floats, weights: Floats, offsets: Indices, *, engine: Engi
     return engine(_pairs(values, weights, offsets))
 
 
-def _pairs(values: Floats, weights: Floats, offsets: Indices) -> Iterator[Pair]:
+def _pairs(values: Floats, weights: Floats, offsets: Indices) -> Iterator[PairCost]:
     """Costs of all unordered pairs, computed for one example against all later ones."""
     # Late: a quarter of a second that who only uses templates need not wait.
     from scipy.spatial.distance import cdist
 
-    # A relation that nobody changes adds exact zeros to every distance.
+    # A feature that nobody changes adds exact zeros to every distance.
     changing = values[:, np.ptp(values, axis=0) > 0.0]
     for example in range(len(offsets) - 2):
         begin, rest = offsets[example], offsets[example + 1]
         mean_weights = 0.5 * (weights[begin:rest, None] + weights[None, rest:])
         costs = cdist(changing[begin:rest], changing[rest:], "cityblock") * mean_weights
         for first, end in zip(offsets[example + 1 : -1], offsets[example + 2 :], strict=True):
-            yield Pair(costs[:, first - rest : end - rest], int(begin), int(first))
+            yield PairCost(costs[:, first - rest : end - rest], int(begin), int(first))
 
 
-def align_batched(pairs: Iterator[Pair]) -> Alignment:
-    """Alignment of all pairs, many at a time along their anti-diagonals."""
+def align_batched(pairs: Iterator[PairCost]) -> MatchedColumns:
+    """MatchedColumns of all pairs, many at a time along their anti-diagonals."""
     parts = [_align(batch) for batch in _batches(pairs)]
     none = np.zeros(0, dtype=np.intp)
-    return Alignment(
+    return MatchedColumns(
         np.concatenate([none, *(part.reference for part in parts)]),
         np.concatenate([none, *(part.warped for part in parts)]),
         max((part.largest_cost for part in parts), default=0.0),
     )
 
 
-def _batches(pairs: Iterator[Pair]) -> Iterator[list[Pair]]:
-    batch: list[Pair] = []
+def align_compiled(pairs: Iterator[PairCost]) -> MatchedColumns:
+    """Alignment of all pairs, one after the other, by the kernels of the extra `fast`."""
+    # Late: loading numba takes as long as learning a class.
+    from motionary.models.templates.compiled import accumulate, walk_back
+
+    none = np.zeros(0, dtype=np.intp)
+    references, warpeds = [none], [none]
+    largest_cost = 0.0
+    for pair in pairs:
+        total = accumulate(pair.cost)
+        largest_cost = max(largest_cost, float(total[-1, -1]))
+        rows, columns = walk_back(total, True)
+        references.append(rows + pair.first)
+        warpeds.append(columns + pair.second)
+        rows, columns = walk_back(total, False)
+        references.append(columns + pair.second)
+        warpeds.append(rows + pair.first)
+    return MatchedColumns(np.concatenate(references), np.concatenate(warpeds), largest_cost)
+
+
+def choose_engine(name: EngineName, offsets: Indices) -> Engine:
+    """The engine of a name; "auto" takes the compiled one where it is worth loading.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such engine, or it is not installed.
+    """
+    if name not in ("auto", "numpy", "compiled"):
+        raise InvalidInput(f"engine needs to be 'auto', 'numpy' or 'compiled', got {name!r}")
+    lengths = np.diff(offsets)
+    n_cells = int(lengths.sum() ** 2 - (lengths**2).sum()) // 2
+    loaded = sys.modules.get("numba") is not None
+    if name == "numpy" or (name == "auto" and not loaded and n_cells < WORTH_LOADING):
+        return align_batched
+    try:
+        import numba  # noqa: F401
+    except ImportError as error:
+        if name == "auto":
+            return align_batched
+        raise InvalidInput(
+            f"the compiled engine needs numba ({error}); "
+            "pip install 'motionary[fast]', or take engine='numpy'"
+        ) from error
+    return align_compiled
+
+
+def _batches(pairs: Iterator[PairCost]) -> Iterator[list[PairCost]]:
+    batch: list[PairCost] = []
     rows = columns = 0
     for pair in pairs:
         rows = max(rows, pair.cost.shape[0])
@@ -103,7 +160,7 @@ def _batches(pairs: Iterator[Pair]) -> Iterator[list[Pair]]:
         yield batch
 
 
-def _align(batch: list[Pair]) -> Alignment:
+def _align(batch: list[PairCost]) -> MatchedColumns:
     lengths = np.array([pair.cost.shape for pair in batch])
     first = np.array([pair.first for pair in batch])
     second = np.array([pair.second for pair in batch])
@@ -114,10 +171,10 @@ def _align(batch: list[Pair]) -> Alignment:
     rows, columns, which = _walk_back(total, lengths, second_first=False)
     met_second = [second[which] + columns, first[which] + rows]
     reference, warped = np.concatenate([met_first, met_second], axis=1)
-    return Alignment(reference, warped, float(ends.max()))
+    return MatchedColumns(reference, warped, float(ends.max()))
 
 
-def _accumulate(batch: list[Pair], n_rows: int, n_columns: int) -> Floats:
+def _accumulate(batch: list[PairCost], n_rows: int, n_columns: int) -> Floats:
     """Cheapest cost up to each cell, shape (row + column, row, pair), counted from 1.
 
     With anti-diagonals as the first axis, a cell depends on the two before only, and one

@@ -1,36 +1,19 @@
-"""The compiled twin of `alignment.align_batched`, behind the extra `fast`.
+"""Compiled kernels of aligning examples, behind the extra `fast`.
 
-Adds and compares the same numbers in the same order, so that both engines return the same
-paths and costs to the bit. Imported late: loading numba takes as long as learning a class.
+They add and compare the same numbers in the same order as those of `alignment`, so that both
+return the same paths and costs to the bit.
 """
-
-from collections.abc import Iterator
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from motionary.models.templates.alignment import Alignment, Floats, Indices, Pair
-
-
-def align_compiled(pairs: Iterator[Pair]) -> Alignment:
-    """Alignment of all pairs, one after the other; see `alignment.align_all`."""
-    none = np.zeros(0, dtype=np.intp)
-    references, warpeds = [none], [none]
-    largest_cost = 0.0
-    for pair in pairs:
-        total = _accumulate(pair.cost)
-        largest_cost = max(largest_cost, float(total[-1, -1]))
-        rows, columns = _walk_back(total, True)
-        references.append(rows + pair.first)
-        warpeds.append(columns + pair.second)
-        rows, columns = _walk_back(total, False)
-        references.append(columns + pair.second)
-        warpeds.append(rows + pair.first)
-    return Alignment(np.concatenate(references), np.concatenate(warpeds), largest_cost)
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 @njit(cache=True)
-def _accumulate(cost: Floats) -> Floats:
+def accumulate(cost: Floats) -> Floats:
     """Cheapest cost up to each cell, counted from 1; infinite borders."""
     n_rows, n_columns = cost.shape
     total = np.empty((n_rows + 1, n_columns + 1))
@@ -47,7 +30,7 @@ def _accumulate(cost: Floats) -> Floats:
 
 
 @njit(cache=True)
-def _walk_back(total: Floats, second_first: bool) -> tuple[Indices, Indices]:
+def walk_back(total: Floats, second_first: bool) -> tuple[Indices, Indices]:
     """Row and column (from 0) of the cheapest path's cells; see the twin for the ties."""
     row, column = total.shape[0] - 1, total.shape[1] - 1
     rows = np.empty(row + column, dtype=np.intp)

@@ -1,32 +1,37 @@
-"""What do several examples of one class of motion have in common?
+"""Motion templates learned from the examples of a class.
 
-Motion templates are learned after Müller and Röder (2006), section 4.1: every example in
-turn is the reference to which all others are warped; the averages, brought back to real
-time, are the examples of the next pass, until they agree. The template is what the first
-example has become.
+After Müller and Röder (2006), section 4.1: every example in turn is the reference to which
+all others are warped; the averages, brought back to real time, are the examples of the next
+pass, until they agree. The template is what the first example has become. Warping, averaging
+and unwarping move weighted columns and lose none: total weight and the weighted sum of every
+feature are the same before and after.
 
-Where the paper is silent (ties, contraction, stop rule), the authors' published code
-decides.
+Where the paper is silent (ties, contraction, stop rule), the authors' published code decides:
+columns are merged until they weigh 0.75, and expanded before and after.
+
+Conventions: a *stack* holds the columns of all examples below one another; example `i` is
+rows `offsets[i]` to `offsets[i + 1]`.
 """
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
-from motionary.models.templates.alignment import Engine, Floats, align_all, align_batched
-from motionary.models.templates.averaging import Stack, average, unwarp
+from motionary.models.templates.alignment import (
+    Engine,
+    EngineName,
+    Floats,
+    Indices,
+    MatchedColumns,
+    align_all,
+    choose_engine,
+)
 from motionary.models.templates.template import MotionTemplate, check_values
-
-EngineName = Literal["auto", "numpy", "compiled"]
-
-#: Pairs of columns in one pass (48 examples of 74 columns) above which loading numba costs
-#: less time than it saves.
-WORTH_LOADING = 6_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +41,8 @@ class Learning:
     Attributes
     ----------
     stop : float
-        Learning ends after a pass whose dearest alignment cost at most this much per
-        column, in relations.
+        Learning ends after a pass whose highest-cost alignment costs at most this much per
+        column, in features.
     max_passes : int
         It ends after so many passes in any case.
     contract_at : float
@@ -55,6 +60,24 @@ class Learning:
             raise InvalidInput(f"max_passes needs to be at least 1, got {self.max_passes}")
         if not 0.0 < self.contract_at <= 1.0:
             raise InvalidInput(f"contract_at needs to lie in (0, 1], got {self.contract_at}")
+
+
+class Stack(NamedTuple):
+    """Columns of several examples: `columns` (n, width), `weights` (n,), `offsets`."""
+
+    columns: Floats
+    weights: Floats
+    offsets: Indices
+
+    @property
+    def n_examples(self) -> int:
+        """Number of examples."""
+        return len(self.offsets) - 1
+
+    @property
+    def mean_weight(self) -> float:
+        """Mean of the examples' total weights: their mean length, in columns of 30 Hz."""
+        return float(self.weights.sum()) / self.n_examples
 
 
 def learn_template(
@@ -102,7 +125,7 @@ def learn_template(
         unmeasured = tuple(np.array(feature_names)[never].tolist())
     offsets = np.cumsum([0] + [len(example) for example in examples]).astype(np.intp)
     stack = Stack(np.concatenate(columns), np.ones(offsets[-1]), offsets)
-    stack = repeat_passes(stack, n_features, settings, _choose_engine(engine, stack))
+    stack = repeat_passes(stack, n_features, settings, choose_engine(engine, offsets))
     end = stack.offsets[1]
     return MotionTemplate(
         values=_values(stack.columns[:end], n_features),
@@ -138,7 +161,7 @@ def learn_pass(
     ----------
     stack : Stack
         Its columns hold the values, shape (n, features); or, where entries are unknown,
-        values times the share known and next to them that share, (n, 2 * features).
+        values times the known fraction and next to them that fraction, (n, 2 * features).
     n_features : number of features
     contract_at : weight up to which columns are merged
     engine : `align_batched` or `align_compiled`
@@ -146,16 +169,16 @@ def learn_pass(
     Returns
     -------
     stack : Stack of the next pass
-    cost : cost of the dearest alignment
+    cost : highest cost of an alignment
     """
     values = _values(stack.columns, n_features)
-    alignment = align_all(values, stack.weights, stack.offsets, engine=engine)
-    averaged = average(stack, alignment)
-    return unwarp(averaged, contract_at=contract_at), alignment.largest_cost
+    matched = align_all(values, stack.weights, stack.offsets, engine=engine)
+    averaged = average(stack, matched)
+    return unwarp(averaged, contract_at=contract_at), matched.largest_cost
 
 
 def _values(columns: Floats, n_features: int) -> Floats:
-    """Values of columns that may carry the share known beside them."""
+    """Values of columns that may carry the known fraction beside them."""
     if columns.shape[1] == n_features:
         return columns
     weighted, fraction = columns[:, :n_features], columns[:, n_features:]
@@ -191,25 +214,75 @@ def _with_fractions(examples: list[Floats], known: Sequence[ArrayLike]) -> list[
     ]
 
 
-def _choose_engine(name: EngineName, stack: Stack) -> Engine:
-    if name not in ("auto", "numpy", "compiled"):
-        raise InvalidInput(f"engine needs to be 'auto', 'numpy' or 'compiled', got {name!r}")
-    loaded = sys.modules.get("numba") is not None
-    if name == "numpy" or (name == "auto" and not loaded and _count_cells(stack) < WORTH_LOADING):
-        return align_batched
-    try:
-        from motionary.models.templates.compiled import align_compiled
-    except ImportError as error:
-        if name == "auto":
-            return align_batched
-        raise InvalidInput(
-            f"the compiled engine needs numba ({error}); "
-            "pip install 'motionary[fast]', or take engine='numpy'"
-        ) from error
-    return align_compiled
+# -- warping and averaging ----------------------------------------------------------------
 
 
-def _count_cells(stack: Stack) -> int:
-    """Pairs of columns of different examples, in any order."""
-    lengths = np.diff(stack.offsets)
-    return int(lengths.sum() ** 2 - (lengths**2).sum()) // 2
+def average(stack: Stack, matched: MatchedColumns) -> Stack:
+    """Average of all examples, once for each of them as the reference.
+
+    A column that met `n` columns of the reference gives `1 / n` of its weight to each. (The
+    authors' code divides what a column of the reference has collected. With ties going to
+    the diagonal no path turns a corner, so both come to the same.)
+    """
+    # Late: a quarter of a second that who only uses templates need not wait.
+    from scipy.sparse import csr_array
+
+    n_columns = len(stack.weights)
+    own = np.arange(n_columns)
+    reference = np.concatenate([own, matched.reference])
+    warped = np.concatenate([own, matched.warped])
+    example = np.searchsorted(stack.offsets, reference, side="right") - 1
+    meeting = example * n_columns + warped
+    shared_by = np.bincount(meeting, minlength=stack.n_examples * n_columns)[meeting]
+    given = csr_array(
+        (stack.weights[warped] / shared_by, (reference, warped)), shape=(n_columns, n_columns)
+    )
+    collected = given @ np.ones(n_columns)
+    columns = (given @ stack.columns) / collected[:, None]
+    return Stack(columns, collected / stack.n_examples, stack.offsets)
+
+
+def unwarp(stack: Stack, *, contract_at: float) -> Stack:
+    """The same motions with columns that each stand for about one frame of 30 Hz."""
+    return expand(contract(expand(stack), contract_at=contract_at))
+
+
+def expand(stack: Stack) -> Stack:
+    """Columns repeated as often as they weigh, halves up, at least once; weight shared."""
+    repeats = np.maximum(np.floor(stack.weights + 0.5), 1.0).astype(np.intp)
+    ends = np.concatenate([np.zeros(1, dtype=np.intp), np.cumsum(repeats)])
+    return Stack(
+        np.repeat(stack.columns, repeats, axis=0),
+        np.repeat(stack.weights / repeats, repeats),
+        ends[stack.offsets],
+    )
+
+
+def contract(stack: Stack, *, contract_at: float) -> Stack:
+    """Columns merged from the left until they weigh `contract_at`.
+
+    A remainder at the end of an example joins the column before it.
+    """
+    starts: list[int] = []
+    weights = stack.weights.tolist()
+    for begin, end in pairwise(stack.offsets.tolist()):
+        merged = _starts(weights[begin:end], contract_at)
+        starts.extend(begin + start for start in merged)
+    totals = np.add.reduceat(stack.weights, starts)
+    sums = np.add.reduceat(stack.columns * stack.weights[:, None], starts, axis=0)
+    return Stack(sums / totals[:, None], totals, np.searchsorted(starts, stack.offsets))
+
+
+def _starts(weights: list[float], contract_at: float) -> list[int]:
+    """First of each group of columns that are merged into one."""
+    starts = []
+    gathered = 0.0
+    for column, weight in enumerate(weights):
+        if gathered == 0.0:
+            starts.append(column)
+        gathered += weight
+        if gathered >= contract_at:
+            gathered = 0.0
+    if gathered > 0.0 and len(starts) > 1:
+        starts.pop()
+    return starts

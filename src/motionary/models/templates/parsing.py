@@ -1,11 +1,15 @@
-"""Which cells does the text of a template fix?
+"""Parsing of the text of a template: which cells it fixes.
 
-Reads the language of `motionary.models.templates.text`, a line at a time; what it refuses it
-refuses by the number of the line.
+The language is that of `motionary.models.templates.text`, read a line at a time; what is
+refused is refused by the number of the line. Matching takes from half to double of a segment
+(steps (1, 1), (1, 2), (2, 1)), so that a range of lengths is one length whose half and double
+cover it.
 
-Conventions: states of cells are 1, 0 and -1 for free, shape (columns, features).
+Conventions: states of cells are 1, 0 and -1 for free, shape (columns, features); columns at
+30 Hz; segments are half-open.
 """
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,12 +20,14 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSet, find_feature
-from motionary.models.templates.segments import count_columns, fit_columns, show_seconds
+from motionary.models.templates.template import RATE_HZ
 
 States = NDArray[np.int8]
 
 FREE = -1
 ANYTHING = "anything"
+#: Longer templates are slips of the pen: ten minutes.
+MOST_S = 600.0
 
 _NUMBER = r"(\d+\.?\d*|\.\d+)"
 _UNIT = r"\s*s(?:ec|econds?)?"
@@ -36,15 +42,15 @@ _FORMS = (
 
 
 class _Piece(NamedTuple):
-    """Words of one line, without comment and needless spaces."""
+    """Text of one line, without comment and needless spaces."""
 
     line: int
-    packed: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
-class _Stretch:
-    """Relations of a stretch; without an end it is as long as the template."""
+class _Segment:
+    """Features of a segment; without an end it is as long as the template."""
 
     line: int
     start: int
@@ -58,17 +64,17 @@ def parse_states(text: str, feature_set: FeatureSet) -> States:
     Raises
     ------
     InvalidInput
-        If a line is not understood, names an unknown relation or contradicts another one.
+        If a line is not understood, names an unknown feature or contradicts another one.
     """
-    segments: list[_Stretch] = []
+    segments: list[_Segment] = []
     length: int | None = None
     end = 0
     for number, pieces in enumerate(_logical_lines(text)):
-        line, packed = pieces[0]
+        line, content = pieces[0]
         try:
-            if _is_header(packed, feature_set, first=number == 0):
+            if _is_header(content, feature_set, first=number == 0):
                 continue
-            if found := _LASTS.fullmatch(packed.casefold()):
+            if found := _LASTS.fullmatch(content.casefold()):
                 length = _read_length(found[1], length)
                 continue
             segment, end = _read_segment(pieces, end)
@@ -82,21 +88,21 @@ def _logical_lines(text: str) -> Iterator[list[_Piece]]:
     """Lines that say something, those that end in a comma with their continuation."""
     pieces: list[_Piece] = []
     for number, line in enumerate(text.splitlines(), start=1):
-        packed = " ".join(line.split("#")[0].split())
-        if not packed:
+        content = " ".join(line.split("#")[0].split())
+        if not content:
             continue
-        if pieces and ":" in packed:
+        if pieces and ":" in content:
             raise InvalidInput(f"line {pieces[-1].line}: ends in a comma, and a new line begins")
-        pieces.append(_Piece(number, packed.removesuffix(",")))
-        if not packed.endswith(","):
+        pieces.append(_Piece(number, content.removesuffix(",")))
+        if not content.endswith(","):
             yield pieces
             pieces = []
     if pieces:
         raise InvalidInput(f"line {pieces[-1].line}: ends in a comma, and nothing follows")
 
 
-def _is_header(packed: str, feature_set: FeatureSet, *, first: bool) -> bool:
-    head, colon, name = packed.partition(":")
+def _is_header(content: str, feature_set: FeatureSet, *, first: bool) -> bool:
+    head, colon, name = content.partition(":")
     if not colon or head.strip().casefold() != "features":
         return False
     if not first:
@@ -111,38 +117,38 @@ def _is_header(packed: str, feature_set: FeatureSet, *, first: bool) -> bool:
 
 def _read_length(seconds: str, before: int | None) -> int:
     if before is not None:
-        raise InvalidInput("the length was told before")
+        raise InvalidInput("the length was given before")
     return count_columns(float(seconds))
 
 
-def _read_segment(pieces: list[_Piece], end: int) -> tuple[_Stretch, int]:
-    """What a line says, and where a stretch that follows begins."""
-    line, packed = pieces[0]
-    head, colon, rest = packed.partition(":")
+def _read_segment(pieces: list[_Piece], end: int) -> tuple[_Segment, int]:
+    """What a line says, and where a segment that follows begins."""
+    line, content = pieces[0]
+    head, colon, rest = content.partition(":")
     features = (_Piece(line, rest), *pieces[1:])
     when = head.strip().casefold()
     if colon and when == "throughout":
-        return _Stretch(line, 0, None, features), end
+        return _Segment(line, 0, None, features), end
     if colon and (found := _FOR.fullmatch(when)):
         stop = end + count_columns(float(found[1]))
-        return _Stretch(line, end, stop, features), stop
+        return _Segment(line, end, stop, features), stop
     if colon and (found := _FOR_RANGE.fullmatch(when)):
         stop = end + fit_columns(float(found[1]), float(found[2]))
-        return _Stretch(line, end, stop, features), stop
+        return _Segment(line, end, stop, features), stop
     if colon and (found := _FROM.fullmatch(when)):
         start, stop = count_columns(float(found[1]), least=0), count_columns(float(found[2]))
         if stop <= start:
             raise InvalidInput(f"must end after its start, got {found[1]} to {found[2]} s")
-        return _Stretch(line, start, stop, features), end
-    raise InvalidInput(f"not understood: {packed if not colon else head!r}; expected {_FORMS}")
+        return _Segment(line, start, stop, features), end
+    raise InvalidInput(f"not understood: {content if not colon else head!r}; expected {_FORMS}")
 
 
-def _check_length(length: int | None, segments: list[_Stretch]) -> int:
+def _check_length(length: int | None, segments: list[_Segment]) -> int:
     """Columns of the template."""
     ends = [(s.stop, s.line) for s in segments if s.stop is not None]
     longest, line = max(ends, default=(0, segments[0].line if segments else 1))
     if length is None and longest == 0:
-        raise InvalidInput(f"line {line}: the text tells no length; expected {_FORMS}")
+        raise InvalidInput(f"line {line}: the text gives no length; expected {_FORMS}")
     if length is not None and longest > length:
         raise InvalidInput(
             f"line {line}: ends at {show_seconds(longest)} s, but the template lasts "
@@ -151,33 +157,33 @@ def _check_length(length: int | None, segments: list[_Stretch]) -> int:
     return length or longest
 
 
-def _fill(segments: list[_Stretch], n_columns: int, feature_set: FeatureSet) -> States:
+def _fill(segments: list[_Segment], n_columns: int, feature_set: FeatureSet) -> States:
     states = np.full((n_columns, len(feature_set)), FREE, dtype=np.int8)
-    told_in = np.zeros(states.shape, dtype=np.intp)
+    given_in = np.zeros(states.shape, dtype=np.intp)
     for segment in segments:
         part = slice(segment.start, segment.stop)
         for line, feature, holds in _read_features(segment, feature_set):
-            cells, lines = states[part, feature], told_in[part, feature]
+            cells, lines = states[part, feature], given_in[part, feature]
             against = np.flatnonzero(cells == 1 - holds)
             if len(against):
                 first, stop = segment.start + against[0], segment.start + against[-1] + 1
                 raise InvalidInput(
-                    f"line {line}: {_said(feature, holds, feature_set)!r} contradicts "
-                    f"{_said(feature, 1 - holds, feature_set)!r} of line {lines[against[0]]}, "
+                    f"line {line}: {_phrase(feature, holds, feature_set)!r} contradicts "
+                    f"{_phrase(feature, 1 - holds, feature_set)!r} of line {lines[against[0]]}, "
                     f"from {show_seconds(first)} to {show_seconds(stop)} s"
                 )
             cells[:], lines[:] = holds, line
     return states
 
 
-def _said(feature: int, holds: int, feature_set: FeatureSet) -> str:
+def _phrase(feature: int, holds: int, feature_set: FeatureSet) -> str:
     return ("" if holds else "not ") + feature_set.names[feature]
 
 
-def _read_features(segment: _Stretch, feature_set: FeatureSet) -> Iterator[tuple[int, int, int]]:
-    """Line, number of the relation, and 1 if it must hold, else 0."""
+def _read_features(segment: _Segment, feature_set: FeatureSet) -> Iterator[tuple[int, int, int]]:
+    """Line, number of the feature, and 1 if it must hold, else 0."""
     names = [
-        (line, name.strip()) for line, packed in segment.features for name in packed.split(",")
+        (line, name.strip()) for line, content in segment.features for name in content.split(",")
     ]
     if len(names) == 1 and names[0][1].casefold() == ANYTHING:
         return
@@ -190,9 +196,61 @@ def _read_features(segment: _Stretch, feature_set: FeatureSet) -> Iterator[tuple
 
 def _read_feature(name: str, feature_set: FeatureSet) -> tuple[int, int]:
     if not name:
-        raise InvalidInput(f"a relation is missing; {ANYTHING!r} stands for none")
+        raise InvalidInput(f"a feature is missing; {ANYTHING!r} stands for none")
     if name.casefold() == ANYTHING:
         raise InvalidInput(f"{ANYTHING!r} stands alone: what is not mentioned is free")
     if name.casefold().startswith("not "):
         return find_feature(name[4:], feature_set), 0
     return find_feature(name, feature_set), 1
+
+
+# -- lengths ------------------------------------------------------------------------------
+
+
+def count_columns(seconds: float, *, least: int = 1) -> int:
+    """Columns of a segment of so many seconds.
+
+    Raises
+    ------
+    InvalidInput
+        If it rounds to fewer than `least` columns, or lasts more than ten minutes.
+    """
+    if not 0.0 <= seconds <= MOST_S:
+        raise InvalidInput(f"a template needs times from 0 to {MOST_S:g} s, got {seconds:g}")
+    columns = math.floor(seconds * RATE_HZ + 0.5)
+    if columns < least:
+        raise InvalidInput(
+            f"a segment needs at least {least / RATE_HZ:.2f} s ({least} column), got {seconds:g}"
+        )
+    return columns
+
+
+def fit_columns(least_s: float, most_s: float) -> int:
+    """Columns of a segment that matches any length of a range, and as little more as can be.
+
+    Raises
+    ------
+    InvalidInput
+        If the range is empty, or too wide for one segment.
+    """
+    if not 0.0 < least_s <= most_s:
+        raise InvalidInput(
+            f"a range of lengths needs 0 < least <= most, got {least_s:g} to {most_s:g} s"
+        )
+    least, most = count_columns(least_s), count_columns(most_s)
+    # K columns match 1 + ceil((K - 1) / 2) to 2 K - 1 frames.
+    fewest, greatest = math.ceil((most + 1) / 2), 2 * least - 1
+    if fewest > greatest:
+        raise InvalidInput(
+            f"{least_s:g} to {most_s:g} s is too wide: a segment matches from half to double of "
+            "its length, so the longest may be nearly four times the shortest; "
+            "for wider gaps make a keyframe query"
+        )
+    return min(max(math.floor(math.sqrt(least * most) + 0.5), fewest), greatest)
+
+
+def show_seconds(columns: int) -> str:
+    """Seconds of so many columns, as short as finds the columns again."""
+    # Two digits do: a column is 0.033 s long.
+    text = f"{columns / RATE_HZ:.2f}"
+    return text.rstrip("0").rstrip(".")

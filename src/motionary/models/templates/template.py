@@ -1,7 +1,7 @@
-"""What is a motion template, and which of its cells are fixed?
+"""Motion templates, their fixed cells, and the patterns that the matcher gets.
 
-A class of motion as a matrix of relations over time, after Müller and Röder (2006),
-section 4: a cell near 0 or 1 is a relation that all examples share at that moment, a cell
+A class of motion as a matrix of features over time, after Müller and Röder (2006),
+section 4: a cell near 0 or 1 is a feature that all examples share at that moment, a cell
 between is one in which they differ.
 
 Conventions: time first, (columns, features); columns at 30 Hz; a tolerance counts
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
+from motionary.matching import Pattern, self_information
 from motionary.packing import PackedFeatures, pack
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -34,7 +35,7 @@ class MotionTemplate:
     Attributes
     ----------
     values : array, shape (columns, features), float64, in [0, 1]
-        Share of the examples in which the relation holds; read-only.
+        Fraction of the examples in which the feature holds; read-only.
     weights : array, shape (columns,), float64, positive
         Time a column stands for, in columns of 30 Hz; read-only.
     feature_names : names of the features, in the order of `values`
@@ -184,6 +185,26 @@ def quantise(template: MotionTemplate, *, tolerance: float) -> QuantisedTemplate
         feature_names=template.feature_names,
         feature_set=template.feature_set,
     )
+
+
+def pattern_of(template: QuantisedTemplate, *, ones: NDArray[np.float64] | None = None) -> Pattern:
+    """Pattern of a quantised template.
+
+    Parameters
+    ----------
+    template : QuantisedTemplate
+    ones : array, shape (features,), optional
+        Fraction of frames in which each feature holds in the searched recordings. With it,
+        entries weigh their self-information, and columns the sum of theirs over the mean.
+    """
+    if ones is None:
+        return Pattern(template.packed_values, template.packed_fixed, template.weights)
+    entries = self_information(template.values, ones)
+    totals = (entries * template.fixed).sum(axis=1)
+    mean = totals.mean()
+    # A column that tells nothing still takes time: its weight stays above zero.
+    weights = np.maximum(totals / mean, 1e-6) if mean > 0 else np.ones(len(totals))
+    return Pattern(template.packed_values, template.packed_fixed, weights, entries)
 
 
 def mirror(template: MotionTemplate, order: ArrayLike) -> MotionTemplate:

@@ -52,7 +52,7 @@ def test_restricting_keeps_the_named_relations_alone():
     chosen = [FULL_BODY.ids.index("F13"), FULL_BODY.ids.index("F14")]
     assert np.array_equal(kept.values[:, chosen], template.values[:, chosen])
     assert (np.delete(kept.values, chosen, axis=1) == 0.5).all()
-    assert kept.provenance == "a template, restricted to 2 relations"
+    assert kept.provenance == "a template, restricted to 2 features"
     assert np.array_equal(restrict(template, "F13").values, restrict(kept, ["F13"]).values)
 
 
@@ -171,7 +171,7 @@ def other_features():
         (lambda t: concatenate([]), "at least one template"),
         (lambda t: concatenate([t, Pause(0.0, 1.0)]), "0 < least <= most"),
         (lambda t: concatenate([t, Pause(0.1, 1.0)]), "too wide"),
-        (lambda t: restrict(t, []), "at least one relation to keep"),
+        (lambda t: restrict(t, []), "at least one feature to keep"),
         (lambda t: restrict(t, ["F41"]), "no relation 'F41'; did you mean|it has"),
         (lambda t: restrict(t, ["F1"], feature_set=LEGS), "not those of 'legs-14'"),
         (lambda t: free(t, ["right hand quick"]), "did you mean"),

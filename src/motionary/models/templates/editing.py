@@ -1,11 +1,11 @@
-"""How is a template shaped by hand?
+"""Templates edited by hand.
 
-Class templates can be restricted to some relations, loosened where they ask too much, and
+Class templates can be restricted to some features, loosened where they ask too much, and
 put together, without further examples: Müller and Röder (2006), section 5.4; two classes
 joined into one, figure 5 (c).
 
 Conventions: times in seconds from the template's beginning, by its columns at 30 Hz;
-relations by name or id; a free cell is 0.5. Templates come back new, never changed.
+features by name or id; a free cell is 0.5. Templates come back new, never changed.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSet, find_feature
 from motionary.models.templates.alignment import align_batched
-from motionary.models.templates.averaging import Stack
-from motionary.models.templates.learning import Learning, repeat_passes
-from motionary.models.templates.segments import count_columns, fit_columns, show_seconds
+from motionary.models.templates.learning import Learning, Stack, repeat_passes
+from motionary.models.templates.parsing import count_columns, fit_columns, show_seconds
 from motionary.models.templates.template import MotionTemplate
 from motionary.models.templates.text import find_set
 
@@ -31,7 +30,7 @@ _MOST_COPIES = 20
 
 
 class Pause(NamedTuple):
-    """A stretch between templates in which anything may happen.
+    """A segment between templates in which anything may happen.
 
     Attributes
     ----------
@@ -45,19 +44,19 @@ class Pause(NamedTuple):
 def restrict(
     template: MotionTemplate, features: Collection[str], *, feature_set: FeatureSet | None = None
 ) -> MotionTemplate:
-    """Template that asks for some relations only; all others are free.
+    """Template that asks for some features only; all others are free.
 
     Raises
     ------
     InvalidInput
-        If a relation is unknown, or none is given.
+        If a feature is unknown, or none is given.
     """
     kept = _numbers(template, features, feature_set)
     if not kept:
-        raise InvalidInput("restricting needs at least one relation to keep, got none")
+        raise InvalidInput("restricting needs at least one feature to keep, got none")
     values = np.full(template.values.shape, _FREE)
     values[:, kept] = template.values[:, kept]
-    return _changed(template, values, f"restricted to {len(kept)} relations")
+    return _changed(template, values, f"restricted to {len(kept)} features")
 
 
 def free(
@@ -68,12 +67,12 @@ def free(
     end_s: float | None = None,
     feature_set: FeatureSet | None = None,
 ) -> MotionTemplate:
-    """Template that leaves relations open in a stretch; all of them if none are given.
+    """Template that leaves features open in a segment; all of them if none are given.
 
     Raises
     ------
     InvalidInput
-        If a relation is unknown, or the stretch not in the template.
+        If a feature is unknown, or the segment not in the template.
     """
     values = template.values.copy()
     part = _part(template, start_s, end_s)
@@ -94,12 +93,12 @@ def fix(
     end_s: float | None = None,
     feature_set: FeatureSet | None = None,
 ) -> MotionTemplate:
-    """Template that asks for relations to hold, or not to hold, in a stretch.
+    """Template that asks for features to hold, or not to hold, in a segment.
 
     Raises
     ------
     InvalidInput
-        If a relation is unknown, or the stretch not in the template.
+        If a feature is unknown, or the segment not in the template.
     """
     values = template.values.copy()
     part = _part(template, start_s, end_s)
@@ -116,7 +115,7 @@ def cut(
     Raises
     ------
     InvalidInput
-        If the stretch is empty or not in the template.
+        If the segment is empty or not in the template.
     """
     part = _part(template, start_s, end_s)
     shorter = replace(template, values=template.values[part], weights=template.weights[part].copy())
@@ -201,7 +200,7 @@ def _numbers(
     template: MotionTemplate, features: Collection[str], feature_set: FeatureSet | None
 ) -> list[int]:
     known = find_set(template, feature_set=feature_set)
-    # A string is a collection of letters, and would be taken for as many relations.
+    # A string is a collection of letters, and would be taken for as many features.
     names = [features] if isinstance(features, str) else features
     return [find_feature(name, known) for name in names]
 
@@ -212,7 +211,7 @@ def _part(template: MotionTemplate, start_s: float, end_s: float | None) -> slic
     if not start < stop <= template.n_columns:
         ends = f"{start_s:g} s to the end" if end_s is None else f"{start_s:g} to {end_s:g} s"
         raise InvalidInput(
-            f"a stretch needs to lie in the template, 0 to {show_seconds(template.n_columns)} s, "
+            f"a segment needs to lie in the template, 0 to {show_seconds(template.n_columns)} s, "
             f"got {ends}"
         )
     return slice(start, stop)
