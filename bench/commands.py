@@ -15,7 +15,7 @@ from pathlib import Path
 from timing import compare, print_ratios
 
 RUNS = 9
-MOTIONARY = (sys.executable, "-m", "motionary.cli")
+MOTIONARY = (sys.executable, "-m", "motionary")
 
 EXAMPLE = "squat1Reps/HDM_mm_squat1Reps_037_120.amc"
 

@@ -137,7 +137,7 @@ def report_commands(place: Path, example: Path) -> None:
 
 def run(place: Path, name: str, arguments: list[str]) -> tuple[float, float]:
     """Seconds of one command, by the clock and of the processor."""
-    command = [sys.executable, "-m", "motionary.cli", "search", str(place / name), *arguments]
+    command = [sys.executable, "-m", "motionary", "search", str(place / name), *arguments]
     command += ["--index", str(place / f"{name} index"), "--json"]
     before = os.times()
     start = time.perf_counter()

@@ -218,7 +218,7 @@ def test_the_files_that_pages_speak_of_are_laid_out(place):
 @pytest.fixture(scope="module")
 def demonstration(data, tmp_path_factory):
     """What `make demo` prints on real recordings."""
-    from motionary.cli._demo_real import run as demonstrate
+    from motionary.cli.demo import run_on_recordings as demonstrate
 
     return list(demonstrate(data, tmp_path_factory.mktemp("demo"), 2))
 

@@ -14,7 +14,7 @@ import pytest
 from cli_cases import CLASSES, RATE_HZ, write_bvh, write_examples, write_stream
 from motionary.samples import synthetic_motion
 
-COMMAND = [sys.executable, "-m", "motionary.cli"]
+COMMAND = [sys.executable, "-m", "motionary"]
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +63,10 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
         ((*LIKE, "--from", "2", "--to", "2.2"), "at least 0.3 s"),
         ((*LIKE, "--sheet", "hits.bmp"), ".png, .svg, .pdf"),
         ((*LIKE, "--jobs", "0"), "--jobs"),
-        ((*LIKE, "--grow", "-1"), "--grow"),
+        ((*LIKE, "--expand", "-1"), "--expand"),
         ((*LIKE, "--skeleton", "nobody"), "cmu_bvh"),
         ((*LIKE, "--unit", "furlong"), "inch"),
-        ((*LIKE, "--rate", "0"), "above 0"),
+        ((*LIKE, "--rate", "0"), "--rate: rate_hz must be a positive number"),
         ((*LIKE, "--asf", "none.asf"), "none.asf: no such file"),
         ((*LIKE, "--fill-by", "linear"), "--fill-by: goes with --fill-gaps SECONDS"),
         ((*LIKE, "--excel"), "--excel: goes with --output CSV"),

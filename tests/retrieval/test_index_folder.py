@@ -288,7 +288,7 @@ def test_a_stopped_command_leaves_what_is_ready(tmp_path, place):
     fill(folder, ["0.bvh"])
     for i in range(1, 130):
         (folder / f"{i}.bvh").write_bytes((folder / "0.bvh").read_bytes())
-    command = [sys.executable, "-m", "motionary.cli", "index", str(folder), "--index", str(place)]
+    command = [sys.executable, "-m", "motionary", "index", str(folder), "--index", str(place)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         # Its first portion is kept: it is in the middle of reading.
         while process.poll() is None and not list(place.glob("[!.]*/words.array")):

@@ -1,4 +1,4 @@
-"""The command `motionary`: one module per command; each parses, calls, formats.
+"""The command `motionary`: each command parses, makes one library call, and prints.
 
 What computes is imported inside the commands, so that help and errors of use come at once.
 """

@@ -1,4 +1,4 @@
-"""`motionary annotate`: which motions occur in these recordings, and when?"""
+"""`motionary annotate`: labels of recordings by the classes of a library."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,9 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_excel, check_target, find_files, warn_of_all
-from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
-from motionary.cli.pictures import draw_annotation
+from motionary.cli.options import (
+    AsJson,
+    Excel,
+    Jobs,
+    check_excel,
+    check_target,
+    picture_path,
+    wrong,
+)
+from motionary.cli.recordings import find_files, measure_files, warn_of_all
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
@@ -45,7 +53,7 @@ class LabelOptions:
         typer.Option("--thorough", help="Match everywhere, also where a class has keyframes."),
     ] = False
     explain: Annotated[
-        bool, typer.Option("--explain", help="Say of each label which relations held and failed.")
+        bool, typer.Option("--explain", help="Say of each label which features held and failed.")
     ] = False
 
 
@@ -57,7 +65,7 @@ def annotate(
     as_json: AsJson = False,
     *,
     jobs: Jobs,
-    reading: ReadingOptions,
+    reading: ReadOptions,
 ) -> int:
     """Label recordings with the classes of a library.
 
@@ -66,28 +74,22 @@ def annotate(
     motionary annotate takes/*.amc --library my-classes -o labels.csv --explain
     """
     from motionary.batch import Failure
-    from motionary.features import read_features
     from motionary.io import write_labels
 
     check_excel(options.excel, options.output)
     library = _library(options)
     found = find_files(files)
     failures, tracks = [], []
-    with screen.progress("labelling", len(found.files)) as done:
-        sequences = read_features(
-            found.files.items(),
-            options=reading.reading(),
-            feature_set=library.feature_set,
-            jobs=jobs,
-            on_done=done,
-        )
-        for words in sequences:
-            if isinstance(words, Failure):
-                failures.append(words)
-                continue
-            tracks.append(_label(words, library, options))
-            if as_json:
-                screen.print_json(_to_json(tracks[-1], explained=options.explain))
+    for sequence in measure_files(
+        found.files, "labelling", reading=reading, feature_set=library.feature_set,
+        jobs=jobs,
+    ):  # fmt: skip
+        if isinstance(sequence, Failure):
+            failures.append(sequence)
+            continue
+        tracks.append(_label(sequence, library, options))
+        if as_json:
+            screen.print_json(_to_json(tracks[-1], explained=options.explain))
     if options.output:
         write_labels(tracks, options.output, excel=options.excel)
     if not as_json:
@@ -96,39 +98,53 @@ def annotate(
     return 1 if failed else 0
 
 
-def _label(
-    words: "FeatureSequence", library: "ClassLibrary", options: LabelOptions
-) -> "LabelTrack":
-    """Labels of a recording, drawn if that is asked for."""
-    from motionary.retrieval.annotation import annotate as annotate_recording
-
-    preselect = not options.thorough
-    track = annotate_recording(words, library, threshold=options.threshold, preselect=preselect)
-    if options.plot:
-        draw_annotation(
-            options.plot,
-            track,
-            words=words,
-            library=library,
-            threshold=options.threshold,
-            preselect=preselect,
-        )
-    return track
-
-
 def _library(options: LabelOptions) -> "ClassLibrary":
     """The library, before anything is read: what is wrong with the use shows at once."""
     if options.library is None:
-        raise typer.BadParameter(
+        raise wrong(
+            "--library",
             "needs a library of motion classes to look for; learn one from examples with "
             "`motionary learn EXAMPLES -o LIB`, then pass --library LIB",
-            param_hint="--library",
         )
     from motionary.models.library import load_library
 
     check_target(options.output)
     check_target(options.plot, is_folder=True)
     return load_library(options.library)
+
+
+def _label(
+    sequence: "FeatureSequence", library: "ClassLibrary", options: LabelOptions
+) -> "LabelTrack":
+    """Labels of a recording, drawn if that is asked for."""
+    from motionary.retrieval.annotation import annotate as annotate_recording
+
+    preselect = not options.thorough
+    track = annotate_recording(sequence, library, threshold=options.threshold, preselect=preselect)
+    if options.plot:
+        _draw(options.plot, track, sequence, library, options)
+    return track
+
+
+def _draw(
+    folder: str,
+    track: "LabelTrack",
+    sequence: "FeatureSequence",
+    library: "ClassLibrary",
+    options: LabelOptions,
+) -> None:
+    """Labels of a recording below the distance functions of the classes, into a folder."""
+    from motionary.plots import plot_annotation, save
+    from motionary.retrieval.annotation import class_distance
+
+    distances = {
+        one.name: class_distance(
+            sequence, one, threshold=options.threshold, preselect=not options.thorough
+        ).modified
+        for one in library
+    }
+    figure = plot_annotation(track, distances=distances, classes=library.names)
+    save(figure, picture_path(folder, track.recording.name))
 
 
 def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
@@ -173,4 +189,4 @@ def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
 def _cells(label: "Label") -> tuple[str, ...]:
     cost = "" if label.cost is None else f"{label.cost:.3f}"
     times = f"{label.start_s:.2f}", f"{label.end_s:.2f}"
-    return (label.name, *times, cost, f"{100 * label.known:.0f} %")
+    return (label.name, *times, cost, screen.percent(label.known))

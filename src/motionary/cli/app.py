@@ -1,4 +1,4 @@
-"""Which commands are there, and how does one end?
+"""All commands, their help, and how one ends.
 
 Exit codes: 0 done; 1 some input failed, or a search found nothing; 2 wrong use; 130 stopped
 from the keyboard. Errors of the library are one line on stderr.
@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from motionary import __version__
 from motionary.cli import STOPPED_BY_KEYBOARD
@@ -20,11 +20,26 @@ from motionary.cli.options import expand_groups
 from motionary.cli.screen import prepare_streams, warn
 from motionary.errors import MotionaryError
 
-#: Modules of this package, each with a function of its name, in the sequence of the help.
-COMMANDS = (
-    "search", "annotate", "learn", "library", "cut", "duplicates", "index", "info", "convert",
-    "features", "evaluate", "demo",
-)  # fmt: skip
+#: Commands in the sequence of the help, and the modules with functions of these names.
+COMMANDS = {
+    "search": "search",
+    "annotate": "annotate",
+    "learn": "learn",
+    "library": "library",
+    "cut": "convert",
+    "duplicates": "duplicates",
+    "index": "recordings",
+    "info": "info",
+    "convert": "convert",
+    "features": "convert",
+    "evaluate": "evaluate",
+    "demo": "demo",
+}
+#: Former names of options, which stay.
+_FORMER = {
+    "--good": "--relevant", "--bad": "--irrelevant", "--grow": "--expand",
+    "--suggest": "--calibrate",
+}  # fmt: skip
 
 
 class _InSequence(TyperGroup):
@@ -33,6 +48,19 @@ class _InSequence(TyperGroup):
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of the commands."""
         return [name for name in COMMANDS if name in self.commands]
+
+
+class _Command(TyperCommand):
+    """Takes options by their former names, too."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """What is left of the arguments once they are read."""
+        return super().parse_args(ctx, [_rename(argument) for argument in args])
+
+
+def _rename(argument: str) -> str:
+    option, equals, value = argument.partition("=")
+    return _FORMER.get(option, option) + equals + value
 
 
 def run_app() -> None:
@@ -46,7 +74,6 @@ def build_app() -> typer.Typer:
     app = typer.Typer(
         cls=_InSequence,
         help=_help_of(_start),
-        add_completion=False,
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         # Plain text: no frames around it in a pipe, and twice as fast as with them.
@@ -54,14 +81,16 @@ def build_app() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_start)
-    for name in COMMANDS:
-        module = importlib.import_module(f"motionary.cli.{name}")
+    for name, home in COMMANDS.items():
+        module = importlib.import_module(f"motionary.cli.{home}")
         command = getattr(module, name)
         if hasattr(module, "SUBCOMMANDS"):
             app.add_typer(_build_group(command, module.SUBCOMMANDS), name=name)
             continue
-        # The demonstration is the one command that needs nothing said.
-        app.command(name, no_args_is_help=name != "demo")(_guarded(command))
+        # The demonstration is the one command that needs no argument.
+        app.command(name, cls=_Command, no_args_is_help=name != "demo")(_guarded(command))
+    app.command("help", hidden=True)(_show_help)
+    app.command("version", hidden=True)(lambda: _show_version(True))
     return app
 
 
@@ -73,6 +102,20 @@ def _build_group(
     for name, command in commands.items():
         group.command(name, no_args_is_help=True)(_guarded(command))
     return group
+
+
+def _show_help(
+    ctx: typer.Context,
+    command: Annotated[list[str] | None, typer.Argument(metavar="COMMAND")] = None,
+) -> None:
+    """Show the help of a command, as `--help` after it does."""
+    context: Any = ctx.find_root()
+    for name in command or ():
+        found = getattr(context.command, "commands", {}).get(name)
+        if found is None:
+            raise typer.BadParameter(f"there is no command {' '.join(command or ())!r}")
+        context = found.context_class(found, info_name=name, parent=context)
+    typer.echo(context.command.get_help(context))
 
 
 def _show_version(asked: bool) -> None:

@@ -1,5 +1,11 @@
-"""`motionary convert`: how does a recording get into another format?"""
+"""`motionary convert`, `cut` and `features`: recordings as other files.
 
+Convert writes whole recordings in another format, cut writes labels as clips, and features
+writes what is measured of a recording.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
@@ -7,14 +13,32 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_target, find_files, read_as_told, warn_of_all
-from motionary.cli.options import AsJson, Jobs, ReadingOptions
+from motionary.cli.options import (
+    AsJson,
+    Excel,
+    Jobs,
+    check_picture,
+    check_target,
+    wrong,
+)
+from motionary.cli.recordings import (
+    describe_failure,
+    find_files,
+    map_files,
+    read_recording,
+    warn_of_all,
+)
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.features import NamedFile
-    from motionary.io import ReadOptions
+    from motionary.features import FeatureSequence, NamedFile
+    from motionary.io import Cell
+    from motionary.labels import LabelTrack
 
 _COLUMNS = ("recording", "written", ">joints", ">frames", ">rate_hz", "not kept")
+
+
+# -- convert ----------------------------------------------------------------------------
 
 
 def convert(
@@ -36,33 +60,30 @@ def convert(
     as_json: AsJson = False,
     *,
     jobs: Jobs,
-    reading: ReadingOptions,
+    reading: ReadOptions,
 ) -> int:
     """Write recordings in another format.
 
     In a folder the results have the names of the recordings. What a format cannot hold, such
-    as the rig of a BVH in a C3D, is told.
+    as the rig of a BVH in a C3D, is reported.
 
     motionary convert take.c3d -o take.npz
     motionary convert recordings/ -o converted --to .trc
     """
-    from motionary.batch import Failure, map_ordered
+    from motionary.batch import Failure
 
     found = find_files(files)
     targets = _targets(list(found.files), output, to)
-    told = reading.reading()
-    work = partial(convert_file, targets=targets, reading=told)
+    work = partial(convert_file, targets=targets, reading=reading)
     rows: list[dict[str, Any]] = []
     failures = []
-    with screen.progress("converting", len(found.files)) as done:
-        for row in map_ordered(work, found.files.items(), jobs=jobs, on_done=done):
-            if isinstance(row, Failure):
-                failures.append(row)
-                name, path = row.item
-                row = {"recording": name, "error": screen.name_error(name, path, row.error)}
-            rows.append(row)
-            if as_json:
-                screen.print_json(row)
+    for row in map_files(work, found.files, "converting", jobs=jobs):
+        if isinstance(row, Failure):
+            failures.append(row)
+            row = {"recording": row.item[0], "error": describe_failure(row)}
+        rows.append(row)
+        if as_json:
+            screen.print_json(row)
     if not as_json and len(rows) > len(failures):
         screen.print_table(_COLUMNS, [_cells(row) for row in rows if "error" not in row])
     failed = warn_of_all(found.missing.values(), failures, given=files)
@@ -70,7 +91,7 @@ def convert(
 
 
 def convert_file(
-    file: "NamedFile", *, targets: dict[str, Path], reading: "ReadOptions"
+    file: "NamedFile", *, targets: dict[str, Path], reading: ReadOptions
 ) -> dict[str, Any]:
     """Read and write one recording; what was written, for JSON.
 
@@ -83,7 +104,7 @@ def convert_file(
 
     name, path = file
     target = targets[name]
-    motion = read_as_told(path, reading)
+    motion = read_recording(path, reading)
     write(motion, target, asf=reading.asf)
     return {
         "recording": name,
@@ -102,20 +123,19 @@ def _targets(names: list[str], output: str, to: str | None) -> dict[str, Path]:
     known = ", ".join(WRITTEN_SUFFIXES)
     if to is None:
         if format_suffix(output) not in WRITTEN_SUFFIXES:
-            raise typer.BadParameter(
-                f"must end in {known}, or be a folder with --to SUFFIX, got {output}",
-                param_hint="--output",
+            raise wrong(
+                "--output", f"must end in {known}, or be a folder with --to SUFFIX, got {output}"
             )
         if len(names) > 1:
-            raise typer.BadParameter(
+            raise wrong(
+                "--output",
                 f"{len(names)} recordings need a folder with --to SUFFIX, got the file {output}",
-                param_hint="--output",
             )
         check_target(output)
         return {name: Path(output) for name in names}
     suffix = to if to.startswith(".") else f".{to}"
     if suffix not in WRITTEN_SUFFIXES:
-        raise typer.BadParameter(f"must be one of {known}, got {to}", param_hint="--to")
+        raise wrong("--to", f"must be one of {known}, got {to}")
     check_target(f"{output}/x")
     targets: dict[str, Path] = {}
     for name in names:
@@ -137,3 +157,145 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{row['rate_hz']:g}",
         ", ".join(row["not_kept"]),
     ]
+
+
+# -- cut --------------------------------------------------------------------------------
+
+
+def cut(
+    labels: Annotated[str, typer.Argument(metavar="LABELS", help="Table of hits or labels (CSV).")],
+    recordings: Annotated[
+        list[str],
+        typer.Argument(metavar="RECORDINGS", help="Folders, files or patterns they belong to."),
+    ],
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write clips to.")
+    ],
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="LABEL", help="Cut labels of this name; may be repeated."),
+    ] = None,
+    *,
+    jobs: Jobs,
+    reading: ReadOptions,
+) -> int:
+    """Write each hit or label of a table as a clip, in the rig and rate of its recording.
+
+    BVH and AMC files are cut line by line, so that nothing is computed anew. The frames of
+    a clip count from 0 (BVH) or 1 (AMC); an AMC clip gets its skeleton beside it.
+
+    motionary cut labels.csv recordings/ -o clips
+    with labels.csv from `motionary annotate -o` or `motionary search -o`
+    """
+    from motionary.io import read_labels
+
+    check_target(output, is_folder=True)
+    tracks = read_labels(labels)
+    if only:
+        names = {label.name for track in tracks.values() for label in track}
+        unknown = sorted(set(only) - names)
+        if unknown:
+            raise wrong(
+                "--only",
+                f"no label is called {', '.join(unknown)}; there are {', '.join(sorted(names))}",
+            )
+        tracks = {
+            name: replace(track, labels=tuple(label for label in track if label.name in only))
+            for name, track in tracks.items()
+        }
+    found = find_files(recordings)
+    for error in found.missing.values():
+        screen.warn(str(error))
+    done = cut_labels(tracks.values(), found.files, output, reading=reading, jobs=jobs)
+    return 0 if done and not found.missing else 1
+
+
+def cut_labels(
+    tracks: "Iterable[LabelTrack]",
+    files: Mapping[str, Path],
+    folder: str,
+    *,
+    reading: ReadOptions,
+    jobs: int,
+) -> bool:
+    """Write a clip a label; reports what could not be cut. Whether all could."""
+    from motionary.batch import Failure
+    from motionary.io import cut_clips, plan_clips
+
+    clips = plan_clips(tracks, files, folder)
+    with screen.progress("cutting", len(clips)) as done:
+        written = cut_clips(clips, options=reading, jobs=jobs, on_done=done)
+        failures = [clip for clip in written if isinstance(clip, Failure)]
+    for failure in failures:
+        screen.warn(f"{failure.item.target.name}: {failure.error}")
+    screen.warn(f"{len(clips) - len(failures)} of {len(clips)} clips written to {folder}")
+    return not failures
+
+
+# -- features ---------------------------------------------------------------------------
+
+
+def features(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A recording.")],
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="NPZ", help="Where to write; .npz or .csv.")
+    ],
+    plot: Annotated[
+        str | None, typer.Option(metavar="PNG", help="Draw the features over time.")
+    ] = None,
+    excel: Excel = False,
+    *,
+    reading: ReadOptions,
+) -> int:
+    """Write which of the 40 relational features hold in a recording, and when.
+
+    There are 30 frames a second. A .npz file has `features` and `known`, arrays of 0 and 1
+    of shape (frames, 40), `names` and `rate_hz`. In a .csv file unknown features are empty
+    cells.
+
+    motionary features take.bvh -o take.npz
+    """
+    from motionary.features import compute_features
+
+    suffix = Path(output).suffix.lower()
+    if suffix not in (".npz", ".csv"):
+        raise wrong("--output", f"must end in .npz or .csv, got {output}")
+    check_target(output)
+    check_picture("--plot", plot)
+    path = Path(file)
+    motion = read_recording(path, reading).renamed(path.name)
+    sequence = compute_features(motion)
+    if suffix == ".npz":
+        _write_npz(sequence, output)
+    else:
+        _write_csv(sequence, output, excel=excel)
+    if plot:
+        from motionary.plots import plot_features, save
+
+        save(plot_features(sequence), plot)
+    return 0
+
+
+def _write_npz(sequence: "FeatureSequence", path: str) -> None:
+    import numpy as np
+
+    from motionary.batch import write_atomically
+
+    with write_atomically(path) as beside:
+        np.savez_compressed(
+            beside,
+            features=sequence.features,
+            known=sequence.known_features,
+            names=np.array(sequence.feature_set.names),
+            rate_hz=np.float64(sequence.rate_hz),
+        )
+
+
+def _write_csv(sequence: "FeatureSequence", path: str, *, excel: bool) -> None:
+    from motionary.io import write_table
+
+    table: list[list[Cell]] = [["time_s", *sequence.feature_set.names]]
+    for i, (held, known) in enumerate(zip(sequence.features, sequence.known_features, strict=True)):
+        cells = [int(h) if k else None for h, k in zip(held, known, strict=True)]
+        table.append([round(i / sequence.rate_hz, 4), *cells])
+    write_table(table, path, excel=excel)

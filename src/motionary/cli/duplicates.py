@@ -1,18 +1,15 @@
-"""`motionary duplicates`: which files hold the same motion?"""
+"""`motionary duplicates`: the same motion in different files."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.indexed import IndexOptions, Opened, open_recordings
-from motionary.cli.inputs import read_as_told
-from motionary.cli.options import AsJson, Jobs, LibraryDefault, ReadingOptions
+from motionary.cli.options import AsJson, Jobs, LibraryDefault
+from motionary.cli.recordings import IndexOptions, Opener, read_recording
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.io import ReadOptions
-    from motionary.motion import Motion
     from motionary.retrieval.duplicates import DuplicateResult, Stretch
 
 _COLUMNS = (
@@ -37,18 +34,18 @@ def duplicates(
             default_factory=LibraryDefault(
                 "motionary.retrieval.duplicates:Comparing", "least_bits"
             ),
-            help="Least surprise of what two recordings share.",
+            help="Least self-information of what two recordings have in common.",
         ),
     ],
     index: IndexOptions,
     jobs: Jobs,
-    reading: ReadingOptions,
+    reading: ReadOptions,
 ) -> int:
     """Find the same motion in different files: on other rigs, at other rates, cut, mirrored.
 
-    Bits say how surprising it is that the relations of both change together; where hardly
-    anything changes there are none. Agreement, at most 1, is that of the accelerations: it
-    tells a copy from a motion that somebody did twice.
+    Bits say how improbable it is that the features of both change together by chance; where
+    hardly anything changes there are none. Agreement, at most 1, is that of the
+    accelerations: it tells a copy from a motion that somebody did twice.
 
     motionary duplicates recordings/
     motionary duplicates new-delivery/ archive/
@@ -56,18 +53,14 @@ def duplicates(
     from motionary.features import FULL_BODY
     from motionary.retrieval.duplicates import Comparing, find_duplicates
 
-    told = reading.reading()
-    sides = [
-        open_recordings([side], index, reading=told, feature_set=FULL_BODY, jobs=jobs)
-        for side in (folder, other)
-        if side is not None
-    ]
-    readers = [_reader(side, told) for side in sides]
+    opener = Opener(reading=reading, feature_set=FULL_BODY, jobs=jobs)
+    sides = [opener.open([side], index) for side in (folder, other) if side is not None]
+    left, right = sides[0], sides[-1]
     result = find_duplicates(
-        sides[0].collection,
-        sides[1].collection if other else None,
-        read=readers[0],
-        read_right=readers[-1],
+        left.collection,
+        right.collection if other else None,
+        read=lambda name: read_recording(left.files[name], reading),
+        read_right=lambda name: read_recording(right.files[name], reading),
         comparing=Comparing(least_bits=least_bits),
     )
     if as_json:
@@ -78,12 +71,8 @@ def duplicates(
         screen.warn(f"{failure.item}: {failure.error}")
     if any(side.is_stopped for side in sides):
         return STOPPED_BY_KEYBOARD
-    complete = all(side.is_complete for side in sides) and not result.failures
-    return 0 if complete and result.duplicates else 1
-
-
-def _reader(opened: Opened, reading: "ReadOptions") -> "Callable[[str], Motion]":
-    return lambda name: read_as_told(opened.files[name], reading)
+    is_complete = all(side.is_complete for side in sides) and not result.failures
+    return 0 if is_complete and result.duplicates else 1
 
 
 def _say_json(result: "DuplicateResult") -> None:

@@ -1,4 +1,4 @@
-"""`motionary evaluate`: how well do labels agree with the truth?"""
+"""`motionary evaluate`: scores of labels against the truth."""
 
 import csv
 import math
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import AsJson
+from motionary.cli.options import AsJson, wrong
+from motionary.cli.screen import enumerate_names
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.labels import LabelTrack
 from motionary.recording import Recording
@@ -23,7 +24,6 @@ Tracks = Mapping[str, LabelTrack]
 _COLUMNS = ("", ">P1", ">R1", ">F1", ">P2", ">R2", ">F2", ">mAP")
 _RENAME_COLUMNS = ["label", "new"]
 _MIDDLE_IOU = 0.5
-_MOST_NAMES = 5
 
 
 def evaluate(
@@ -83,7 +83,7 @@ def _read_renames(given: Sequence[str]) -> dict[str, str]:
         name, separator, new = text.partition("=")
         if separator and not Path(text).exists():
             if not name or not new:
-                raise typer.BadParameter(f"expected NAME=NEW, got {text!r}", param_hint="--rename")
+                raise wrong("--rename", f"expected NAME=NEW, got {text!r}")
             names[name] = new
         else:
             names |= _read_table(Path(text))
@@ -91,7 +91,7 @@ def _read_renames(given: Sequence[str]) -> dict[str, str]:
 
 
 def _read_table(path: Path) -> dict[str, str]:
-    from motionary.io.text import read_text
+    from motionary.io import read_text
 
     rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
     if not rows or rows[0] != _RENAME_COLUMNS or any(len(row) != 2 for row in rows):
@@ -116,14 +116,14 @@ def _match(predicted: Tracks, truth: Tracks, *, count_missing: bool) -> tuple[Tr
     if not kept:
         raise InvalidInput(
             "the labels and the truth have no recording in common; labels: "
-            f"{_enumerate(sorted(predicted))}; truth: {_enumerate(sorted(truth))}"
+            f"{enumerate_names(sorted(predicted))}; truth: {enumerate_names(sorted(truth))}"
         )
     strangers = sorted(set(predicted) - set(kept))
     if strangers:
-        screen.warn(f"not in the truth, left out: {_enumerate(strangers)}")
+        screen.warn(f"not in the truth, left out: {enumerate_names(strangers)}")
     if unlabelled and not count_missing:
         screen.warn(
-            f"without a row in the labels, left out: {_enumerate(unlabelled)}; if nothing was "
+            f"without a row in the labels, left out: {enumerate_names(unlabelled)}; if nothing was "
             "found in them, --count-missing counts what was missed"
         )
     return kept, matched
@@ -142,9 +142,8 @@ def _check_only(only: Sequence[str], *tables: Tracks) -> None:
     there = sorted({name for table in tables for track in table.values() for name in track.names})
     unknown = [name for name in only if name not in there]
     if unknown:
-        raise typer.BadParameter(
-            f"no label is called {', '.join(unknown)}; there are: {', '.join(there)}",
-            param_hint="--only",
+        raise wrong(
+            "--only", f"no label is called {', '.join(unknown)}; there are: {', '.join(there)}"
         )
 
 
@@ -166,8 +165,3 @@ def _cells(measures: "Measures") -> list[str]:
 
 def _number(value: float) -> str:
     return "–" if math.isnan(value) else f"{value:.3f}"
-
-
-def _enumerate(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    return (", ".join(names[:_MOST_NAMES]) or "none") + more

@@ -1,6 +1,6 @@
-"""`motionary info`: what is in these files, and what is wrong with them?"""
+"""`motionary info`: what recordings hold, what is missing and what was assumed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePath
@@ -9,31 +9,37 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import (
+from motionary.cli.options import (
+    AsJson,
+    Excel,
+    Jobs,
     check_excel,
     check_picture,
     check_target,
+)
+from motionary.cli.recordings import (
+    describe_failure,
     find_files,
     is_passed_over,
-    read_as_told,
+    map_files,
+    read_recording,
 )
-from motionary.cli.options import AsJson, Excel, Jobs, ReadingOptions
 from motionary.errors import InvalidInput
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import NamedFile
-    from motionary.io import Cell, ReadOptions
+    from motionary.io import Cell
     from motionary.motion import Motion
 
 _COLUMNS = (
-    "recording", "format", ">joints", ">frames", ">rate_hz", ">seconds", "skeleton", "relations",
+    "recording", "format", ">joints", ">frames", ">rate_hz", ">seconds", "skeleton", "features",
     ">known",
 )  # fmt: skip
 _WRITTEN = (
     "recording", "format", "joints", "frames", "rate_hz", "duration_s", "skeleton", "facing",
     "relations_known", "known", "missing", "notes",
 )  # fmt: skip
-_MOST_NAMES = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +69,7 @@ def info(
     as_json: AsJson = False,
     *,
     jobs: Jobs,
-    reading: ReadingOptions,
+    reading: ReadOptions,
 ) -> int:
     """Say what is in recordings, what is missing and what was assumed.
 
@@ -71,35 +77,27 @@ def info(
     motionary info take.amc --asf actor.asf
     motionary info take.bvh --save-mapping rig.toml --plot first-pose.png
     """
-    from motionary.batch import Failure, map_ordered
+    from motionary.batch import Failure
 
     for target in (options.save_mapping, options.output):
         check_target(target)
     check_picture("--plot", options.plot)
     check_excel(options.excel, options.output)
     found = find_files(files)
-    work = partial(describe_file, reading=reading.reading())
     rows: list[dict[str, Any]] = []
     failed = bool(found.missing)
-    with screen.progress("reading", len(found.files)) as done:
-        for row in map_ordered(work, found.files.items(), jobs=jobs, on_done=done):
-            if isinstance(row, Failure):
-                failed = failed or not is_passed_over(row, files)
-                name, path = row.item
-                row = {
-                    "recording": name,
-                    "format": _format(path.name),
-                    "error": screen.name_error(name, path, row.error),
-                }
-            rows.append(row)
-    rows += [
-        {"recording": path, "format": _format(path), "error": str(error)}
-        for path, error in found.missing.items()
-    ]
+    for row in map_files(
+        partial(describe_file, reading=reading), found.files, "reading", jobs=jobs
+    ):
+        if isinstance(row, Failure):
+            failed = failed or not is_passed_over(row, files)
+            row = _unreadable(row.item[0], describe_failure(row))
+        rows.append(row)
+    rows += [_unreadable(path, str(error)) for path, error in found.missing.items()]
     if options.save_mapping:
-        _save_mapping(found.files, options.save_mapping, reading.reading())
+        _save_mapping(found.files, options.save_mapping, reading)
     if options.plot:
-        _draw(found.files, options.plot, reading.reading())
+        _draw(found.files, options.plot, reading)
     if options.output:
         _write(rows, options.output, excel=options.excel)
     if as_json:
@@ -111,13 +109,17 @@ def info(
     return 1 if failed else 0
 
 
-def describe_file(file: "NamedFile", *, reading: "ReadOptions") -> dict[str, Any]:
+def _unreadable(name: str, error: str) -> dict[str, Any]:
+    return {"recording": name, "format": _format(name), "error": error}
+
+
+def describe_file(file: "NamedFile", *, reading: ReadOptions) -> dict[str, Any]:
     """What a file holds, for JSON.
 
     Raises
     ------
     UnreadableFile, InvalidInput
-        If it cannot be read, or not as it was told.
+        If it cannot be read, or not as the options say.
     """
     import numpy as np
 
@@ -126,7 +128,7 @@ def describe_file(file: "NamedFile", *, reading: "ReadOptions") -> dict[str, Any
     from motionary.plots import describe_facing
 
     name, path = file
-    motion = read_as_told(path, reading)
+    motion = read_recording(path, reading)
     mapping = motion.mapping
     features, known, problem = _features(motion)
     missing: list[str] = []
@@ -154,7 +156,7 @@ def describe_file(file: "NamedFile", *, reading: "ReadOptions") -> dict[str, Any
 
 
 def _features(motion: "Motion") -> tuple[int, float, str]:
-    """How many relations are ever known, the share of all that is known, and what hinders."""
+    """How many features are ever known, the fraction of all that is known, and what hinders."""
     from motionary.features import compute_features
 
     try:
@@ -164,13 +166,13 @@ def _features(motion: "Motion") -> tuple[int, float, str]:
     return int(known.any(axis=0).sum()), float(known.mean()), ""
 
 
-def _save_mapping(files: dict[str, Path], path: str, reading: "ReadOptions") -> None:
+def _save_mapping(files: Mapping[str, Path], path: str, reading: ReadOptions) -> None:
     """Write the mapping of the joints of the files; it must be one for all."""
     from motionary.io import save_skeleton
 
     if not files:
         raise InvalidInput(f"{path}: no recording whose joints could be written down")
-    motions = [read_as_told(file, reading) for file in files.values()]
+    motions = [read_recording(file, reading) for file in files.values()]
     others = [m for m in motions if m.mapping is None or m.names != motions[0].names]
     if len(motions) > 1 and others:
         raise InvalidInput(
@@ -180,7 +182,7 @@ def _save_mapping(files: dict[str, Path], path: str, reading: "ReadOptions") -> 
     save_skeleton(motions[0], path)
 
 
-def _draw(files: dict[str, Path], path: str, reading: "ReadOptions") -> None:
+def _draw(files: Mapping[str, Path], path: str, reading: ReadOptions) -> None:
     """The first poses of the recordings that can be read, as many as a picture holds."""
     from motionary.errors import MotionaryError
     from motionary.plots import MOST_RECORDINGS, plot_recordings, save
@@ -191,7 +193,7 @@ def _draw(files: dict[str, Path], path: str, reading: "ReadOptions") -> None:
             screen.warn(f"{path}: shows the first {len(motions)} of {len(files)} recordings")
             break
         try:
-            motion = read_as_told(file, reading)
+            motion = read_recording(file, reading)
         except MotionaryError:
             continue  # The table says why.
         motions.append(motion.renamed(name))
@@ -204,9 +206,9 @@ def _write(rows: Sequence[dict[str, Any]], path: str, *, excel: bool) -> None:
 
     table: list[list[Cell]] = [list(_WRITTEN)]
     for row in rows:
-        told = "; ".join([*row.get("notes", ()), *([row["error"]] if "error" in row else [])])
+        notes = "; ".join([*row.get("notes", ()), *([row["error"]] if "error" in row else [])])
         cells = [row.get(key) for key in _WRITTEN[:-2]]
-        table.append([*cells, ", ".join(row.get("missing", ())), told])
+        table.append([*cells, ", ".join(row.get("missing", ())), notes])
     write_table(table, path, excel=excel)
 
 
@@ -226,7 +228,7 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{row['duration_s']:.2f}",
         row["skeleton"] or "unknown",
         f"{row['relations_known']} of {row['relations']}",
-        f"{100 * row['known']:.0f} %",
+        screen.percent(row["known"]),
     ]
 
 
@@ -234,19 +236,18 @@ def _notes(rows: Sequence[dict[str, Any]]) -> list[str]:
     """What was noticed, each once, and of which recordings."""
     where: dict[str, list[str]] = {}
     for row in rows:
-        told = list(row.get("notes", ()))
+        said = list(row.get("notes", ()))
         if row.get("missing"):
-            told.append(f"not there: {', '.join(row['missing'])}")
-        for note in told:
+            said.append(f"not there: {', '.join(row['missing'])}")
+        for note in said:
             where.setdefault(note, []).append(row["recording"])
-    lines = [f"{_enumerate(names, len(rows))}: {note}" for note, names in where.items()]
+    lines = [f"{_where(names, len(rows))}: {note}" for note, names in where.items()]
     lines += [row["error"] for row in rows if "error" in row]
     return ["", *lines] if lines else []
 
 
-def _enumerate(names: Sequence[str], n_all: int) -> str:
+def _where(names: Sequence[str], n_all: int) -> str:
     if len(names) == n_all and n_all > 1:
         return f"all {n_all}"
-    if len(names) <= _MOST_NAMES:
-        return ", ".join(names)
-    return f"{names[0]} and {len(names) - 1} more"
+    # Two names tell as much as one and "1 more".
+    return screen.enumerate_names(names, most=2 if len(names) <= 2 else 1)

@@ -1,27 +1,52 @@
-"""`motionary library`: what is in a library of classes, and how is it changed by hand?"""
+"""`motionary library`: classes of a library listed, shown, edited, merged, given more examples."""
 
+import sys
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motionary.cli import screen
-from motionary.cli.inputs import check_picture, check_target
-from motionary.cli.library_changes import add, edit
-from motionary.cli.options import AsJson
-from motionary.cli.pictures import draw_library, draw_template
+from motionary.cli.learn import describe_prototypes, fractions_fixed, prototype_cells
+from motionary.cli.options import (
+    AsJson,
+    FeatureSetName,
+    Jobs,
+    check_picture,
+    check_target,
+    find_feature_set,
+    wrong,
+)
+from motionary.cli.recordings import find_files, measure_files, split_failures, warn_of_all
 from motionary.errors import InvalidInput
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.models.library import ClassLibrary, MotionClass, Prototype
+    from motionary.models.library import ClassLibrary, MotionClass
+    from motionary.models.templates import MotionTemplate
 
 _COLUMNS = (
-    "class", "template", ">examples", ">columns", ">fixed", ">threshold", ">right", ">found",
+    "class", "template", ">examples", ">columns", ">fixed", ">threshold", ">precision", ">recall",
+)  # fmt: skip
+_CELLS = (
+    "class", "template", "examples", "columns", "fixed", "threshold", "promised_precision",
+    "promised_recall",
 )  # fmt: skip
 
 LibraryFolder = Annotated[
     str, typer.Argument(metavar="LIB", help="A folder that `motionary learn` wrote.")
+]
+ClassName = Annotated[str, typer.Argument(metavar="CLASS", help="One of its classes.")]
+TemplateName = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Which template, of a class of several.")
+]
+PlotTemplate = Annotated[
+    str | None, typer.Option(metavar="PICTURE", help="Draw the template: png, svg or pdf.")
+]
+PlotLibrary = Annotated[
+    str | None, typer.Option(metavar="PICTURE", help="Draw the classes: png, svg or pdf.")
 ]
 
 
@@ -44,17 +69,14 @@ def library() -> None:
     """
 
 
-def list_classes(
-    folder: LibraryFolder,
-    plot: Annotated[
-        str | None, typer.Option(metavar="PICTURE", help="Draw the classes: png, svg or pdf.")
-    ] = None,
-    as_json: AsJson = False,
-) -> None:
-    """List the templates of a library, with thresholds and what they promise.
+# -- list and show ----------------------------------------------------------------------
 
-    "right" is the share of the labels that are right, "found" that of the motions that are
-    labelled, as measured on examples that were held out when the threshold was suggested.
+
+def list_classes(folder: LibraryFolder, plot: PlotLibrary = None, as_json: AsJson = False) -> None:
+    """List the templates of a library, with thresholds and what to expect of them.
+
+    "precision" is the estimated fraction of the labels that are right, "recall" that of the
+    motions that are labelled, as measured by cross-validation when the threshold was calibrated.
 
     motionary library list my-classes --plot my-classes.png
     """
@@ -62,45 +84,73 @@ def list_classes(
 
     check_picture("--plot", plot)
     loaded = load_library(folder)
-    rows = [_row(loaded, one, sub) for one in loaded for sub in one.prototypes]
+    rows = describe_prototypes(loaded)
     if as_json:
         for row in rows:
             screen.print_json(row)
     else:
         screen.say(_describe(loaded, folder))
-        screen.print_table(_COLUMNS, [_cells(row) for row in rows])
+        screen.print_table(_COLUMNS, [prototype_cells(row, _CELLS) for row in rows])
     if plot and rows:
-        draw_library(plot, loaded, title=Path(folder).name)
+        _draw_library(plot, loaded, folder)
 
 
 def show(
     folder: LibraryFolder,
-    name: Annotated[str, typer.Argument(metavar="CLASS", help="One of its classes.")],
-    template: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which template, of a class of several.")
-    ] = None,
-    plot: Annotated[
-        str | None, typer.Option(metavar="PICTURE", help="Draw the template: png, svg or pdf.")
-    ] = None,
+    name: ClassName,
+    template: TemplateName = None,
+    plot: PlotTemplate = None,
 ) -> None:
     """Write a template as text that a person reads and edits.
 
-    The text tells which relations must hold and which must not, and when; what it does not
+    The text says which features must hold and which must not, and when; what it does not
     mention is free. `motionary library edit --text` takes it back.
 
     motionary library show my-classes squat > squat.txt
     """
-    from motionary.models.library import find_prototype, load_library
+    from motionary.models.library import load_library
     from motionary.models.templates import template_to_text
 
     check_picture("--plot", plot)
     loaded = load_library(folder)
     motion_class = loaded[name]
-    found = find_prototype(motion_class, template).template
+    found = _find(motion_class, template)
     text = template_to_text(found, tolerance=motion_class.tolerance, feature_set=loaded.feature_set)
     screen.say(*text.splitlines())
     if plot:
-        draw_template(plot, found, motion_class.tolerance, feature_set=loaded.feature_set)
+        _draw_template(plot, loaded, name, template)
+
+
+def _describe(library: "ClassLibrary", folder: str) -> str:
+    classes = "1 class" if len(library) == 1 else f"{len(library)} classes"
+    parts = [f"{folder}: {classes} over {library.feature_set.name}"]
+    parts += [f"from: {library.provenance}"] if library.provenance else []
+    parts += [f"licence: {library.licence}"] if library.licence else []
+    return "; ".join(parts)
+
+
+def _draw_library(plot: str, library: "ClassLibrary", folder: str) -> None:
+    from motionary.plots import plot_library, save
+
+    save(plot_library(library, title=Path(folder).name), plot)
+
+
+def _draw_template(plot: str, library: "ClassLibrary", name: str, template: str | None) -> None:
+    """A template of a class, and its fixed cells beside it."""
+    from motionary.plots import plot_template, save
+
+    found = _find(library[name], template)
+    tolerance = library[name].tolerance
+    save(plot_template(found, tolerance=tolerance, feature_set=library.feature_set), plot)
+
+
+def _find(motion_class: "MotionClass", name: str | None) -> "MotionTemplate":
+    from motionary.models.library import find_prototype
+
+    return find_prototype(motion_class, name).template
+
+
+# -- merge ------------------------------------------------------------------------------
 
 
 def merge(
@@ -117,9 +167,7 @@ def merge(
             "templates of the others, too."
         ),
     ] = Clashing.REFUSE,
-    plot: Annotated[
-        str | None, typer.Option(metavar="PICTURE", help="Draw the classes: png, svg or pdf.")
-    ] = None,
+    plot: PlotLibrary = None,
 ) -> None:
     """Put the classes of several libraries into one.
 
@@ -138,58 +186,286 @@ def merge(
         )
     merged = merge_libraries(libraries, clash=on_clash.value)
     merged.save(output)
+    kept = "the first is kept" if on_clash is Clashing.FIRST else "the templates of all are kept"
     for clash in clashing:
-        kept = (
-            "the first is kept" if on_clash is Clashing.FIRST else "the templates of all are kept"
-        )
         screen.warn(f"class {clash!r} is in several libraries: {kept}")
     screen.say(_describe(merged, output))
     if plot and len(merged):
-        draw_library(plot, merged, title=Path(output).name)
+        _draw_library(plot, merged, output)
+
+
+# -- edit -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Changes:
+    """What becomes of a class."""
+
+    text: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Take the template from a text; - reads stdin."),
+    ] = None
+    new: Annotated[
+        bool, typer.Option("--new", help="Make the class, and the library, from the text.")
+    ] = False
+    template: TemplateName = None
+    restrict: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FEATURE", help="Ask for this feature only; may come repeatedly."),
+    ] = None
+    threshold: Annotated[
+        float | None,
+        typer.Option(min=0.0, max=1.0, metavar="COST", help="Largest cost of a match."),
+    ] = None
+    join: Annotated[
+        str | None,
+        typer.Option(metavar="CLASS", help="Make one class of this and another."),
+    ] = None
+    rename: Annotated[str | None, typer.Option(metavar="NAME", help="Call it so.")] = None
+    remove: Annotated[bool, typer.Option("--remove", help="Take it out of the library.")] = False
+
+    def check(self) -> None:
+        """Refuse no change, and changes that do not go together.
+
+        Raises
+        ------
+        BadParameter
+        """
+        rest = (self.text, self.threshold, self.join, self.rename)
+        if not (any(x is not None for x in rest) or self.remove or self.restrict):
+            raise wrong("CLASS", "nothing to change; see --help")
+        if self.new and (self.text is None or self.remove or self.join):
+            raise wrong("--new", "needs --text, and nothing to remove or join")
+
+
+def edit(
+    folder: LibraryFolder,
+    name: ClassName,
+    changes: Changes,
+    plot: PlotTemplate = None,
+    features: FeatureSetName = None,
+) -> None:
+    """Change a class by hand: its template, threshold or name; join, remove or make one.
+
+    A text from `motionary library show`, edited, keeps what was learned from the examples
+    wherever its meaning did not change.
+
+    motionary library edit my-classes squat --text squat.txt --plot squat.png
+    motionary library edit my-classes squat --threshold 0.05 --rename "deep squat"
+    motionary library edit my-classes wave_left --join wave_right --rename wave
+    motionary library edit my-classes sweeping --new --text sweeping.txt
+    """
+    check_picture("--plot", plot)
+    changes.check()
+    check_target(folder, is_folder=True)
+    library = _load(folder, features, new=changes.new)
+    changed, called = _change(library, name, changes)
+    if changes.join is not None and changes.threshold is None:
+        changed = _calibrate(changed, {called} if _is_calibrated(library, name) else set())
+    changed.save(folder)
+    if called not in changed.names:
+        screen.say(f"{name}: removed")
+        return
+    _warn_of_lost_queries(library, name, changed[called])
+    screen.say(_describe_class(changed[called]))
+    if plot:
+        _draw_template(plot, changed, called, changes.template)
+
+
+def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
+    from motionary.models.library import ClassLibrary, load_library
+
+    if new and not (Path(folder) / "library.toml").exists():
+        return ClassLibrary((), find_feature_set(features))
+    return load_library(folder)
+
+
+def _change(library: "ClassLibrary", name: str, changes: Changes) -> "tuple[ClassLibrary, str]":
+    """The library with a changed class, and what the class is called then."""
+    from motionary.models.library import (
+        join_classes,
+        remove_class,
+        rename_class,
+        replace_class,
+        replace_template,
+    )
+    from motionary.models.templates import restrict
+
+    if changes.remove:
+        return remove_class(library, name), name
+    if changes.join is not None:
+        library = join_classes(library, name, changes.join)
+    if changes.text is not None:
+        library = _take_text(library, name, changes)
+    if changes.restrict:
+        old = _find(library[name], changes.template)
+        restricted = restrict(old, changes.restrict, feature_set=library.feature_set)
+        library = replace_template(library, name, restricted, prototype=changes.template)
+    if changes.threshold is not None:
+        # What was estimated was estimated for another threshold.
+        changed = replace(
+            library[name],
+            threshold=changes.threshold,
+            estimated_precision=None,
+            estimated_recall=None,
+        )
+        library = replace_class(library, name, changed)
+    if changes.rename is not None:
+        return rename_class(library, name, changes.rename), changes.rename
+    return library, name
+
+
+def _take_text(library: "ClassLibrary", name: str, changes: Changes) -> "ClassLibrary":
+    from motionary.models.library import MotionClass, Prototype, replace_template
+    from motionary.models.templates import revise_template, template_from_text
+
+    text = _read_text(str(changes.text))
+    feature_set = library.feature_set
+    try:
+        if changes.new:
+            if name in library.names:
+                raise InvalidInput(f"the library has a class {name!r} already; leave out --new")
+            template = template_from_text(text, feature_set=feature_set, name=name)
+            added = MotionClass(name, (Prototype(name, template),))
+            added.quantised()
+            return replace(library, classes=(*library.classes, added))
+        if name not in library.names:
+            known = ", ".join(library.names) or "none"
+            raise InvalidInput(f"no class {name!r} there ({known}); --new makes it from the text")
+        motion_class = library[name]
+        revised = revise_template(
+            _find(motion_class, changes.template),
+            text,
+            tolerance=motion_class.tolerance,
+            feature_set=feature_set,
+        )
+        return replace_template(library, name, revised, prototype=changes.template)
+    except InvalidInput as error:
+        where = "stdin" if changes.text == "-" else changes.text
+        raise InvalidInput(f"{where}: {error}") from error
+
+
+def _read_text(path: str) -> str:
+    if path == "-":
+        return sys.stdin.read()
+    from motionary.io import read_text
+
+    return read_text(Path(path))
+
+
+# -- add --------------------------------------------------------------------------------
+
+
+def add(
+    folder: LibraryFolder,
+    name: ClassName,
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns: examples.")
+    ],
+    template: TemplateName = None,
+    plot: PlotTemplate = None,
+    *,
+    jobs: Jobs,
+    reading: ReadOptions,
+) -> int:
+    """Let a class learn from more examples.
+
+    A library that was learned with --keep-examples becomes what it would be had they been
+    there from the start, thresholds included. Otherwise the class's template stands for
+    its examples, and its threshold stays.
+
+    motionary library add my-classes squat new/*.bvh
+    """
+    from motionary.models.library import add_examples, load_library
+
+    check_picture("--plot", plot)
+    check_target(folder, is_folder=True)
+    library = load_library(folder)
+    found = find_files(files)
+    sequences, failures = split_failures(
+        measure_files(
+            found.files, "reading", reading=reading, feature_set=library.feature_set,
+            jobs=jobs,
+        )
+    )  # fmt: skip
+    warn_of_all(found.missing.values(), failures)
+    expanded = add_examples(library, name, sequences, prototype=template)
+    if expanded is library:
+        screen.warn("no example is new; nothing was changed")
+    else:
+        expanded = _calibrated_anew(expanded, library, jobs=jobs)
+    expanded.save(folder)
+    _warn_of_lost_queries(library, name, expanded[name])
+    screen.say(_describe_class(expanded[name]))
+    if plot:
+        _draw_template(plot, expanded, name, template)
+    return 1 if found.missing or failures else 0
+
+
+def _calibrated_anew(
+    expanded: "ClassLibrary", before: "ClassLibrary", *, jobs: int
+) -> "ClassLibrary":
+    """Calibrated thresholds are calibrated anew, where there are examples to do so."""
+    from motionary.models.library import kept_examples
+
+    if kept_examples(expanded) is not None:
+        calibrated = {name for name in before.names if _is_calibrated(before, name)}
+        return _calibrate(expanded, calibrated, jobs=jobs)
+    screen.warn(
+        "the examples that the class was learned from were not kept (learn --keep-examples): "
+        "its template stands for them, and its threshold stays"
+    )
+    return expanded
+
+
+def _is_calibrated(library: "ClassLibrary", name: str) -> bool:
+    return library[name].estimated_recall is not None
+
+
+def _calibrate(library: "ClassLibrary", names: set[str], *, jobs: int = 1) -> "ClassLibrary":
+    """The library with thresholds of some classes chosen anew, if all examples are kept."""
+    from motionary.models.library import (
+        N_FOLDS,
+        TrainingOptions,
+        apply_calibrations,
+        calibrate_thresholds,
+        kept_examples,
+    )
+
+    examples = kept_examples(library)
+    if examples is None or not names:
+        return library
+    one = library.classes[0]
+    mirrored = any(s.name.endswith("Mirrored") for c in library for s in c.prototypes)
+    training = TrainingOptions(
+        tolerance=one.tolerance, mirror=mirrored, by_self_information=bool(one.background)
+    )
+    with screen.progress("choosing thresholds", N_FOLDS) as done:
+        calibrations = calibrate_thresholds(examples, training=training, jobs=jobs, on_done=done)
+    return apply_calibrations(library, {n: s for n, s in calibrations.items() if n in names})
+
+
+def _warn_of_lost_queries(before: "ClassLibrary", name: str, after: "MotionClass") -> None:
+    """Say that the queries of a template that changed are gone."""
+    had = name in before.names and any(s.queries for s in before[name].prototypes)
+    if had and not any(s.queries for s in after.prototypes):
+        screen.warn(
+            f"class {after.name!r}: its keyframe queries were of the template before, and are gone"
+        )
+
+
+def _describe_class(motion_class: "MotionClass") -> str:
+    """A class in a line."""
+    parts = [
+        f"{prototype.name} {prototype.template.duration_s:.2f} s, {100 * fraction:.0f} % fixed, "
+        f"{prototype.template.provenance}"
+        for prototype, fraction in zip(
+            motion_class.prototypes, fractions_fixed(motion_class), strict=True
+        )
+    ]
+    threshold = f"threshold {motion_class.threshold:.3g}"
+    return f"{motion_class.name}: {threshold}; {'; '.join(parts)}"
 
 
 #: Commands of the group, in the sequence of its help.
 SUBCOMMANDS = {"list": list_classes, "show": show, "edit": edit, "merge": merge, "add": add}
-
-
-def _describe(library: "ClassLibrary", folder: str) -> str:
-    classes = "1 class" if len(library) == 1 else f"{len(library)} classes"
-    parts = [f"{folder}: {classes} over {library.feature_set.name}"]
-    parts += [f"from: {library.provenance}"] if library.provenance else []
-    parts += [f"licence: {library.licence}"] if library.licence else []
-    return "; ".join(parts)
-
-
-def _row(
-    library: "ClassLibrary", motion_class: "MotionClass", prototype: "Prototype"
-) -> dict[str, Any]:
-    from motionary.models.templates import quantise
-
-    template = prototype.template
-    quantised = quantise(template, tolerance=motion_class.tolerance)
-    return {
-        "class": motion_class.name,
-        "template": prototype.name,
-        "examples": template.n_examples,
-        "columns": template.n_columns,
-        "seconds": template.duration_s,
-        "fixed": quantised.n_fixed / quantised.fixed.size,
-        "threshold": motion_class.threshold,
-        "promised_precision": motion_class.estimated_precision,
-        "promised_recall": motion_class.estimated_recall,
-        "queries": len(prototype.queries),
-        "kept_examples": len(prototype.examples),
-        "made": template.provenance,
-        "feature_set": library.feature_set.name,
-        "provenance": library.provenance,
-        "licence": library.licence,
-    }
-
-
-def _cells(row: dict[str, Any]) -> tuple[str, ...]:
-    fractions = [
-        "" if fraction is None else f"{100 * fraction:.0f} %"
-        for fraction in (row["promised_precision"], row["promised_recall"])
-    ]
-    counts = (str(row["examples"]), str(row["columns"]), f"{100 * row['fixed']:.0f} %")
-    return (row["class"], row["template"], *counts, f"{row['threshold']:.3g}", *fractions)

@@ -1,4 +1,4 @@
-"""Which options do commands share, and how does a command take several as one?
+"""Options that several commands have, and commands that take several options as one.
 
 A group is a frozen dataclass whose fields are options; a command that takes one has all of
 them. Defaults are the library's own: they are looked up when a command needs or shows them.
@@ -6,20 +6,23 @@ them. Defaults are the library's own: they are looked up when a command needs or
 
 import importlib
 import inspect
-import math
+import os
+import re
 from collections.abc import Callable
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 from inspect import Parameter, Signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet
-    from motionary.io import ReadOptions
+
+PICTURES = (".png", ".svg", ".pdf")
 
 
 class LibraryDefault:
@@ -42,174 +45,6 @@ class LibraryDefault:
         return str(self())
 
 
-def _check_asf(value: str | None) -> str | None:
-    if value is not None and not Path(value).is_file():
-        raise typer.BadParameter(f"{value}: no such file")
-    return value
-
-
-def _check_rate(value: float | None) -> float | None:
-    if value is not None and not 0 < value < math.inf:
-        raise typer.BadParameter(f"needs frames per second above 0, got {value:g}")
-    return value
-
-
-def _check_skeleton(value: str | None) -> str | None:
-    if value is not None and value.lower().endswith(".toml"):
-        from motionary.io import find_skeleton
-
-        try:
-            find_skeleton(value)
-        except (InvalidInput, UnreadableFile) as error:
-            raise typer.BadParameter(str(error)) from error
-    elif value is not None and not value.lower().endswith(".asf"):
-        from motionary.skeletons import known_mappings
-
-        if value not in known_mappings():
-            known = ", ".join(known_mappings())
-            raise typer.BadParameter(f"no known skeleton {value!r}; choose one of {known}")
-    return value
-
-
-def _check_unit(value: str | None) -> str | None:
-    if value is not None:
-        from motionary.io.normalise.units_axes import metres_per_unit
-
-        try:
-            metres_per_unit(value)
-        except InvalidInput as error:
-            raise typer.BadParameter(str(error)) from error
-    return value
-
-
-def _check_up(value: str | None) -> str | None:
-    if value is not None:
-        from motionary.io.normalise.axes import check_up
-
-        try:
-            check_up(value)
-        except InvalidInput as error:
-            raise typer.BadParameter(str(error)) from error
-    return value
-
-
-def _check_sides(value: str | None) -> str | None:
-    if value is not None:
-        from motionary.io.normalise.sides import check_sides
-
-        try:
-            check_sides(value)
-        except InvalidInput as error:
-            raise typer.BadParameter(str(error)) from error
-    return value
-
-
-def _check_seconds(value: float | None) -> float | None:
-    if value is not None and not 0 < value < math.inf:
-        raise typer.BadParameter(f"needs seconds above 0, got {value:g}")
-    return value
-
-
-def _check_filling(value: str | None) -> str | None:
-    if value is not None:
-        from motionary.io.normalise.gaps import check_filling
-
-        try:
-            check_filling(value)
-        except InvalidInput as error:
-            raise typer.BadParameter(str(error)) from error
-    return value
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadingOptions:
-    """What files do not say themselves."""
-
-    asf: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            callback=_check_asf,
-            help="Skeleton of Acclaim motions (AMC); by default looked for by name.",
-        ),
-    ] = None
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ",
-            callback=_check_rate,
-            help="Frames per second, where files do not say it or say it wrong.",
-        ),
-    ] = None
-    skeleton: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME|TOML",
-            callback=_check_skeleton,
-            help="A known skeleton, where joint names do not tell it, or a .toml file that maps "
-            "them (`motionary info FILE --save-mapping RIG.toml` writes one).",
-        ),
-    ] = None
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="UNIT",
-            callback=_check_unit,
-            help="m, cm, mm, inch or metres per unit, where the size of the body does not tell it.",
-        ),
-    ] = None
-    up: Annotated[
-        str | None,
-        typer.Option(
-            metavar="AXIS",
-            callback=_check_up,
-            help="Axis that points up (y, z, -y ...), where the body does not tell it.",
-        ),
-    ] = None
-    sides: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HOW",
-            callback=_check_sides,
-            help="named, swapped or mirrored, where the body contradicts the names of left and "
-            "right: keep them, exchange them, or take the axes for left-handed.",
-        ),
-    ] = None
-    fill_gaps: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SECONDS",
-            callback=_check_seconds,
-            help="Fill gaps of points up to this long; by default gaps stay.",
-        ),
-    ] = None
-    fill_by: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HOW",
-            callback=_check_filling,
-            help="cubic (the usual, with the velocities around the gap) or linear.",
-        ),
-    ] = None
-
-    def reading(self) -> "ReadOptions":
-        """The same for the library."""
-        from motionary.io import ReadOptions
-
-        if self.fill_by is not None and self.fill_gaps is None:
-            raise typer.BadParameter("goes with --fill-gaps SECONDS", param_hint="--fill-by")
-        return ReadOptions(
-            asf=self.asf,
-            rate_hz=self.rate,
-            skeleton=self.skeleton,
-            unit=self.unit,
-            up=self.up,
-            sides=self.sides,
-            fill_gaps_s=self.fill_gaps,
-            **({} if self.fill_by is None else {"fill_by": self.fill_by}),
-        )
-
-
 Jobs = Annotated[
     int,
     typer.Option(
@@ -224,7 +59,6 @@ AsJson = Annotated[
     bool,
     typer.Option("--json", help="JSON on stdout, one object a line, and nothing else."),
 ]
-
 
 Excel = Annotated[
     bool,
@@ -248,14 +82,14 @@ FeatureSetName = Annotated[
         "--features",
         metavar="SET",
         callback=_check_feature_set,
-        help="Relations to measure: full-body-40 (the usual), legs-14, three-levels-129 (how far "
+        help="Features to measure: full-body-40 (the usual), legs-14, three-levels-129 (how far "
         "and how fast), full-body-39.",
     ),
 ]
 
 
 def find_feature_set(name: str | None) -> "FeatureSet":
-    """The set of relations of a name; the usual one without."""
+    """The feature set of a name; the usual one without."""
     from motionary.features import FULL_BODY, known_sets
 
     if name is None:
@@ -263,6 +97,61 @@ def find_feature_set(name: str | None) -> "FeatureSet":
     if name not in known_sets():
         raise typer.BadParameter(f"no set {name!r}; choose one of {', '.join(known_sets())}")
     return known_sets()[name]
+
+
+# -- checks before the work -------------------------------------------------------------
+
+
+def wrong(option: str, problem: str) -> typer.BadParameter:
+    """Wrong use of an option."""
+    return typer.BadParameter(problem, param_hint=option)
+
+
+def check_picture(option: str, path: str | None) -> None:
+    """Fail before the work where a picture cannot be written, or not in that format."""
+    if path is not None:
+        if not path.lower().endswith(PICTURES):
+            raise wrong(option, f"pictures are written as {', '.join(PICTURES)}, got {path}")
+        check_target(path)
+
+
+def picture_path(folder: str, name: str) -> Path:
+    """The path of a picture, its name as file systems like it; folders in it become part of it."""
+    called = re.sub(r"[^\w.+-]+", "_", name).strip("._") or "picture"
+    return Path(folder, f"{called}.png")
+
+
+def check_excel(excel: bool, output: str | None) -> None:
+    """Fail where there is no table to write as Excel opens it."""
+    if excel and output is None:
+        raise wrong("--excel", "goes with --output CSV")
+
+
+def check_target(path: str | None, *, is_folder: bool = False) -> None:
+    """Fail before the work, not after it, where a file or folder cannot be made.
+
+    Raises
+    ------
+    UnwritableFile
+        If something above `path` is a file or may not be written to, or `path` is a folder
+        where it should be a file, or the other way round.
+    """
+    if path is None:
+        return
+    place = Path(path).absolute()
+    above = next(p for p in place.parents if p.exists())
+    problem = ""
+    if not above.is_dir():
+        problem = f"{above.name} is a file, not a folder"
+    elif place.exists() and place.is_dir() != is_folder:
+        problem = "it is a file, not a folder" if is_folder else "it is a folder, not a file"
+    elif not os.access(above, os.W_OK):
+        problem = f"{above} is read-only"
+    if problem:
+        raise UnwritableFile(f"{path}: cannot be written: {problem}; choose another place")
+
+
+# -- groups of options ------------------------------------------------------------------
 
 
 def expand_groups(
@@ -282,7 +171,7 @@ def expand_groups(
 
     def expanded(**values: Any) -> int | None:
         for name, group in groups.items():
-            values[name] = group(**{f.name: values.pop(f.name) for f in fields(group)})
+            values[name] = _build(group, {f.name: values.pop(f.name) for f in fields(group)})
         return command(**values)
 
     return expanded, Signature(parameters)
@@ -292,10 +181,53 @@ def _parameters_of(group: Any) -> list[Parameter]:
     hints = get_type_hints(group, include_extras=True)
     return [
         Parameter(
-            field.name,
+            option.name,
             Parameter.KEYWORD_ONLY,
-            default=Parameter.empty if field.default is MISSING else field.default,
-            annotation=hints[field.name],
+            default=Parameter.empty if option.default is MISSING else option.default,
+            annotation=_annotate(option, hints[option.name]),
         )
-        for field in fields(group)
+        for option in fields(group)
     ]
+
+
+def _annotate(option: "Field[Any]", hint: Any) -> Any:
+    """The field's type for typer; fields of `ReadOptions` describe their flags as metadata."""
+    if "flag" not in option.metadata:
+        return hint
+    kind = str if hint is str or str in get_args(hint) else float
+    shown = {key: option.metadata[key] for key in ("metavar", "help")}
+    return Annotated[kind | None, typer.Option(option.metadata["flag"], **shown)]
+
+
+def _build(group: Any, values: dict[str, Any]) -> Any:
+    """The group of these values; what the library refuses of them is wrong use."""
+    try:
+        built = group(**values)
+    except InvalidInput as error:
+        raise wrong(_flag_at_fault(group, values), str(error)) from error
+    if isinstance(built, ReadOptions):
+        _check_reading(built)
+    return built
+
+
+def _flag_at_fault(group: Any, values: dict[str, Any]) -> str:
+    """The flag whose value alone is refused; that of the last field where they disagree."""
+    for option in fields(group):
+        try:
+            group(**{option.name: values[option.name]})
+        except InvalidInput:
+            break
+    return str(option.metadata.get("flag", option.name))
+
+
+def _check_reading(reading: ReadOptions) -> None:
+    """Refuse files that are not there, and options that do not go together."""
+    for flag, path in (("--asf", reading.asf), ("--body-model", reading.body_model)):
+        if path is not None and not Path(path).is_file():
+            raise wrong(flag, f"{path}: no such file")
+    if reading.fill_gaps_s is None and "fill_by" in reading.given():
+        raise wrong("--fill-by", "goes with --fill-gaps SECONDS")
+    try:
+        reading.skeleton_table()
+    except (InvalidInput, UnreadableFile) as error:
+        raise wrong("--skeleton", str(error)) from error

@@ -1,19 +1,21 @@
-"""How does an answer get onto the screen, or into a pipe?
+"""Answers on the screen and in pipes: tables, JSON, messages and progress bars.
 
-Results go to stdout: a table of aligned columns, the same on a terminal and in a pipe, or
-JSON, one object a line. Messages and bars go to stderr, bars on a terminal only.
+Results go to stdout: a table, or JSON, one object a line. Messages and bars go to stderr, bars
+on a terminal only. A table on a terminal fits its width; in a pipe its columns are aligned and
+as wide as their widest cell, so that each row stays one line.
 """
 
 import json
 import sys
-import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 _BETWEEN = "  "
-_WIDE = ("W", "F")
+_MOST_NAMES = 5
 
 
 def prepare_streams() -> None:
@@ -27,15 +29,6 @@ def warn(text: str) -> None:
     """A message, one line on stderr."""
     line = " ".join(printable(line) for line in text.splitlines())
     sys.stderr.write(f"motionary: {line}\n")
-
-
-def name_error(recording: str, path: PurePath, error: Exception) -> str:
-    """The words of an error, under the recording's name whatever they call its file."""
-    text = str(error)
-    for name in (str(path), path.name):
-        if text.startswith(name):
-            return recording + text.removeprefix(name)
-    return f"{recording}: {text}"
 
 
 def say(*lines: str) -> None:
@@ -59,17 +52,83 @@ def print_table(
     rows : texts of the cells
     below : by row, a line that stands below it
     """
-    names = [column.removeprefix(">") for column in columns]
-    table = [names, *([printable(cell) for cell in row] for row in rows)]
-    widths = [max(_width(row[i]) for row in table) for i in range(len(columns))]
-    for number, row in enumerate(table, start=-1):
+    shown = [[printable(cell) for cell in row] for row in rows]
+    lines = {row: printable(line) for row, line in (below or {}).items()}
+    if sys.stdout.isatty():
+        _print_fitted(columns, shown, lines)
+    else:
+        for number, line in enumerate(align(columns, shown), start=-1):
+            sys.stdout.write(line + "\n")
+            if number in lines:
+                sys.stdout.write(f"{_BETWEEN}{lines[number]}\n")
+
+
+def align(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Lines of a table, the headings first; columns as in `print_table`."""
+    from rich.cells import cell_len
+
+    widths = _natural_widths(columns, rows)
+    heads = [column.removeprefix(">") for column in columns]
+    for row in (heads, *rows):
         cells = []
         for cell, column, width in zip(row, columns, widths, strict=True):
-            space = " " * (width - _width(cell))
+            space = " " * (width - cell_len(cell))
             cells.append(space + cell if column.startswith(">") else cell + space)
-        sys.stdout.write(_BETWEEN.join(cells).rstrip() + "\n")
-        if below and number in below:
-            sys.stdout.write(f"{_BETWEEN}{printable(below[number])}\n")
+        yield _BETWEEN.join(cells).rstrip()
+
+
+def _print_fitted(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], below: Mapping[int, str]
+) -> None:
+    """A table on a terminal: long texts are folded, numbers keep their width."""
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    widths = _natural_widths(columns, rows)
+    is_wide = sum(widths) + len(_BETWEEN) * (len(widths) - 1) > console.width
+    table = _fitted_table(columns, widths, is_wide=is_wide, has_header=True)
+    for number, row in enumerate(rows):
+        table.add_row(*map(Text, row))
+        if number in below:
+            console.print(table, Padding(Text(below[number]), (0, 0, 0, len(_BETWEEN))), sep="")
+            table = _fitted_table(columns, widths, is_wide=is_wide, has_header=False)
+    if table.rows or not rows:
+        console.print(table)
+
+
+def _fitted_table(
+    columns: Sequence[str], widths: Sequence[int], *, is_wide: bool, has_header: bool
+) -> "Table":
+    """A table without rows, its columns as wide as in every other part of the same table."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(
+        box=None, show_header=has_header, pad_edge=False, padding=(0, len(_BETWEEN), 0, 0),
+        expand=is_wide,
+    )  # fmt: skip
+    for column, width in zip(columns, widths, strict=True):
+        is_number = column.startswith(">")
+        # What is left beside the numbers is divided among the texts by their natural widths.
+        is_flexible = is_wide and not is_number
+        table.add_column(
+            Text(column.removeprefix(">")),
+            justify="right" if is_number else "left",
+            overflow="fold",
+            width=None if is_flexible else width,
+            ratio=width if is_flexible else None,
+        )
+    return table
+
+
+def _natural_widths(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
+    """Columns of a terminal that the widest cell of each column takes."""
+    from rich.cells import cell_len
+
+    heads = [column.removeprefix(">") for column in columns]
+    return [max(map(cell_len, cells)) for cells in zip(heads, *rows, strict=True)]
 
 
 def printable(text: str) -> str:
@@ -77,10 +136,15 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
-def _width(text: str) -> int:
-    """Columns of a terminal that a text takes."""
-    wide = sum(unicodedata.east_asian_width(letter) in _WIDE for letter in text)
-    return len(text) + wide - sum(unicodedata.combining(letter) != 0 for letter in text)
+def percent(fraction: float | None) -> str:
+    """A fraction in whole percent; nothing for None."""
+    return "" if fraction is None else f"{100 * fraction:.0f} %"
+
+
+def enumerate_names(names: Sequence[str], *, most: int = _MOST_NAMES) -> str:
+    """The first names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(names[:most]) or "none") + more
 
 
 @contextmanager

@@ -1,33 +1,48 @@
-"""`motionary search`: where in these recordings is a motion like this one?"""
+"""`motionary search`: where recordings hold a motion like an example, a class or keyframes."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.cutting import cut_labels
-from motionary.cli.indexed import IndexOptions, open_recordings
-from motionary.cli.inputs import check_excel, check_picture, check_target
-from motionary.cli.options import AsJson, Excel, Jobs, LibraryDefault, ReadingOptions
-from motionary.cli.pictures import draw_sheet, draw_template
-from motionary.cli.sought import (
-    QueryOptions,
-    Wanted,
-    check_query,
-    judge,
-    read_ranks,
-    read_wanted,
+from motionary.cli.convert import cut_labels
+from motionary.cli.options import (
+    AsJson,
+    Excel,
+    Jobs,
+    LibraryDefault,
+    check_excel,
+    check_picture,
+    check_target,
     wrong,
 )
+from motionary.cli.query import (
+    Query,
+    QueryOptions,
+    check_query,
+    feedback_of,
+    read_query,
+    read_ranks,
+)
+from motionary.cli.recordings import IndexOptions, Opened, Opener, cut_frames, read_recording
+from motionary.errors import InvalidInput
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.labels import LabelTrack
+    from motionary.models.keyframes import KeyframeQuery
+    from motionary.motion import Motion
     from motionary.retrieval.index import Collection
-    from motionary.retrieval.search import QueryExpansion, SearchResult
+    from motionary.retrieval.search import Hit, QueryExpansion, SearchResult
 
 _KEYS = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
+#: Fractions of the frames that keyframes may leave: in a small collection of a few classes,
+#: a class is not rare.
+_MAY_BE_LEFT = (0.12, 0.25, 0.5, 1.0)
 _COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">known")
 
 
@@ -78,7 +93,7 @@ class ResultOptions:
         typer.Option(metavar="PNG", help="Draw the hits as stick figures below the example."),
     ] = None
     template: Annotated[
-        str | None, typer.Option(metavar="PNG", help="Draw the template that was grown.")
+        str | None, typer.Option(metavar="PNG", help="Draw the template that was learned.")
     ] = None
     save_query: Annotated[
         str | None,
@@ -86,7 +101,7 @@ class ResultOptions:
     ] = None
     save_class: Annotated[
         str | None,
-        typer.Option(metavar="LIB", help="Add the grown template to a library, as a class."),
+        typer.Option(metavar="LIB", help="Add the learned template to a library, as a class."),
     ] = None
 
 
@@ -94,72 +109,69 @@ def search(
     folder: Annotated[
         list[str], typer.Argument(metavar="FOLDER", help="Folders, files or patterns to search.")
     ],
-    query: QueryOptions,
+    options: QueryOptions,
     which: HitOptions,
     results: ResultOptions,
     index: IndexOptions,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
-    reading: ReadingOptions,
+    reading: ReadOptions,
 ) -> int:
     """Find more motions like an example, all of a class, or wherever keyframes are shown.
 
-    An example needs no training: a template grows from it and its nearest hits. What the
-    template fixes and what it leaves open stands above the hits. A cost of 0 agrees with
+    An example needs no training: a template is learned from it and its nearest hits. What
+    the template fixes and what it leaves open stands above the hits. A cost of 0 agrees with
     it everywhere. What was read of a folder is kept for the next search.
 
     motionary search recordings/ --like take.bvh --from 1.2 --to 3.4 --sheet hits.png
-    motionary search recordings/ --like take.bvh --from 1.2 --to 3.4 --good 1,2,5 --bad 3
+    motionary search recordings/ --like take.bvh --relevant 1,2,5 --irrelevant 3
     motionary search recordings/ --class squat --library my-classes
     motionary search recordings/ --query "right hand fast, then within 0.5 s right hand low"
     """
     from motionary.retrieval.search import QueryExpansion
     from motionary.retrieval.search import search as search_for
 
-    _check_use(query, results)
-    ranks = read_ranks(query)
-    told = reading.reading()
-    wanted = read_wanted(query, told)
-    opened = open_recordings(folder, index, reading=told, feature_set=wanted.feature_set, jobs=jobs)
-    expansion = QueryExpansion(hits=query.grow)
+    _check_use(options, results)
+    ranks = read_ranks(options)
+    query = read_query(options, reading)
+    opener = Opener(reading=reading, feature_set=query.feature_set, jobs=jobs)
+    opened = opener.open(folder, index)
+    expansion = QueryExpansion(hits=options.expand)
     find = partial(
         search_for,
         recordings=opened.collection,
         threshold=which.threshold,
         expansion=expansion,
-        preselect=wanted.queries or which.fast,
+        preselect=query.keyframes or which.fast,
     )
-    what = wanted.what
-    if wanted.example and any(ranks):
-        hits = find(what, limit=max(*ranks[0], *ranks[1], 1))
-        what = judge(wanted.example.packed, hits, ranks)
-    result = find(what, limit=which.limit or None)
-    if results.sheet:
-        draw_sheet(results.sheet, result, example=wanted.example, files=opened.files, reading=told)
-    if results.template:
-        draw_template(results.template, result.templates[0], expansion.tolerance)
-    _save(result, results, wanted, opened.collection, expansion)
+    if query.example and ranks.most:
+        features = query.example.features
+        feedback = feedback_of(features, find(features, limit=ranks.most), ranks)
+        result = find(feedback, limit=which.limit or None)
+    else:
+        result = find(query.what, limit=which.limit or None)
+    _save(result, results, query, opened, expansion, reading=reading)
     if as_json:
         _say_json(result)
     else:
-        expanded = expansion if wanted.example else None
-        _say(result, opened.collection, expanded, has_feedback=any(ranks))
+        expanded = expansion if query.example else None
+        _say(result, opened.collection, expanded, has_feedback=ranks.most > 0)
     is_cut = not results.cut or cut_labels(
-        _to_tracks(result, wanted.name), opened.files, results.cut, reading=told, jobs=jobs
+        _to_tracks(result, query.name), opened.files, results.cut, reading=reading, jobs=jobs
     )
     if opened.is_stopped:
         return STOPPED_BY_KEYBOARD
     return 0 if opened.is_complete and is_cut and result.hits else 1
 
 
-def _check_use(query: QueryOptions, results: ResultOptions) -> None:
-    check_query(query)
+def _check_use(options: QueryOptions, results: ResultOptions) -> None:
+    check_query(options)
     for option, value in {
         "--template": results.template,
         "--save-class": results.save_class,
     }.items():
-        if query.like is None and value is not None:
+        if options.like is None and value is not None:
             raise wrong(option, "goes with --like FILE")
     check_picture("--sheet", results.sheet)
     check_picture("--template", results.template)
@@ -191,24 +203,99 @@ def _to_tracks(result: "SearchResult", name: str) -> "list[LabelTrack]":
 def _save(
     result: "SearchResult",
     results: ResultOptions,
-    wanted: Wanted,
-    collection: "Collection",
+    query: Query,
+    opened: Opened,
     expansion: "QueryExpansion",
+    *,
+    reading: ReadOptions,
 ) -> None:
-    """Write the hits and what they were found with."""
+    """Write and draw the hits and what they were found with."""
+    collection = opened.collection
+    if results.sheet:
+        _draw_sheet(results.sheet, result, query, opened.files, reading)
+    if results.template:
+        from motionary.plots import plot_template, save
+
+        figure = plot_template(result.templates[0], tolerance=expansion.tolerance)
+        save(figure, results.template)
     if results.output:
         from motionary.io import write_labels
 
-        write_labels(_to_tracks(result, wanted.name), results.output, excel=results.excel)
+        write_labels(_to_tracks(result, query.name), results.output, excel=results.excel)
     if results.save_query:
-        from motionary.cli.saving import derive, save_queries
+        from motionary.io import write_text
+        from motionary.models.keyframes import format_queries
 
-        queries = result.queries or derive(result.templates, collection)
-        save_queries(queries, results.save_query, feature_set=collection.feature_set)
+        queries = result.queries or _derive(result, collection)
+        write_text(results.save_query, format_queries(queries, vocabulary=collection.feature_set))
     if results.save_class:
-        from motionary.cli.saving import save_class
+        _save_class(results.save_class, result, collection, query.name, expansion)
 
-        save_class(result, results.save_class, collection, name=wanted.name, expansion=expansion)
+
+def _derive(result: "SearchResult", collection: "Collection") -> "tuple[KeyframeQuery, ...]":
+    """Keyframes that the templates of a search suggest."""
+    from motionary.retrieval.search import Deriving, derive_queries
+
+    for fraction in _MAY_BE_LEFT:
+        deriving = Deriving(frames_left=fraction)
+        derived = [derive_queries(one, collection, deriving) for one in result.templates]
+        if any(derived):
+            return tuple(query for queries in derived for query in queries)
+    raise InvalidInput("nothing in the template is rare enough to be a keyframe")
+
+
+def _save_class(
+    folder: str,
+    result: "SearchResult",
+    collection: "Collection",
+    name: str,
+    expansion: "QueryExpansion",
+) -> None:
+    """Add what was learned of an example to a library, in place of a class of that name.
+
+    It is found at the same costs as here, and around the same keyframes if there were any.
+    """
+    from motionary.models.library import ClassLibrary, MotionClass, Prototype, load_library
+
+    library = ClassLibrary((), collection.feature_set)
+    if (Path(folder) / "library.toml").exists():
+        library = load_library(folder)
+    fractions = collection.feature_prior if expansion.by_self_information else ()
+    expanded = MotionClass(
+        name,
+        (Prototype(name, result.templates[0], result.queries),),
+        tolerance=expansion.tolerance,
+        background=tuple(float(fraction) for fraction in fractions),
+    )
+    others = tuple(one for one in library if one.name != name)
+    replace(library, classes=(*others, expanded)).save(folder)
+
+
+def _draw_sheet(
+    path: str,
+    hits: "Sequence[Hit]",
+    query: Query,
+    files: Mapping[str, Path],
+    reading: ReadOptions,
+) -> None:
+    """Stick figures of an example and its hits; without an example the best hit leads."""
+    from motionary.plots import plot_sheet, save
+
+    motions: dict[str, Motion] = {}
+    rows = []
+    if query.example is not None:
+        part = query.example.features.recording
+        last = part.first_frame + part.n_frames - 1
+        title = f"example: {query.example.title}"
+        rows.append((title, cut_frames(query.example.motion, part.first_frame, last)))
+    for rank, hit in enumerate(hits, start=1):
+        name = hit.recording.name
+        if name not in motions:
+            motions[name] = read_recording(files[name], reading)
+        title = f"{rank}: {name} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
+        rows.append((title, cut_frames(motions[name], hit.start_frame, hit.end_frame)))
+    if rows:
+        save(plot_sheet(rows[0], rows[1:]), path)
 
 
 def _say_json(result: "SearchResult") -> None:
@@ -228,7 +315,7 @@ def _say(
     has_feedback: bool,
 ) -> None:
     if expansion:
-        from motionary.cli.wording import describe_template
+        from motionary.cli.described import describe_template
 
         lines = describe_template(
             result.templates[0], tolerance=expansion.tolerance, feature_set=collection.feature_set
@@ -244,7 +331,7 @@ def _say(
             f"{hit.end_s:.2f}",
             f"{hit.start_frame}–{hit.end_frame}",
             f"{hit.cost:.3f}",
-            f"{100 * hit.known:.0f} %",
+            screen.percent(hit.known),
         )
         for rank, hit in enumerate(result, start=1)
     ]

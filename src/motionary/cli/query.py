@@ -1,24 +1,30 @@
-"""What does a search look for: an example, a class, keyframes?"""
+"""What a search looks for: an example, a class, or keyframes, as its options say."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from motionary.cli.example import Example, read_example
-from motionary.cli.options import LibraryDefault
+from motionary.cli.options import LibraryDefault, wrong
+from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence, FeatureSet
-    from motionary.io import ReadOptions
     from motionary.models.keyframes import KeyframeQuery
     from motionary.models.library import MotionClass
+    from motionary.motion import Motion
     from motionary.retrieval.search import Hit, RelevanceFeedback
 
-#: So many names are told of a collection.
+#: Nine frames of features: below, hardly one changes, and everything is like everything.
+SHORTEST_S = 0.3
+
+# A duration is read off a table or a player, rounded.
+_ROUNDING_S = 0.05
+#: So many names are given of a collection.
 _MOST_NAMES = 5
 #: No keyframe ends like these.
 _QUERY_FILES = (".json", ".txt")
@@ -26,7 +32,7 @@ _QUERY_FILES = (".json", ".txt")
 
 @dataclass(frozen=True, kw_only=True)
 class QueryOptions:
-    """What is sought."""
+    """What is looked for."""
 
     like: Annotated[
         str | None, typer.Option(metavar="FILE", help="A recording with an example.")
@@ -38,7 +44,7 @@ class QueryOptions:
     to_s: Annotated[
         float | None, typer.Option("--to", metavar="SECONDS", help="Where it ends.")
     ] = None
-    grow: Annotated[
+    expand: Annotated[
         int,
         typer.Option(
             min=0,
@@ -47,7 +53,7 @@ class QueryOptions:
             help="Learn from the example and its N nearest hits what may vary; 0: nothing may.",
         ),
     ]
-    good: Annotated[
+    relevant: Annotated[
         str | None,
         typer.Option(
             metavar="RANKS",
@@ -55,7 +61,7 @@ class QueryOptions:
             "these and no others.",
         ),
     ] = None
-    bad: Annotated[
+    irrelevant: Annotated[
         str | None,
         typer.Option(metavar="RANKS", help="Hits that are wrong: what they show tells less."),
     ] = None
@@ -81,24 +87,38 @@ class QueryOptions:
     ] = None
 
 
+class Example(NamedTuple):
+    """An example: its features, measured within the whole recording, and its motion."""
+
+    features: "FeatureSequence"
+    motion: "Motion"
+
+    @property
+    def title(self) -> str:
+        """Recording and seconds."""
+        part = self.features
+        start_s = (part.recording.first_frame - self.motion.first_frame) / self.motion.rate_hz
+        return f"{part.source} {start_s:.2f}–{start_s + part.duration_s:.2f} s"
+
+
 @dataclass(frozen=True)
-class Wanted:
-    """What is sought, and the relations that it is told in.
+class Query:
+    """What is looked for, and the feature set that it is over.
 
     Attributes
     ----------
-    what : words of an example, a class, or keyframes of which any may hit
-    feature_set : of the words
+    what : features of an example, a class, or keyframes of which any may hit
+    feature_set : of the features
     name : what the hits are labelled
     example : with its motion, if there is one
-    queries : keyframes around which to match, if they are told
+    keyframes : around which to match, if they are given
     """
 
-    what: "FeatureSequence | RelevanceFeedback | MotionClass | tuple[KeyframeQuery, ...]"
+    what: "FeatureSequence | MotionClass | tuple[KeyframeQuery, ...]"
     feature_set: "FeatureSet"
     name: str
     example: Example | None = None
-    queries: "tuple[KeyframeQuery, ...]" = ()
+    keyframes: "tuple[KeyframeQuery, ...]" = ()
 
 
 def check_query(options: QueryOptions) -> None:
@@ -122,15 +142,15 @@ def check_query(options: QueryOptions) -> None:
         raise wrong("--query-name", "goes with --query FILE.json, a collection of queries")
     for_examples = {
         "--from": options.from_s, "--to": options.to_s,
-        "--good": options.good, "--bad": options.bad,
+        "--relevant": options.relevant, "--irrelevant": options.irrelevant,
     }  # fmt: skip
     for option, value in for_examples.items():
         if options.like is None and value is not None:
             raise wrong(option, "goes with --like FILE")
 
 
-def read_wanted(options: QueryOptions, reading: "ReadOptions") -> Wanted:
-    """What is sought, read from its files.
+def read_query(options: QueryOptions, reading: ReadOptions) -> Query:
+    """What is looked for, read from its files.
 
     Raises
     ------
@@ -141,33 +161,84 @@ def read_wanted(options: QueryOptions, reading: "ReadOptions") -> Wanted:
 
     if options.class_name is not None:
         motion_class, feature_set = _motion_class(options)
-        queries = _read_queries(options, feature_set)
-        return Wanted(motion_class, feature_set, motion_class.name, queries=queries)
-    queries = _read_queries(options, FULL_BODY)
+        keyframes = _read_keyframes(options, feature_set)
+        return Query(motion_class, feature_set, motion_class.name, keyframes=keyframes)
+    keyframes = _read_keyframes(options, FULL_BODY)
     if options.like is None:
         name = Path(options.query or "").stem if _is_file(options.query) else "keyframes"
-        return Wanted(queries, FULL_BODY, options.query_name or name)
+        return Query(keyframes, FULL_BODY, options.query_name or name)
     path = Path(options.like)
-    example = read_example(path, from_s=options.from_s, to_s=options.to_s, reading=reading)
-    return Wanted(example.packed, FULL_BODY, f"like {path.stem}", example, queries)
+    example = _read_example(path, options.from_s, options.to_s, reading)
+    return Query(example.features, FULL_BODY, f"like {path.stem}", example, keyframes)
 
 
-def read_ranks(options: QueryOptions) -> tuple[list[int], list[int]]:
+# -- examples and what is said of their hits --------------------------------------------
+
+
+def _read_example(
+    path: Path, from_s: float | None, to_s: float | None, reading: ReadOptions
+) -> Example:
+    """A recording from one second to another; to its ends where left out."""
+    from motionary.features import SEQUENCE_HZ, compute_features
+
+    motion = read_recording(path, reading).renamed(path.name)
+    start_s, stop_s = _check_part(motion, from_s, to_s)
+    whole = compute_features(motion)
+    stop = min(round(stop_s * SEQUENCE_HZ), len(whole))
+    start = min(round(start_s * SEQUENCE_HZ), stop - 1)
+    return Example(whole.part(start, stop), motion)
+
+
+def _check_part(motion: "Motion", from_s: float | None, to_s: float | None) -> tuple[float, float]:
+    length = motion.duration_s
+    start_s, stop_s = 0.0 if from_s is None else from_s, length if to_s is None else to_s
+    inside = f"{motion.source} lasts from 0 to {length:.2f} s"
+    if not 0 <= start_s < length:
+        raise wrong("--from", f"{inside}, got {start_s:g}")
+    if not start_s < stop_s:
+        raise wrong("--to", f"must come after --from, got {start_s:g} to {stop_s:g}; {inside}")
+    if stop_s > length + _ROUNDING_S:
+        raise wrong("--to", f"{inside}, got {stop_s:g}")
+    stop_s = min(stop_s, length)
+    if stop_s - start_s < SHORTEST_S:
+        raise wrong(
+            "--from, --to",
+            f"an example needs at least {SHORTEST_S:g} s to tell one motion from another, got "
+            f"{stop_s - start_s:.2f} s; {inside}",
+        )
+    return start_s, stop_s
+
+
+class Ranks(NamedTuple):
+    """Which hits are relevant and which are not, by rank."""
+
+    relevant: list[int]
+    irrelevant: list[int]
+
+    @property
+    def most(self) -> int:
+        """The last rank of both; 0 for none."""
+        return max([0, *self.relevant, *self.irrelevant])
+
+
+def read_ranks(options: QueryOptions) -> Ranks:
     """Which hits are right and which are wrong, by rank.
 
     Raises
     ------
     BadParameter
     """
-    good, bad = _ranks("--good", options.good), _ranks("--bad", options.bad)
-    both = sorted(set(good) & set(bad))
+    ranks = Ranks(
+        _ranks("--relevant", options.relevant), _ranks("--irrelevant", options.irrelevant)
+    )
+    both = sorted(set(ranks.relevant) & set(ranks.irrelevant))
     if both:
-        raise wrong("--good, --bad", f"hit {both[0]} cannot be right and wrong")
-    return good, bad
+        raise wrong("--relevant, --irrelevant", f"hit {both[0]} cannot be right and wrong")
+    return ranks
 
 
-def judge(
-    words: "FeatureSequence", hits: "Sequence[Hit]", ranks: tuple[list[int], list[int]]
+def feedback_of(
+    example: "FeatureSequence", hits: "Sequence[Hit]", ranks: Ranks
 ) -> "RelevanceFeedback":
     """An example with what is said of its hits.
 
@@ -178,25 +249,25 @@ def judge(
     """
     from motionary.retrieval.search import RelevanceFeedback
 
-    most = max([*ranks[0], *ranks[1]])
-    if most > len(hits):
-        raise wrong("--good, --bad", f"there is no hit {most}: the search has {len(hits)}")
-    good, bad = (tuple(hits[rank - 1] for rank in some) for some in ranks)
-    return RelevanceFeedback(words, good, bad)
+    if ranks.most > len(hits):
+        raise wrong(
+            "--relevant, --irrelevant",
+            f"there is no hit {ranks.most}: the search has {len(hits)}",
+        )
+    relevant, irrelevant = (tuple(hits[rank - 1] for rank in some) for some in ranks)
+    return RelevanceFeedback(example, relevant, irrelevant)
 
 
-def _ranks(option: str, told: str | None) -> list[int]:
-    if told is None:
+def _ranks(option: str, given: str | None) -> list[int]:
+    if given is None:
         return []
-    parts = [part.strip() for part in told.split(",")]
+    parts = [part.strip() for part in given.split(",")]
     if not all(part.isascii() and part.isdigit() and int(part) > 0 for part in parts):
-        raise wrong(option, f"needs ranks of hits, such as 1,2,5, got {told!r}")
+        raise wrong(option, f"needs ranks of hits, such as 1,2,5, got {given!r}")
     return sorted({int(part) for part in parts})
 
 
-def wrong(option: str, problem: str) -> typer.BadParameter:
-    """Wrong use of an option."""
-    return typer.BadParameter(problem, param_hint=option)
+# -- classes and keyframes --------------------------------------------------------------
 
 
 def _motion_class(options: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
@@ -210,22 +281,24 @@ def _motion_class(options: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
     return library[name], library.feature_set
 
 
-def _read_queries(options: QueryOptions, feature_set: "FeatureSet") -> "tuple[KeyframeQuery, ...]":
+def _read_keyframes(
+    options: QueryOptions, feature_set: "FeatureSet"
+) -> "tuple[KeyframeQuery, ...]":
     """Keyframes of a collection, of a file, or of the text itself."""
-    told = options.query
-    if told is None:
+    given = options.query
+    if given is None:
         return ()
-    from motionary.io.text import read_text
+    from motionary.io import read_text
     from motionary.models.keyframes import parse_queries
 
-    is_file = _is_file(told)
+    is_file = _is_file(given)
     try:
-        if _is_collection(told):
-            return (_query_of(Path(told), options.query_name, feature_set),)
-        text = read_text(Path(told)) if is_file else told
+        if _is_collection(given):
+            return (_query_of(Path(given), options.query_name, feature_set),)
+        text = read_text(Path(given)) if is_file else given
         return parse_queries(text, vocabulary=feature_set)
     except InvalidInput as error:
-        where = f"{Path(told).name}, " if is_file else ""
+        where = f"{Path(given).name}, " if is_file else ""
         raise wrong("--query", f"{where}{error}") from error
 
 
@@ -254,17 +327,17 @@ def _query_of(path: Path, name: str | None, feature_set: "FeatureSet") -> "Keyfr
     )  # fmt: skip
 
 
-def _is_collection(told: str | None) -> bool:
-    return _is_file(told) and Path(told or "").suffix.lower() == ".json"
+def _is_collection(given: str | None) -> bool:
+    return _is_file(given) and Path(given or "").suffix.lower() == ".json"
 
 
-def _is_meant_as_file(told: str | None) -> bool:
-    return told is not None and told.lower().endswith(_QUERY_FILES)
+def _is_meant_as_file(given: str | None) -> bool:
+    return given is not None and given.lower().endswith(_QUERY_FILES)
 
 
-def _is_file(told: str | None) -> bool:
+def _is_file(given: str | None) -> bool:
     try:
-        return told is not None and Path(told).is_file()
+        return given is not None and Path(given).is_file()
     except OSError:
         # A text may be longer than any name.
         return False

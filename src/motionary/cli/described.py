@@ -1,4 +1,4 @@
-"""What does a template ask for, in words that fit a screen?
+"""A template in words that fit a screen: what it asks for, and what it leaves open.
 
 Times are seconds from the template's beginning, by the time its columns stand for.
 """
@@ -18,7 +18,7 @@ _MOST_LINES = 8
 _MOST_NAMES = 6
 # Shorter than a tenth of a second says little.
 _SHORTEST_RUN = 3
-# Of a relation that is free in fewer columns, only the ends vary.
+# Of a feature that is free in fewer columns, only the ends vary.
 _VARIES_FROM = 0.25
 _MOMENT_S = 0.15
 
@@ -36,13 +36,13 @@ class _Run(NamedTuple):
 def describe_template(
     template: "MotionTemplate", *, tolerance: float, feature_set: "FeatureSet"
 ) -> list[str]:
-    """Lines that tell what a template fixes and what it leaves open.
+    """Lines that say what a template fixes and what it leaves open.
 
     Parameters
     ----------
     template : MotionTemplate
     tolerance : as in `quantise`
-    feature_set : the relations that the template's columns have
+    feature_set : the features that the template's columns have
     """
     from motionary.models.templates import quantise
 
@@ -62,7 +62,7 @@ def describe_template(
 def _asked(
     template: "QuantisedTemplate", edges: NDArray[np.float64], feature_set: "FeatureSet"
 ) -> list[str]:
-    """The longest stretches in which relations must hold, in the order of time."""
+    """The longest segments in which features must hold, in the order of time."""
     wanted = template.values & template.fixed
     runs = [
         _Run(float(edges[first]), float(edges[stop]), name)
@@ -74,7 +74,7 @@ def _asked(
     longest = sorted(joined, key=lambda r: r.start_s - r.end_s)[:_MOST_LINES]
     lines = [f"{run.span}  {run.phrase}" for run in sorted(longest)]
     if len(joined) > len(longest):
-        lines.append(f"and {len(joined) - len(longest)} shorter stretches")
+        lines.append(f"and {len(joined) - len(longest)} shorter segments")
     return _column("holds", lines)
 
 

@@ -1,6 +1,0 @@
-"""`python -m motionary.cli`, where the script `motionary` is not on the path."""
-
-from motionary.cli import main
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,384 @@
+"""Recordings that a command works on: found by path, read, or opened by the index of a folder.
+
+Also `motionary index`, which keeps a folder's features so that searches of it answer at once.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
+
+import typer
+
+from motionary.cli import STOPPED_BY_KEYBOARD, screen
+from motionary.cli.options import AsJson, Jobs
+from motionary.errors import NO_MOTION, NotAMotion, NotHuman, UnreadableFile, UnwritableFile
+from motionary.io.options import ReadOptions
+
+if TYPE_CHECKING:
+    from motionary.batch import Failure
+    from motionary.features import FeatureSequence, FeatureSet, NamedFile
+    from motionary.motion import Floats, Motion
+    from motionary.retrieval.index import Changes, Index
+    from motionary.retrieval.index import Collection as Features
+
+Result = TypeVar("Result")
+
+
+# -- files ------------------------------------------------------------------------------
+
+
+class Found(NamedTuple):
+    """Recordings by name, and for each path that means none the reason."""
+
+    files: dict[str, Path]
+    missing: dict[str, UnreadableFile]
+
+
+def find_files(paths: Iterable[str]) -> Found:
+    """Recordings of files, folders and patterns; one wrong path does not stop the others."""
+    from motionary.io import name_recordings
+
+    good: list[str] = []
+    missing: dict[str, UnreadableFile] = {}
+    for path in paths:
+        try:
+            name_recordings(path)
+        except UnreadableFile as error:
+            missing[path] = error
+        else:
+            good.append(path)
+    return Found(name_recordings(good), missing)
+
+
+def read_recording(path: Path, reading: ReadOptions) -> "Motion":
+    """A motion, read as its features were: options that other formats take are left out."""
+    from motionary.io import read
+
+    return read(path, reading.for_file(path))
+
+
+def cut_frames(motion: "Motion", first: int, last: int) -> "Floats":
+    """Generic joints of frames as the file numbers them, both ends included."""
+    start = max(first - motion.first_frame, 0)
+    stop = min(max(last + 1 - motion.first_frame, start + 1), motion.n_frames)
+    return motion.cut(start, stop).generic_positions()
+
+
+def map_files(
+    work: "Callable[[NamedFile], Result]", files: Mapping[str, Path], what: str, *, jobs: int
+) -> "Iterator[Result | Failure[NamedFile]]":
+    """Results of a function for each file, with a bar that says `what` is done."""
+    from motionary.batch import map_ordered
+
+    with screen.progress(what, len(files)) as done:
+        yield from map_ordered(work, files.items(), jobs=jobs, on_done=done)
+
+
+def measure_files(
+    files: Mapping[str, Path],
+    what: str,
+    *,
+    reading: ReadOptions,
+    feature_set: "FeatureSet",
+    jobs: int,
+) -> "Iterator[FeatureSequence | Failure[NamedFile]]":
+    """Features of each file, with a bar that says `what` is done."""
+    from motionary.features import read_features
+
+    with screen.progress(what, len(files)) as done:
+        yield from read_features(
+            files.items(), options=reading, feature_set=feature_set, jobs=jobs, on_done=done
+        )
+
+
+def split_failures(
+    items: "Iterable[Result | Failure[NamedFile]]",
+) -> "tuple[list[Result], list[Failure[NamedFile]]]":
+    """What was done, and what could not be."""
+    from motionary.batch import Failure
+
+    done: list[Result] = []
+    failures: list[Failure[NamedFile]] = []
+    for item in items:
+        if isinstance(item, Failure):
+            failures.append(item)
+        else:
+            done.append(item)
+    return done, failures
+
+
+def warn_of_all(
+    missing: Iterable[UnreadableFile],
+    failures: "Iterable[Failure[NamedFile]]",
+    *,
+    given: Iterable[str] = (),
+) -> bool:
+    """Say on stderr which paths mean nothing and which recordings could not be read.
+
+    Parameters
+    ----------
+    given : what the person named; the rest was found in folders and by patterns
+
+    Returns
+    -------
+    whether an input failed; what was found in a folder and is no motion of a person (arrays of
+    something else, an animal) is reported and passed over
+    """
+    failed = False
+    named = set(given)
+    for error in missing:
+        screen.warn(str(error))
+        failed = True
+    for failure in failures:
+        passed = is_passed_over(failure, named)
+        screen.warn(describe_failure(failure) + ("; passed over" if passed else ""))
+        failed = failed or not passed
+    return failed
+
+
+def is_passed_over(failure: "Failure[NamedFile]", given: Collection[str]) -> bool:
+    """Whether a file is no motion of a person, and was not named but found."""
+    from motionary.skeletons import AN_ANIMAL
+
+    # Of an index only the words of an error are left.
+    text = str(failure.error)
+    is_other = isinstance(failure.error, (NotAMotion, NotHuman)) or NO_MOTION in text
+    return str(failure.item[1]) not in given and (is_other or AN_ANIMAL in text)
+
+
+def describe_failure(failure: "Failure[NamedFile]") -> str:
+    """Why a recording could not be read, under its name whatever the error calls its file."""
+    name, path = failure.item
+    text = str(failure.error)
+    for called in (str(path), PurePath(path).name):
+        if text.startswith(called):
+            return name + text.removeprefix(called)
+    return f"{name}: {text}"
+
+
+# -- folders and their indexes ----------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndexOptions:
+    """Where the features of a folder are kept."""
+
+    index: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH",
+            help="Folder that keeps what was read of the recordings; by default in the cache.",
+        ),
+    ] = None
+    no_index: Annotated[
+        bool, typer.Option("--no-index", help="Read all recordings anew, and keep nothing.")
+    ] = False
+
+
+@dataclass(frozen=True)
+class Opened:
+    """Recordings that are ready to be searched.
+
+    Attributes
+    ----------
+    collection : their features
+    files : by name
+    is_complete : whether all that was asked for could be read
+    is_stopped : whether reading was stopped from the keyboard
+    """
+
+    collection: "Features"
+    files: Mapping[str, Path]
+    is_complete: bool
+    is_stopped: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opener:
+    """How recordings are opened: what files do not say, and what is measured."""
+
+    reading: ReadOptions
+    feature_set: "FeatureSet"
+    jobs: int
+
+    def open(self, paths: Sequence[str], options: IndexOptions) -> Opened:
+        """Features of folders, files and patterns; reports what could not be read.
+
+        Raises
+        ------
+        BadParameter
+            If one index is named for several folders.
+        """
+        folders = [path for path in paths if Path(path).is_dir()]
+        if options.index is not None and (len(paths) != 1 or not folders or options.no_index):
+            raise typer.BadParameter("keeps the features of one folder", param_hint="--index")
+        if options.no_index or not folders:
+            return self._read(paths)
+        if len(paths) > 1:
+            return self._open_several(paths, folders)
+        index, is_stopped = self._update(folders[0], options.index)
+        if index is None:
+            return self._read(paths)
+        collection = index.collection()
+        failed = warn_of_all(list_missing(index), collection.failures)
+        files = _FilesOf(index.folder, collection)
+        return Opened(collection, files, not (failed or is_stopped), is_stopped)
+
+    def _update(self, folder: str, at: str | None) -> "tuple[Index | None, bool]":
+        """The index of a folder, up to date; None where the cache cannot be written."""
+        from motionary.retrieval.index import Index
+
+        index = Index.open(folder, at=at, reading=self.reading, feature_set=self.feature_set)
+        try:
+            return index, update_index(index, index.changes(), jobs=self.jobs)
+        except UnwritableFile as error:
+            if at is not None:
+                raise
+            screen.warn(f"nothing is kept for the next time: {error}")
+            return None, False
+
+    def _read(self, paths: Sequence[str]) -> Opened:
+        found = find_files(paths)
+        with screen.progress("reading", len(found.files)) as done:
+            collection = self._collect(found.files, on_done=done)
+        failed = warn_of_all(found.missing.values(), collection.failures, given=paths)
+        return Opened(collection, found.files, not failed)
+
+    def _collect(self, files: Mapping[str, Path], **on_done: Any) -> "Features":
+        from motionary.retrieval.index import read_collection
+
+        return read_collection(
+            files.items(),
+            reading=self.reading,
+            feature_set=self.feature_set,
+            jobs=self.jobs,
+            **on_done,
+        )
+
+    def _open_several(self, paths: Sequence[str], folders: Sequence[str]) -> Opened:
+        """Folders, each by its index, and single files, under names that tell them apart."""
+        from motionary.retrieval.index import join_collections
+
+        found = find_files(paths)
+        names = {path.absolute(): name for name, path in found.files.items()}
+        collections, renamed, is_stopped = [], [], False
+        for folder in folders:
+            if folder in found.missing or is_stopped:
+                continue
+            index, is_stopped = self._update(folder, None)
+            if index is None:
+                return self._read(paths)
+            collection = index.collection()
+            inside = ((name, (index.folder / name).absolute()) for name in _names(collection))
+            collections.append(collection)
+            # Of a recording that lies in two of the folders only the first counts.
+            renamed.append({name: names.pop(path) for name, path in inside if path in names})
+        rest = {name: found.files[name] for name in names.values()}
+        if rest and not is_stopped:
+            collections.append(self._collect(rest))
+            renamed.append({name: name for name in rest})
+        if not collections:
+            return self._read(paths)
+        joined = join_collections(collections, renamed)
+        failed = warn_of_all(found.missing.values(), joined.failures, given=paths)
+        return Opened(joined, found.files, not (failed or is_stopped), is_stopped)
+
+
+class _FilesOf(Mapping[str, Path]):
+    """Files of the recordings of a folder, without making thousands of paths."""
+
+    def __init__(self, folder: Path, collection: "Features") -> None:
+        self._folder = folder
+        self._collection = collection
+
+    def __getitem__(self, name: str) -> Path:
+        return self._folder / name
+
+    def __iter__(self) -> Iterator[str]:
+        return (sequence.source for sequence in self._collection.sequences)
+
+    def __len__(self) -> int:
+        return len(self._collection)
+
+
+def _names(collection: "Features") -> list[str]:
+    failed = [failure.item[0] for failure in collection.failures]
+    read = [name for part in collection.parts for name in part.shard.names] if collection else []
+    return read + failed
+
+
+def list_missing(index: "Index") -> list[UnreadableFile]:
+    """Why a folder has no recordings, if it has none."""
+    if len(index) or index.failures:
+        return []
+    return list(find_files([str(index.folder)]).missing.values())
+
+
+def update_index(index: "Index", changes: "Changes", *, jobs: int) -> bool:
+    """Read what changed; whether that was stopped from the keyboard."""
+    try:
+        with screen.progress("reading", len(changes.to_read)) as done:
+            index.update(changes, jobs=jobs, on_done=done)
+    except KeyboardInterrupt:
+        if not len(index):
+            raise
+        screen.warn(
+            f"stopped: {len(index)} of {len(changes.states)} recordings are ready; the same "
+            "command reads the others"
+        )
+        return True
+    return False
+
+
+def index(
+    folder: Annotated[
+        str, typer.Argument(metavar="FOLDER", help="Recordings, searched to the bottom.")
+    ],
+    place: Annotated[
+        str | None,
+        typer.Option(
+            "--index",
+            metavar="PATH",
+            help="Folder to keep what was read in; by default in the cache.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    *,
+    jobs: Jobs,
+    reading: ReadOptions,
+) -> int:
+    """Read what is new or changed in a folder, and say what could not be read.
+
+    `motionary search` does the same by itself. An interrupted run is taken up where it
+    ended. What could not be read is tried again when it has changed.
+
+    motionary index recordings/ --jobs 4
+    motionary index //server/recordings --index recordings-index
+    """
+    from motionary.features import SEQUENCE_HZ
+    from motionary.retrieval.index import Index
+
+    opened = Index.open(folder, at=place, reading=reading)
+    changes = opened.changes()
+    is_stopped = update_index(opened, changes, jobs=jobs)
+    failed = warn_of_all(list_missing(opened), opened.failures)
+    counts = {
+        "recordings": len(opened),
+        "words": opened.n_frames,
+        "read": opened.count_ready(changes.to_read),
+        "gone": len(changes.gone),
+        "failed": len(opened.failures),
+    }
+    if as_json:
+        screen.print_json({**counts, "place": str(opened.place)})
+    else:
+        hours = opened.n_frames / SEQUENCE_HZ / 3600
+        screen.say(
+            f"{len(opened)} recordings, {hours:.2f} hours; read {counts['read']}, "
+            f"{len(changes.gone)} gone, {len(opened.failures)} could not be read",
+            f"kept in {opened.place}",
+        )
+    if is_stopped:
+        return STOPPED_BY_KEYBOARD
+    return 1 if failed else 0
