@@ -111,7 +111,7 @@ def test_the_example_is_found_in_its_own_recording(motionary, world):
     start, end = stretch_of(world, "squat")
     take = world / "takes" / "take one.bvh"
     ran = motionary(
-        "search", take, "--like", take, "--from", start, "--to", end, "--grow", 0,
+        "search", take, "--like", take, "--from", start, "--to", end, "--expand", 0,
         "--limit", 1, "--json",
     )  # fmt: skip
     (hit,) = json_lines(ran.out)

@@ -49,7 +49,7 @@ def test_listing_tells_templates_thresholds_and_promises(motionary, world, tmp_p
     first, header, *rows = ran.out.splitlines()
     assert first.endswith("kept: 3 classes over full-body-40; from: synthetic; licence: CC0")
     assert header.split() == [
-        "class", "template", "examples", "columns", "fixed", "threshold", "right", "found",
+        "class", "template", "examples", "columns", "fixed", "threshold", "precision", "recall",
     ]  # fmt: skip
     assert [row.split()[0] for row in rows] == sorted(CLASSES)
     assert all(row.count("%") == 3 for row in rows)
@@ -287,7 +287,7 @@ def test_learning_advises_chooses_thresholds_and_tells_what_to_expect(motionary,
     write_bvh(synthetic_motion("wave_right", seed=30, rate_hz=RATE_HZ), odd)
     write_bvh(synthetic_motion("bow", seed=0, rate_hz=RATE_HZ), tmp_path / "other" / "bow.bvh")
     ran = motionary("learn", examples, "-o", tmp_path / "lib", "--json", "--keep-examples",
-                    "--suggest", "--negatives", tmp_path / "other")  # fmt: skip
+                    "--calibrate", "--negatives", tmp_path / "other")  # fmt: skip
     assert ran.code == 0
     assert "class 'squat': squat/odd.bvh does not fit" in ran.err
     rows = rows_of(ran.out)
@@ -303,14 +303,14 @@ def test_learning_advises_chooses_thresholds_and_tells_what_to_expect(motionary,
 
 
 def test_learning_with_groups_and_another_set(motionary, world, tmp_path):
-    ran = motionary("learn", world / "examples", "-o", tmp_path / "lib", "--suggest",
+    ran = motionary("learn", world / "examples", "-o", tmp_path / "lib", "--calibrate",
                     "--groups", r"(\d)\.bvh", "--features", "legs-14", "--json")  # fmt: skip
     assert ran.code == 0, ran.err
     assert load_library(tmp_path / "lib").feature_set.name == "legs-14"
     ran = motionary("annotate", world / "examples" / "squat", "--library", tmp_path / "lib")
     assert ran.code == 0
     ran = motionary("learn", world / "examples", "-o", tmp_path / "lib",
-                    "--suggest", "--groups", "actor(.)")  # fmt: skip
+                    "--calibrate", "--groups", "actor(.)")  # fmt: skip
     assert ran.code == 1
     assert "groups 'actor(.)' matches nothing in 'kick_left/kick_left 0.bvh'" in ran.err
 
@@ -318,9 +318,9 @@ def test_learning_with_groups_and_another_set(motionary, world, tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--groups", "a(.)"), "--groups: goes with --suggest"),
-        (("--negatives", "takes"), "--negatives: goes with --suggest"),
-        (("--suggest", "--threshold", 0.05), "given or chosen, not both"),
+        (("--groups", "a(.)"), "--groups: goes with --calibrate"),
+        (("--negatives", "takes"), "--negatives: goes with --calibrate"),
+        (("--calibrate", "--threshold", 0.05), "given or chosen, not both"),
     ],
 )
 def test_options_of_thresholds_that_do_not_go_together(

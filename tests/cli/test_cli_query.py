@@ -206,17 +206,17 @@ def test_hits_said_to_be_right_teach_and_the_others_do_not(motionary, world, squ
     first = json_lines(motionary(*like, "--json").out)
     good = [rank for rank, hit in enumerate(first, 1) if "squat" in hit["recording"]]
     bad = [rank for rank, hit in enumerate(first, 1) if "squat" not in hit["recording"]]
-    told = motionary(*like, "--good", ",".join(map(str, good)), "--bad", bad[0])
+    told = motionary(*like, "--relevant", ",".join(map(str, good)), "--irrelevant", bad[0])
     assert told.code == 0, told.err
     # One of them is the example itself.
     assert f"grown from squat 0.bvh and {len(good) - 1} hits" in told.out
 
 
 def test_what_is_like_a_wrong_hit_costs_more(motionary, world, squat):
-    like = ("search", world / "examples", "--like", squat, "--grow", 0, "--limit", 0, "--json")
+    like = ("search", world / "examples", "--like", squat, "--expand", 0, "--limit", 0, "--json")
     first = json_lines(motionary(*like).out)
     rank = next(i for i, hit in enumerate(first, 1) if "squat" not in hit["recording"])
-    again = json_lines(motionary(*like, "--bad", rank).out)
+    again = json_lines(motionary(*like, "--irrelevant", rank).out)
     wrong = first[rank - 1]["recording"]
     cost = [next(h["cost"] for h in hits if h["recording"] == wrong) for hits in (first, again)]
     assert cost[1] > cost[0]
@@ -226,13 +226,13 @@ def test_what_is_like_a_wrong_hit_costs_more(motionary, world, squat):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--good", "1,2", "--bad", "2"), "hit 2 cannot be right and wrong"),
-        (("--good", "one"), "ranks of hits, such as 1,2,5, got 'one'"),
-        (("--good", "0"), "ranks of hits"),
-        (("--bad", "1,,2"), "ranks of hits"),
-        (("--bad", "-1"), "ranks of hits"),
-        (("--good", "9999999999999999"), "there is no hit 9999999999999999"),
-        (("--threshold", "0.0001", "--good", "1,7"), "there is no hit 7"),
+        (("--relevant", "1,2", "--irrelevant", "2"), "hit 2 cannot be right and wrong"),
+        (("--relevant", "one"), "ranks of hits, such as 1,2,5, got 'one'"),
+        (("--relevant", "0"), "ranks of hits"),
+        (("--irrelevant", "1,,2"), "ranks of hits"),
+        (("--irrelevant", "-1"), "ranks of hits"),
+        (("--relevant", "9999999999999999"), "there is no hit 9999999999999999"),
+        (("--threshold", "0.0001", "--relevant", "1,7"), "there is no hit 7"),
     ],
 )
 def test_judgements_that_make_no_sense(motionary, world, squat, options, words):
@@ -242,7 +242,7 @@ def test_judgements_that_make_no_sense(motionary, world, squat, options, words):
     assert not ran.out
 
 
-@pytest.mark.parametrize("option", ["--good", "--bad"])
+@pytest.mark.parametrize("option", ["--relevant", "--irrelevant"])
 def test_only_hits_of_an_example_are_judged(motionary, world, option):
     ran = motionary("search", world / "examples", "--query", LOW, option, "1")
     assert ran.code == 2
@@ -404,7 +404,7 @@ def test_one_index_is_of_one_folder(motionary, world, squat, tmp_path):
     ran = motionary("search", world / "examples", world / "takes", "--like", squat, "--index",
                     tmp_path / "words")  # fmt: skip
     assert ran.code == 2
-    assert "keeps the words of one folder" in ran.err
+    assert "keeps the features of one folder" in ran.err
 
 
 def test_indexing_tells_what_it_did(motionary, world, tmp_path):
