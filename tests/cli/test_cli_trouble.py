@@ -1,5 +1,6 @@
 """Commands when something is wrong: what is said, where, and how they end."""
 
+import contextlib
 import json
 import os
 import re
@@ -7,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -325,16 +327,84 @@ def test_the_keyboard_stops_a_command_quietly(world, tmp_path):
     assert (process.returncode, out, errors) == (130, "", "")
 
 
-@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a terminal of its own")
-def test_bars_are_drawn_on_a_terminal_only(world):
+def on_terminal(*arguments, stream, columns=80):
+    """What a command prints with one of its streams on a terminal, and the other stream."""
     main_end, terminal = os.openpty()
-    command = [*COMMAND, "info", str(world / "examples")]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=terminal, text=True)
-    out, _ = process.communicate(timeout=60)
+    chunks = []
+
+    def drain():
+        # The other end is closed by an error on Linux, by nothing more to read elsewhere.
+        with contextlib.suppress(OSError):
+            while chunk := os.read(main_end, 4096):
+                chunks.append(chunk)
+
+    reader = threading.Thread(target=drain)
+    reader.start()
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, stream: terminal}
+    env = {**os.environ, "COLUMNS": str(columns), "TERM": "xterm"}
+    process = subprocess.Popen([*COMMAND, *map(str, arguments)], **streams, env=env, text=True)
+    other = "".join(text or "" for text in process.communicate(timeout=100))
     os.close(terminal)
-    drawn = os.read(main_end, 100_000).decode()
+    reader.join(timeout=20)
     os.close(main_end)
+    return b"".join(chunks).decode().replace("\r\n", "\n"), other
+
+
+needs_terminal = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a terminal")
+
+
+@needs_terminal
+def test_bars_are_drawn_on_a_terminal_only(world):
+    drawn, out = on_terminal("info", world / "examples", stream="stderr")
     assert "reading" in drawn
     quiet = in_process("info", world / "examples")
     assert (quiet.stdout, quiet.stderr) == (out, "")
     assert quiet.stdout.count(".bvh") >= 3 * len(CLASSES)
+
+
+@needs_terminal
+def test_a_table_fits_a_narrow_terminal_and_loses_nothing(world, tmp_path):
+    name = "a recording with a rather long name.bvh"
+    shutil.copy(world / "take.bvh", tmp_path / name)
+    command = ("annotate", tmp_path, "--library", world / "library", "--explain")
+    wide = in_process(*command).stdout.splitlines()
+    shown, _ = on_terminal(*command, stream="stdout", columns=64)
+    narrow = re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", shown).splitlines()
+    assert max(map(len, wide)) > 64
+    assert max(len(line.rstrip()) for line in narrow) <= 64
+    assert "".join(sorted("".join(wide).replace(" ", ""))) == "".join(
+        sorted("".join(narrow).replace(" ", ""))
+    )
+    # Numbers stay whole: each row of the wide table begins a row of the narrow one.
+    numbers = [re.findall(r"\d+\.\d+", line) for line in wide if line.startswith(name)]
+    assert [re.findall(r"\d+\.\d+", line) for line in narrow if line.startswith("a rec")] == numbers
+
+
+# -- manners --------------------------------------------------------------------------------
+
+
+def test_help_and_version_are_commands_too(motionary):
+    assert motionary("help").out == motionary("--help").out
+    assert motionary("help", "library", "edit").out == motionary("library", "edit", "-h").out
+    assert motionary("version").out == motionary("--version").out
+    ran = motionary("help", "serch")
+    assert (ran.code, ran.out) == (2, "")
+    assert "no command 'serch'" in ran.err
+
+
+def test_shells_complete_commands_and_options():
+    env = {**os.environ, "_MOTIONARY_COMPLETE": "complete_bash", "COMP_CWORD": "1"}
+    ran = in_process(env={**env, "COMP_WORDS": "motionary du"})
+    assert ran.stdout.split() == ["duplicates"]
+    ran = in_process(env={**env, "COMP_WORDS": "motionary search --rel", "COMP_CWORD": "2"})
+    assert ran.stdout.split() == ["--relevant"]
+
+
+def test_former_names_of_options_stay(motionary, world):
+    like = ("search", world / "examples", "--like", world / "examples/squat/squat 0.bvh", "--json")
+    now = motionary(*like, "--relevant", "1,2", "--irrelevant", 4, "--expand", 2)
+    assert now.code == 0
+    assert motionary(*like, "--good=1,2", "--bad", 4, "--grow", 2) == now
+    assert "--good" not in motionary("search", "--help").out
+    ran = motionary("learn", world / "examples", "-o", "x", "--suggest", "--threshold", 1)
+    assert "--threshold, --calibrate: thresholds are given or chosen" in ran.err
