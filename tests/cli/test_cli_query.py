@@ -1,6 +1,7 @@
 """Searching by keyframes, by example with what it has grown, and from what is kept."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -250,6 +251,21 @@ def test_only_hits_of_an_example_are_judged(motionary, world, option):
 
 
 # -- what has grown -----------------------------------------------------------------------
+
+
+def test_features_that_no_example_shows_are_unknown_and_do_not_vary(motionary, tmp_path):
+    hands = ("lwrist", "rwrist", "lfingers", "rfingers")
+    for seed in range(3):
+        path = tmp_path / f"{seed}.bvh"
+        write_bvh(synthetic_motion("squat", seed=seed, rate_hz=30), path)
+        text = path.read_text()
+        for name in hands:
+            text = text.replace(f"JOINT {name}\n", f"JOINT no_{name}\n")
+        path.write_text(text)
+    ran = motionary("search", tmp_path, "--like", tmp_path / "0.bvh", "--skeleton", "generic")
+    lines = {line.split()[0]: line for line in ran.out.split("\n\n")[0].splitlines()[1:]}
+    assert re.match(r"  unknown .*hand.* \(measured in no example\)$", lines["unknown"])
+    assert "hand" not in lines["varies"]
 
 
 def test_a_fast_search_tells_its_keyframes(motionary, world, squat):

@@ -191,7 +191,7 @@ def test_a_class_of_one_example_is_learned_with_a_warning(motionary, world, tmp_
     ran = motionary("learn", tmp_path / "examples", "-o", tmp_path / "lib", "--calibrate")
     assert ran.code == 0
     assert "class 'squat': one example: too few" in ran.err
-    assert "too little to choose its threshold by; it stays 0.06" in ran.err
+    assert "too little to calibrate its threshold by; it stays 0.06" in ran.err
     assert "100 %" in ran.out
 
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.recording import find_runs
+
 if TYPE_CHECKING:
     from motionary.features import FeatureSet
     from motionary.models.templates import MotionTemplate, QuantisedTemplate
@@ -55,7 +57,10 @@ def describe_template(
     ]
     lines += _asked(quantised, edges, feature_set)
     lines += _names("never", _never(quantised, feature_set))
-    lines += _names("varies", _varying(quantised, edges, feature_set))
+    known = np.array([name not in template.unmeasured for name in template.feature_names])
+    lines += _names("varies", _varying(~quantised.fixed & known, edges, feature_set))
+    names = [name for name, seen in zip(feature_set.names, known, strict=True) if not seen]
+    lines += _names("unknown", _phrases(names), " (measured in no example)")
     return lines
 
 
@@ -67,7 +72,7 @@ def _asked(
     runs = [
         _Run(float(edges[first]), float(edges[stop]), name)
         for name, column in zip(feature_set.names, wanted.T, strict=True)
-        for first, stop in _runs(column)
+        for first, stop in find_runs(column)
         if stop - first >= _SHORTEST_RUN
     ]
     joined = _join_sides(runs)
@@ -79,31 +84,28 @@ def _asked(
 
 
 def _never(template: "QuantisedTemplate", feature_set: "FeatureSet") -> list[str]:
-    """Relations that must not hold nearly all the time."""
+    """Features that must not hold nearly all the time."""
     off = (template.fixed & ~template.values).mean(axis=0) >= 1 - _VARIES_FROM
     on = (template.fixed & template.values).any(axis=0)
-    names = [name for name, never in zip(feature_set.names, off & ~on, strict=True) if never]
-    return [run.phrase for run in _join_sides([_Run(0.0, 0.0, name) for name in names])]
+    return _phrases(
+        [name for name, never in zip(feature_set.names, off & ~on, strict=True) if never]
+    )
 
 
-def _varying(
-    template: "QuantisedTemplate", edges: NDArray[np.float64], feature_set: "FeatureSet"
-) -> list[str]:
-    """Relations that are left open, longest first."""
-    free = ~template.fixed
+def _varying(free: Bools, edges: NDArray[np.float64], feature_set: "FeatureSet") -> list[str]:
+    """Features that are left open, longest first."""
     runs = []
     for name, column in zip(feature_set.names, free.T, strict=True):
         if column.mean() >= _VARIES_FROM:
-            first, stop = max(_runs(column), key=lambda r: r[1] - r[0])
+            first, stop = max(find_runs(column), key=lambda r: r[1] - r[0])
             runs.append(_Run(float(edges[first]), float(edges[stop]), name))
     ranked = sorted(_join_sides(runs), key=lambda r: r.start_s - r.end_s)
     return [f"{run.phrase} ({run.span})" for run in ranked]
 
 
-def _runs(column: Bools) -> list[tuple[int, int]]:
-    """First and one past the last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]])))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+def _phrases(names: list[str]) -> list[str]:
+    """Names of features; what is said of both sides is said once."""
+    return [run.phrase for run in _join_sides([_Run(0.0, 0.0, name) for name in names])]
 
 
 def _join_sides(runs: list[_Run]) -> list[_Run]:
@@ -132,12 +134,12 @@ def _together(a: _Run, b: _Run) -> bool:
     return abs(a.start_s - b.start_s) < _MOMENT_S and abs(a.end_s - b.end_s) < _MOMENT_S
 
 
-def _names(head: str, names: list[str]) -> list[str]:
+def _names(head: str, names: list[str], why: str = "") -> list[str]:
     if not names:
         return []
     more = len(names) - _MOST_NAMES
     shown = ", ".join(names[:_MOST_NAMES]) + (f", and {more} more" if more > 0 else "")
-    return _column(head, [shown])
+    return _column(head, [shown + why])
 
 
 def _column(head: str, lines: list[str]) -> list[str]:

@@ -1,9 +1,9 @@
 """`motionary learn`: classes of motion from examples, one folder per class."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -30,9 +30,8 @@ from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSequence
-    from motionary.models.library import ClassLibrary, Examples, MotionClass, TrainingOptions
-    from motionary.models.library.examples import ReadExamples
+    from motionary.features import FeatureSequence, FeatureSet
+    from motionary.models.library import ClassLibrary, MotionClass, Notice, TrainingOptions
 
 _COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold")
 _KEYS = (
@@ -53,7 +52,7 @@ class Queries(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingFlags:
-    """How classes are learned."""
+    """How classes are learned, and below which cost a match is believed."""
 
     mirror: Annotated[
         bool,
@@ -90,26 +89,11 @@ class TrainingFlags:
         int,
         typer.Option(
             min=1,
-            default_factory=LibraryDefault("motionary.models.query_learning:learn_query", "runs"),
+            default_factory=LibraryDefault(_TRAINING, "query_runs"),
             help="With --queries learned: so many are learned for each class; most of them must "
             "agree on a hit.",
         ),
     ]
-
-    def training(self, threshold: float | None) -> "TrainingOptions":
-        """The same for the library."""
-        from motionary.models.library import TrainingOptions
-
-        trained = TrainingOptions(
-            tolerance=self.tolerance, mirror=self.mirror, keep_examples=self.keep_examples
-        )
-        return trained if threshold is None else replace(trained, threshold=threshold)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ThresholdOptions:
-    """Below which cost a match of a class is believed."""
-
     threshold: Annotated[
         float | None,
         typer.Option(
@@ -157,6 +141,47 @@ class ThresholdOptions:
             if value and not self.calibrate:
                 raise wrong(option, "goes with --calibrate")
 
+    def training(self) -> "TrainingOptions":
+        """The same for the library."""
+        from motionary.models.library import TrainingOptions
+
+        training = TrainingOptions(
+            tolerance=self.tolerance,
+            mirror=self.mirror,
+            keep_examples=self.keep_examples,
+            calibrate=self.calibrate,
+            groups=self.groups,
+            queries=self.queries.value,
+            query_runs=self.query_runs,
+        )
+        return training if self.threshold is None else replace(training, threshold=self.threshold)
+
+
+@dataclass
+class ScreenMonitor:
+    """Training on the screen: bars, and what a person should know of.
+
+    Attributes
+    ----------
+    has_failed : whether something that was given could not be used
+    """
+
+    has_failed: bool = field(default=False, init=False)
+
+    def stage(self, name: str, total: int) -> AbstractContextManager[Callable[..., None]]:
+        """A bar."""
+        return screen.progress(name, total)
+
+    def notify(self, notice: "Notice") -> None:
+        """Say it on stderr."""
+        from motionary.batch import Failure
+
+        self.has_failed = self.has_failed or notice.is_failure
+        if notice.file is not None and notice.error is not None:
+            warn_of_all((), [Failure(notice.file, notice.error)])
+        else:
+            screen.warn(notice.text)
+
 
 def learn(
     examples: Annotated[
@@ -167,7 +192,6 @@ def learn(
         str, typer.Option("--output", "-o", metavar="LIB", help="Folder to write the library to.")
     ],
     options: TrainingFlags,
-    thresholds: ThresholdOptions,
     plot: Annotated[str | None, typer.Option(metavar="FOLDER", help="Draw the templates.")] = None,
     as_json: AsJson = False,
     *,
@@ -186,155 +210,46 @@ def learn(
     motionary learn examples/ -o my-classes --mirror
     with examples/squat/one.bvh, examples/squat/two.bvh, examples/kick/one.bvh, ...
     """
-    thresholds.check()
+    from motionary.models.library import learn as learn_library
+
+    options.check()
     for path in (output, plot):
         check_target(path, is_folder=True)
-    folder = Path(examples)
-    read, lost = _read_examples(folder, options.features, reading, jobs=jobs)
-    warn_of_all((), read.failures)
-    others, problems = _read_others(thresholds, options.features, reading, jobs=jobs)
-    _advise(read.classes, tolerance=options.tolerance)
-    library, refused = _learn(read.classes, others, options, thresholds, jobs=jobs)
-    problems += [*refused, *lost, *_outside_of_classes(folder)]
-    for problem in problems:
-        screen.warn(problem)
+    feature_set = find_feature_set(options.features)
+    negatives, has_failed = _read_negatives(options, feature_set, reading, jobs=jobs)
+    monitor = ScreenMonitor()
+    library = learn_library(
+        examples,
+        options.training(),
+        negatives=negatives,
+        reading=reading,
+        feature_set=feature_set,
+        jobs=jobs,
+        monitor=monitor,
+    )
     if not library:
         raise InvalidInput(f"{examples}: no class could be learned; nothing was written")
     library.save(output)
     for motion_class in library if plot else ():
         _draw_class(plot or "", motion_class, library)
     _say(library, as_json=as_json)
-    return 1 if problems or read.failures else 0
+    return 1 if has_failed or monitor.has_failed else 0
 
 
-def _read_examples(
-    folder: Path, features: str | None, reading: ReadOptions, *, jobs: int
-) -> "tuple[ReadExamples, list[str]]":
-    """Features of the examples, and which classes have none."""
-    from motionary.models.library import list_examples, read_examples
-
-    listed = list_examples(folder)
-    with screen.progress("reading", len(listed)) as done:
-        read = read_examples(
-            folder,
-            reading=reading,
-            feature_set=find_feature_set(features),
-            jobs=jobs,
-            on_done=done,
-        )
-    lost = sorted({name for name, _, _ in listed} - set(read.classes))
-    return read, [f"class {name!r}: none of its examples could be read; left out" for name in lost]
-
-
-def _read_others(
-    thresholds: ThresholdOptions, features: str | None, reading: ReadOptions, *, jobs: int
-) -> "tuple[list[FeatureSequence], list[str]]":
-    """Features of recordings without the classes, and which of them could not be read."""
-    if not thresholds.negatives:
-        return [], []
-    found = find_files(thresholds.negatives)
+def _read_negatives(
+    options: TrainingFlags, feature_set: "FeatureSet", reading: ReadOptions, *, jobs: int
+) -> "tuple[list[FeatureSequence], bool]":
+    """Features of recordings without the classes, and whether one could not be read."""
+    found = find_files(options.negatives or ())
     sequences, failures = split_failures(
         measure_files(
-            found.files,
-            "reading others",
-            reading=reading,
-            feature_set=find_feature_set(features),
-            jobs=jobs,
+            found.files, "reading others", reading=reading, feature_set=feature_set, jobs=jobs
         )
     )
-    problems = [str(error) for error in found.missing.values()]
-    return sequences, problems + [describe_failure(failure) for failure in failures]
-
-
-def _learn(
-    examples: "Examples",
-    others: "Sequence[FeatureSequence]",
-    options: TrainingFlags,
-    thresholds: ThresholdOptions,
-    *,
-    jobs: int,
-) -> "tuple[ClassLibrary, list[str]]":
-    """The library, and which classes are left out and why."""
-    from motionary.models.library import learn_classes
-
-    refused: list[str] = []
-    training = options.training(thresholds.threshold)
-    with screen.progress("learning", len(examples)) as done:
-        library = learn_classes(
-            examples,
-            training=training,
-            on_done=done,
-            on_refused=lambda name, why: refused.append(f"class {name!r} is left out: {why}"),
-        )
-    if thresholds.calibrate and library:
-        library = _with_thresholds(
-            library, examples, others, groups=thresholds.groups, training=training, jobs=jobs
-        )
-    if options.queries is not Queries.NONE:
-        library = _with_queries(library, examples, options, jobs=jobs)
-    return library, refused
-
-
-def _advise(examples: "Examples", *, tolerance: float) -> None:
-    """Say what looks wrong with the examples; they are learned all the same."""
-    from motionary.models.library import advise
-
-    for advice in advise(examples, tolerance=tolerance):
-        screen.warn(str(advice))
-
-
-def _with_thresholds(
-    library: "ClassLibrary",
-    examples: "Examples",
-    others: "Sequence[FeatureSequence]",
-    *,
-    groups: str | None,
-    training: "TrainingOptions",
-    jobs: int,
-) -> "ClassLibrary":
-    """The library with thresholds that were chosen by cross-validation."""
-    from motionary.models.library import N_FOLDS, apply_calibrations, calibrate_thresholds
-
-    learned = {name: examples[name] for name in library.names}
-    with screen.progress("choosing thresholds", N_FOLDS) as done:
-        calibrations = calibrate_thresholds(
-            learned, groups=groups, negatives=others, training=training, jobs=jobs, on_done=done
-        )
-    for name in library.names:
-        if name not in calibrations:
-            screen.warn(
-                f"class {name!r}: too little to choose its threshold by; it stays "
-                f"{library[name].threshold:g}"
-            )
-    return apply_calibrations(library, calibrations)
-
-
-def _with_queries(
-    library: "ClassLibrary", examples: "Examples", options: TrainingFlags, *, jobs: int
-) -> "ClassLibrary":
-    """The library with queries, and on the screen which classes have none."""
-    from motionary.models.library import choose_queries, learn_queries
-
-    with screen.progress("keyframes", len(library)) as done:
-        if options.queries is Queries.CHOSEN:
-            queried = choose_queries(library, examples, on_done=done)
-        else:
-            queried = learn_queries(
-                library, examples, runs=options.query_runs, jobs=jobs, on_done=done
-            )
-    for name, reason in queried.without.items():
-        screen.warn(f"class {name!r} has no queries: {reason}")
-    return queried.library
-
-
-def _outside_of_classes(folder: Path) -> list[str]:
-    from motionary.io import MOTION_SUFFIXES, format_suffix
-
-    stray = sorted(path.name for path in folder.iterdir() if format_suffix(path) in MOTION_SUFFIXES)
-    if not stray:
-        return []
-    more = f" and {len(stray) - 1} more" if len(stray) > 1 else ""
-    return [f"{stray[0]}{more}: in no class; put examples into a folder named after their class"]
+    problems = [*map(str, found.missing.values()), *map(describe_failure, failures)]
+    for problem in problems:
+        screen.warn(problem)
+    return sequences, bool(problems)
 
 
 def _draw_class(folder: str, motion_class: "MotionClass", library: "ClassLibrary") -> None:
@@ -347,7 +262,7 @@ def _draw_class(folder: str, motion_class: "MotionClass", library: "ClassLibrary
         )
         name = motion_class.name
         if prototype.name != name:
-            name = f"{name}-{prototype.name.removeprefix(name)}"
+            name = f"{name}-{prototype.name}"
         save(figure, picture_path(folder, name))
 
 

@@ -1,7 +1,7 @@
 """`motionary library`: classes of a library listed, shown, edited, merged, given more examples."""
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.learn import describe_prototypes, fractions_fixed, prototype_cells
+from motionary.cli.learn import ScreenMonitor, describe_prototypes, fractions_fixed, prototype_cells
 from motionary.cli.options import (
     AsJson,
     FeatureSetName,
@@ -24,7 +24,7 @@ from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.models.library import ClassLibrary, MotionClass
+    from motionary.models.library import ClassEdit, ClassLibrary, MotionClass
     from motionary.models.templates import MotionTemplate
 
 _COLUMNS = (
@@ -237,6 +237,21 @@ class Changes:
         if self.new and (self.text is None or self.remove or self.join):
             raise wrong("--new", "needs --text, and nothing to remove or join")
 
+    def for_library(self) -> "ClassEdit":
+        """The same for the library, the text read."""
+        from motionary.models.library import ClassEdit
+
+        return ClassEdit(
+            remove=self.remove,
+            join=self.join,
+            text=None if self.text is None else _read_text(self.text),
+            new=self.new,
+            restrict=self.restrict or (),
+            threshold=self.threshold,
+            rename=self.rename,
+            template=self.template,
+        )
+
 
 def edit(
     folder: LibraryFolder,
@@ -258,18 +273,23 @@ def edit(
     check_picture("--plot", plot)
     changes.check()
     check_target(folder, is_folder=True)
+    from motionary.models.library import edit_class
+
     library = _load(folder, features, new=changes.new)
-    changed, called = _change(library, name, changes)
-    if changes.join is not None and changes.threshold is None:
-        changed = _calibrate(changed, {called} if _is_calibrated(library, name) else set())
-    changed.save(folder)
-    if called not in changed.names:
+    try:
+        edited = edit_class(library, name, changes.for_library(), monitor=ScreenMonitor())
+    except InvalidInput as error:
+        if changes.text is None:
+            raise
+        where = "stdin" if changes.text == "-" else changes.text
+        raise InvalidInput(f"{where}: {error}") from error
+    edited.library.save(folder)
+    if edited.name not in edited.library.names:
         screen.say(f"{name}: removed")
         return
-    _warn_of_lost_queries(library, name, changed[called])
-    screen.say(_describe_class(changed[called]))
+    _say_changed(edited.library, edited.name, lost_queries=edited.lost_queries)
     if plot:
-        _draw_template(plot, changed, called, changes.template)
+        _draw_template(plot, edited.library, edited.name, changes.template)
 
 
 def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
@@ -278,71 +298,6 @@ def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
     if new and not (Path(folder) / "library.toml").exists():
         return ClassLibrary((), find_feature_set(features))
     return load_library(folder)
-
-
-def _change(library: "ClassLibrary", name: str, changes: Changes) -> "tuple[ClassLibrary, str]":
-    """The library with a changed class, and what the class is called then."""
-    from motionary.models.library import (
-        join_classes,
-        remove_class,
-        rename_class,
-        replace_class,
-        replace_template,
-    )
-    from motionary.models.templates import restrict
-
-    if changes.remove:
-        return remove_class(library, name), name
-    if changes.join is not None:
-        library = join_classes(library, name, changes.join)
-    if changes.text is not None:
-        library = _take_text(library, name, changes)
-    if changes.restrict:
-        old = _find(library[name], changes.template)
-        restricted = restrict(old, changes.restrict, feature_set=library.feature_set)
-        library = replace_template(library, name, restricted, prototype=changes.template)
-    if changes.threshold is not None:
-        # What was estimated was estimated for another threshold.
-        changed = replace(
-            library[name],
-            threshold=changes.threshold,
-            estimated_precision=None,
-            estimated_recall=None,
-        )
-        library = replace_class(library, name, changed)
-    if changes.rename is not None:
-        return rename_class(library, name, changes.rename), changes.rename
-    return library, name
-
-
-def _take_text(library: "ClassLibrary", name: str, changes: Changes) -> "ClassLibrary":
-    from motionary.models.library import MotionClass, Prototype, replace_template
-    from motionary.models.templates import revise_template, template_from_text
-
-    text = _read_text(str(changes.text))
-    feature_set = library.feature_set
-    try:
-        if changes.new:
-            if name in library.names:
-                raise InvalidInput(f"the library has a class {name!r} already; leave out --new")
-            template = template_from_text(text, feature_set=feature_set, name=name)
-            added = MotionClass(name, (Prototype(name, template),))
-            added.quantised()
-            return replace(library, classes=(*library.classes, added))
-        if name not in library.names:
-            known = ", ".join(library.names) or "none"
-            raise InvalidInput(f"no class {name!r} there ({known}); --new makes it from the text")
-        motion_class = library[name]
-        revised = revise_template(
-            _find(motion_class, changes.template),
-            text,
-            tolerance=motion_class.tolerance,
-            feature_set=feature_set,
-        )
-        return replace_template(library, name, revised, prototype=changes.template)
-    except InvalidInput as error:
-        where = "stdin" if changes.text == "-" else changes.text
-        raise InvalidInput(f"{where}: {error}") from error
 
 
 def _read_text(path: str) -> str:
@@ -389,69 +344,27 @@ def add(
         )
     )  # fmt: skip
     warn_of_all(found.missing.values(), failures)
-    expanded = add_examples(library, name, sequences, prototype=template)
+    expanded = add_examples(
+        library, name, sequences, prototype=template, jobs=jobs, monitor=ScreenMonitor()
+    )
     if expanded is library:
         screen.warn("no example is new; nothing was changed")
-    else:
-        expanded = _calibrated_anew(expanded, library, jobs=jobs)
     expanded.save(folder)
-    _warn_of_lost_queries(library, name, expanded[name])
-    screen.say(_describe_class(expanded[name]))
+    had_queries = any(one.queries for one in library[name].prototypes)
+    has_queries = any(one.queries for one in expanded[name].prototypes)
+    _say_changed(expanded, name, lost_queries=had_queries and not has_queries)
     if plot:
         _draw_template(plot, expanded, name, template)
     return 1 if found.missing or failures else 0
 
 
-def _calibrated_anew(
-    expanded: "ClassLibrary", before: "ClassLibrary", *, jobs: int
-) -> "ClassLibrary":
-    """Calibrated thresholds are calibrated anew, where there are examples to do so."""
-    from motionary.models.library import kept_examples
-
-    if kept_examples(expanded) is not None:
-        calibrated = {name for name in before.names if _is_calibrated(before, name)}
-        return _calibrate(expanded, calibrated, jobs=jobs)
-    screen.warn(
-        "the examples that the class was learned from were not kept (learn --keep-examples): "
-        "its template stands for them, and its threshold stays"
-    )
-    return expanded
-
-
-def _is_calibrated(library: "ClassLibrary", name: str) -> bool:
-    return library[name].estimated_recall is not None
-
-
-def _calibrate(library: "ClassLibrary", names: set[str], *, jobs: int = 1) -> "ClassLibrary":
-    """The library with thresholds of some classes chosen anew, if all examples are kept."""
-    from motionary.models.library import (
-        N_FOLDS,
-        TrainingOptions,
-        apply_calibrations,
-        calibrate_thresholds,
-        kept_examples,
-    )
-
-    examples = kept_examples(library)
-    if examples is None or not names:
-        return library
-    one = library.classes[0]
-    mirrored = any(s.name.endswith("Mirrored") for c in library for s in c.prototypes)
-    training = TrainingOptions(
-        tolerance=one.tolerance, mirror=mirrored, by_self_information=bool(one.background)
-    )
-    with screen.progress("choosing thresholds", N_FOLDS) as done:
-        calibrations = calibrate_thresholds(examples, training=training, jobs=jobs, on_done=done)
-    return apply_calibrations(library, {n: s for n, s in calibrations.items() if n in names})
-
-
-def _warn_of_lost_queries(before: "ClassLibrary", name: str, after: "MotionClass") -> None:
-    """Say that the queries of a template that changed are gone."""
-    had = name in before.names and any(s.queries for s in before[name].prototypes)
-    if had and not any(s.queries for s in after.prototypes):
+def _say_changed(library: "ClassLibrary", name: str, *, lost_queries: bool) -> None:
+    """What has become of a class."""
+    if lost_queries:
         screen.warn(
-            f"class {after.name!r}: its keyframe queries were of the template before, and are gone"
+            f"class {name!r}: its keyframe queries were of the template before, and are gone"
         )
+    screen.say(_describe_class(library[name]))
 
 
 def _describe_class(motion_class: "MotionClass") -> str:
