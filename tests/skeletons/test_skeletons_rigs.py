@@ -177,6 +177,43 @@ def test_rigs_of_other_programs_are_mapped(name, tmp_path):
         np.testing.assert_allclose(place, standing()[joint], atol=1e-9, err_msg=joint)
 
 
+def without_joints(motion, pattern):
+    """A recording without the joints of these names and what hangs on them."""
+    gone = {name for name in motion.names if re.search(pattern, name)}
+    parents = motion.skeleton.parents
+    for name, parent in zip(motion.names, parents.tolist(), strict=True):
+        if parent >= 0 and motion.names[parent] in gone:
+            gone.add(name)
+    kept = [i for i, name in enumerate(motion.names) if name not in gone]
+    place = {joint: i for i, joint in enumerate(kept)} | {-1: -1}
+    names = tuple(motion.names[i] for i in kept)
+    above = np.array([place[int(parents[i])] for i in kept])
+    skeleton = Skeleton(names, above, motion.skeleton.offsets[kept])
+    return names, skeleton, motion.positions[:, kept]
+
+
+LEGS = {side + joint for side in "lr" for joint in ("hip", "knee", "ankle", "toes")}
+TRUNK = {"root", "belly", "chest", "neck", "head", "headtop"}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "there"),
+    [
+        ("Shoulder|Arm", LEGS | TRUNK),
+        ("Shoulder|Arm|Spine", LEGS | {"root"}),
+        ("LeftShoulder", LEGS | TRUNK),
+        ("UpLeg", set()),
+        ("LeftUpLeg", set()),
+    ],
+    ids=["no arms", "legs alone", "one arm", "no legs", "one leg"],
+)
+def test_a_rig_that_lacks_limbs_is_mapped_as_far_as_it_goes(pattern, there):
+    motion = rig_motion("mixamo")
+    names, skeleton, positions = without_joints(motion, pattern)
+    mapping = find_mapping(names, skeleton, positions, without=known_mappings())
+    assert set(mapping.weights if mapping else ()) == there
+
+
 def without_names(motion):
     names = tuple(f"b{i}" for i in range(len(motion.names)))
     skeleton = Skeleton(names, motion.skeleton.parents, motion.skeleton.offsets)

@@ -100,7 +100,8 @@ def guess_from_tree(skeleton: Skeleton, positions: Floats) -> JointMapping | Non
     spine = _spine(tree, root, top, leg_m)
     if neck is not None and spine and neck == spine[-1]:
         spine = spine[:-1]
-    for side, path in zip("lr", limbs.arms, strict=True):
+    # A rig may have no arms.
+    for side, path in zip("lr", limbs.arms, strict=False):
         _add_arm(tree, side, path, top if neck is None else neck, put)
     close = neck is not None and bool(spine) and tree.distance(spine[-1], neck) < _SAME * leg_m
     substituted = _add_spine(weights, [tree.sources[n] for n in spine], chest_is_neck=close)
@@ -159,13 +160,24 @@ def _ends_of_spine(tree: Tree, limbs: Limbs) -> tuple[int | None, int | None]:
     """The node of the pelvis, and the one that the arms leave from."""
     low = tree.meeting(limbs.legs[0][0], limbs.legs[1][0])
     low = _above(tree, low, limbs.legs)
-    if not limbs.arms or low is None:
-        return low, None
+    if low is None:
+        return None, None
+    if not limbs.arms:
+        return low, _below_neck(tree, low)
     top = _above(tree, tree.meeting(limbs.arms[0][0], limbs.arms[1][0]), limbs.arms)
     if top is None:
         return low, None
     root = tree.meeting(low, top)
     return (low if root == top else root), top
+
+
+def _below_neck(tree: Tree, low: int) -> int | None:
+    """Of a body without arms: what is called neck, or head, leaves the trunk from here."""
+    for part in ("neck", "head"):
+        for node in tree.below(low):
+            if words.middle_part(tree.stems[tree.names[node]]) == part and node != low:
+                return tree.parents[node]
+    return None
 
 
 def _above(tree: Tree, node: int | None, limbs: tuple[list[int], ...]) -> int | None:

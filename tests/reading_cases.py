@@ -1,0 +1,290 @@
+"""What a careful reader makes of a file: read right, right with a note, or refused.
+
+A case lists every outcome that is right; a file passes with any of them.
+"""
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import motionary
+from motionary.features import compute_features
+from motionary.motion import GENERIC_JOINTS
+
+LONGEST_MESSAGE = 500
+
+# What is not read right yet, by the id of its test, or by the test's name where it has no
+# parameters: who mends one takes it out.
+NOT_YET = (
+    "faults/array_joints_xyz_frames.npy",
+    "faults/array_zero_frames.npy",
+    "faults/bvh_body_collapsed.bvh",
+    "faults/bvh_frame_time_0.033.bvh",
+    "faults/bvh_one_leg_collapsed_unit_becomes_inch.bvh",
+    "faults/bvh_zero_position_channels.bvh",
+    "faults/c3d_9999999.c3d",
+    "faults/c3d_all_residuals_minus1.c3d",
+    "faults/c3d_analog_header_channels_not_samples.c3d",
+    "faults/c3d_analog_header_zero.c3d",
+    "faults/c3d_ezc3d_header_analog_0.c3d",
+    "faults/c3d_ezc3d_header_analog_0_0.c3d",
+    "faults/c3d_header_data_block_zero_param_right.c3d",
+    "faults/c3d_point_rate_zero_header_100.c3d",
+    "faults/c3d_point_used_too_small.c3d",
+    "faults/c3d_rotations_only.c3d",
+    "faults/names_opencap_augmented.trc",
+    "faults/names_pose2sim_halpe26_Hip.trc",
+    "faults/smpl_quat_24x4.npz",
+    "faults/smpl_rotmat_24x9.npz",
+    "faults/smpl_rotmat_flat.npz",
+    "faults/smpl_trans_mm.npz",
+    "faults/sto_cut_off_nrows_100.sto",
+    "faults/sto_times_four_decimals_120hz.sto",
+    "faults/trc_9999999.trc",
+    "faults/trc_blanks_for_tabs.trc",
+    "faults/trc_decimal_comma.trc",
+    "faults/trc_dropped_frames.trc",
+    "faults/trc_header_30_times_29.476.trc",
+    "faults/trc_marker_held.trc",
+    "faults/trc_names_over_each_column.trc",
+    "faults/trc_nan_ind.trc",
+    "faults/trc_no_rate_times_four_decimals_120hz.trc",
+    "faults/trc_time_runs_backward.trc",
+    "faults/trc_times_three_decimals_120hz.trc",
+    "wild/AnyBody+ammr/S1_StandingRef.c3d",
+    "wild/BMClab+BMC/walk.trc",
+    "wild/Biomechanical-ToolKit+BTKData/MotionMonitorC3D.c3d",
+    "wild/Biomechanical-ToolKit+BTKData/UpperLimbStatic.trc",
+    "wild/CreativeInquiry+BVH-Examples/Brekel_03_11_2016_15_47_42_body1.bvh",
+    "wild/EricGuo5513+HumanML3D/012314.npy",
+    "wild/PeizhuoLi+ganimator/Baseball-Milling-Idle-edited-keyframes.bvh",
+    "wild/_made/rate120.trc",
+    "wild/_made/rate150.trc",
+    "wild/_made/unlabelled.trc",
+    "wild/danielrmz18+threejs-3d-model-personalized/Flair.fbx",
+    "wild/keenon+nimblephysics/motion_capture_walk_trimmed.trc",
+    "wild/keenon+nimblephysics/squat.c3d",
+    "wild/keijiro+CMUMocap/Base.fbx",
+    "wild/kevinxie4c+motion-viewer/walk.bvh",
+    "wild/kineticstoolkit+kineticstoolkit/FP_Type3.c3d",
+    "wild/makehumancommunity+makehuman/tpose.bvh",
+    "wild/makehumancommunity+makehuman/walk1.bvh",
+    "wild/omimo+PyMO/AV_8Walk_Meredith_HVHA_Rep1.bvh",
+    "wild/ufbx+ufbx/blender_293_barbarian_7400_binary.fbx",
+    "1-amass_shapes.npz",
+    "1-event_times.c3d",
+    "1-two_dots.bvh",
+    "2-amass_shapes.npz",
+    "2-event_times.c3d",
+    "2-two_dots.bvh",
+    "amass_shapes.npz",
+    "bytearray8_bomb.pkl",
+    "event_times.c3d",
+    "h_two_dots.amc",
+    "hash_bomb.pkl",
+    "labels_cp1252.csv",
+    "labels_quote_swallows_rows.csv",
+    "labels_text_like_number_rewritten.csv",
+    "labels_two_empty_columns.csv",
+    "two_dots.bvh",
+    "test_closed_standard_output_is_no_traceback",
+    "test_dash_is_standard_output",
+    "test_dropped_frames_are_filled_with_even_times_on_request",
+    "test_link_to_itself_hides_no_other_file",
+    "test_named_pipe_is_passed_over_and_told",
+    "test_output_keeps_the_mode_of_the_file_it_replaces",
+    "test_output_through_a_link_is_written_where_it_leads",
+    "test_points_that_are_marked_unseen_are_read_on_request",
+    "test_read_only_output_is_refused",
+    "test_unicode_forms_of_one_label_are_the_same_label",
+    "test_wide_tree_is_read_in_linear_time",
+)
+#: Of these, what would only wait.
+WAITS = ("test_named_pipe_is_passed_over_and_told", "hash_bomb.pkl")
+
+
+@dataclass(frozen=True)
+class Read:
+    """Read, with these values; what is None is not looked at.
+
+    Attributes
+    ----------
+    notes : regular expressions, each found in one note or more
+    unknown : pairs of frame and joint name that are NaN; "*" means every joint
+    same_as : path below the data folder of a recording with the same places
+    leg_m : least and most length of a leg, hip to knee to ankle, in metres
+    height_m : least and most extent along y over all joints and frames, in metres
+    root_m : least and most median height of the first joint, in metres
+    farthest_m : no coordinate is larger
+    upper, lower : a joint that is above another one in every frame
+    """
+
+    frames: int | None = None
+    joints: int | None = None
+    rate_hz: float | None = None
+    features: int | None = None
+    generic: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    unknown: tuple[tuple[int, str], ...] = ()
+    same_as: str | None = None
+    leg_m: tuple[float, float] | None = None
+    height_m: tuple[float, float] | None = None
+    root_m: tuple[float, float] | None = None
+    farthest_m: float | None = None
+    upper: str | None = None
+    lower: str | None = None
+
+
+@dataclass(frozen=True)
+class Refused:
+    """Refused in one line that names the file and matches a regular expression."""
+
+    message: str
+
+
+@dataclass(frozen=True)
+class Case:
+    """A file below the data folder, its right outcomes, and options of `read`."""
+
+    file: str
+    right: tuple[Read | Refused, ...]
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.file
+
+
+def case(file: str, *right: Read | Refused, **options: Any) -> Case:
+    return Case(file, right, options)
+
+
+def check_case(data: Path, one: Case) -> None:
+    """Fail unless the file comes out as one of the right outcomes says."""
+    try:
+        motion = motionary.read(data / one.file, **one.options)
+    except motionary.MotionaryError as error:
+        problems = message_problems(str(error), Path(one.file).name, one.right)
+    else:
+        found = [read_problems(motion, r, data) for r in one.right if isinstance(r, Read)]
+        problems = min(found, key=len) if found else [f"read, but must be refused: {one.right}"]
+    assert not problems, "; ".join(problems)
+
+
+def message_problems(message: str, name: str, right: tuple[Read | Refused, ...]) -> list[str]:
+    """What is wrong with a refusal."""
+    problems = []
+    wanted = [outcome.message for outcome in right if isinstance(outcome, Refused)]
+    # The names of the files tell their faults.
+    if not any(re.search(pattern, message.replace(name, "")) for pattern in wanted):
+        problems.append(f"refused with {message!r}, right is {wanted or 'to read it'}")
+    if "\n" in message or len(message) > LONGEST_MESSAGE:
+        problems.append(f"a message of {len(message)} characters, or of several lines")
+    if name not in message:
+        problems.append(f"the message does not name {name}")
+    return problems
+
+
+def read_problems(motion: motionary.Motion, right: Read, data: Path) -> list[str]:
+    """What of a recording differs from what is right."""
+    problems = [*_number_problems(motion, right), *_size_problems(motion, right)]
+    notes = [note.replace(motion.source, "") for note in all_notes(motion)]
+    for pattern in right.notes:
+        if not any(re.search(pattern, note) for note in notes):
+            problems.append(f"no note has {pattern!r}: {notes}")
+    for frame, name in right.unknown:
+        joints = slice(None) if name == "*" else motion.names.index(name)
+        if not np.isnan(motion.positions[frame, joints]).all():
+            problems.append(f"frame {frame} of {name} should be unknown")
+    if right.same_as is not None:
+        other = motionary.read(data / right.same_as)
+        if other.names != motion.names or other.rate_hz != motion.rate_hz:
+            problems.append(f"other joints or rate than {right.same_as}")
+        elif not _are_equal(motion.positions, other.positions, right.unknown, motion.names):
+            problems.append(f"other places than {right.same_as}")
+    return problems
+
+
+def all_notes(motion: motionary.Motion) -> tuple[str, ...]:
+    """Notes of the reader, and of the mapping of joints, as `info` lists them."""
+    own = motion.mapping.note if motion.mapping is not None else ""
+    return (*motion.notes, own) if own else motion.notes
+
+
+def _are_equal(a: Any, b: Any, unknown: tuple[tuple[int, str], ...], names: Any) -> bool:
+    if a.shape != b.shape:
+        return False
+    looked_at = np.ones(a.shape[:2], dtype=bool)
+    for frame, name in unknown:
+        looked_at[frame, slice(None) if name == "*" else names.index(name)] = False
+    return bool(np.allclose(a[looked_at], b[looked_at], atol=1e-6, equal_nan=True))
+
+
+def _number_problems(motion: motionary.Motion, right: Read) -> list[str]:
+    problems = []
+    for what, got, wanted in (
+        ("frames", motion.n_frames, right.frames),
+        ("joints", len(motion.names), right.joints),
+    ):
+        if wanted is not None and got != wanted:
+            problems.append(f"{got} {what}, right are {wanted}")
+    if right.rate_hz is not None and not np.isclose(motion.rate_hz, right.rate_hz, rtol=2e-4):
+        problems.append(f"{motion.rate_hz:g} Hz, right is {right.rate_hz:g} Hz")
+    if right.features is not None:
+        known = (
+            0
+            if motion.mapping is None
+            else int(compute_features(motion).known_features.any(axis=0).sum())
+        )
+        if known < right.features:
+            problems.append(f"{known} features known, right are {right.features} or more")
+    if right.generic:
+        weights = {} if motion.mapping is None else motion.mapping.weights
+        lacking = [joint for joint in right.generic if joint not in weights]
+        problems += [f"no {', '.join(lacking)}"] if lacking else []
+    return problems
+
+
+def _size_problems(motion: motionary.Motion, right: Read) -> list[str]:
+    places = motion.positions
+    measured: list[tuple[str, float, tuple[float, float] | None]] = [
+        ("leg", _leg(motion) if right.leg_m else np.nan, right.leg_m),
+        (
+            "height",
+            float(np.nanmax(places[..., 1]) - np.nanmin(places[..., 1]))
+            if right.height_m
+            else np.nan,
+            right.height_m,
+        ),
+        (
+            "height of the root",
+            float(np.nanmedian(places[:, 0, 1])) if right.root_m else np.nan,
+            right.root_m,
+        ),
+    ]
+    problems = [
+        f"{what} of {size:.3g} m, right is {limits}"
+        for what, size, limits in measured
+        if limits is not None and not limits[0] <= size <= limits[1]
+    ]
+    if right.farthest_m is not None and not np.nanmax(np.abs(places)) <= right.farthest_m:
+        problems.append(f"places {np.nanmax(np.abs(places)):.3g} m away")
+    if right.upper is not None and right.lower is not None:
+        upper, lower = (places[:, motion.names.index(n), 1] for n in (right.upper, right.lower))
+        if not (upper > lower).all():
+            problems.append(f"{right.upper} is not above {right.lower}")
+    return problems
+
+
+def _leg(motion: motionary.Motion) -> float:
+    """The longer leg's median length; one of a body that collapsed is no measure."""
+    if motion.mapping is None:
+        return float("nan")
+    body = motion.generic_positions()
+    lengths = []
+    for side in "lr":
+        a, b, c = (body[:, GENERIC_JOINTS.index(side + j)] for j in ("hip", "knee", "ankle"))
+        lengths.append(np.linalg.norm(a - b, axis=1) + np.linalg.norm(b - c, axis=1))
+    return float(np.nanmax(np.nanmedian(lengths, axis=1)))
