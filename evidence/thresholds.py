@@ -108,7 +108,9 @@ def _calibrate(
     clips = examples(_learned_from(recordings, held_out))
     return {
         way: calibrate_thresholds(
-            clips, groups="HDM_(..)_", negatives=others, training=TrainingOptions(mirror=mirrored)
+            clips,
+            negatives=others,
+            training=TrainingOptions(mirror=mirrored, groups="HDM_(..)_"),
         )
         for way, others in told.items()
     }

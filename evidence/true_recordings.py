@@ -147,7 +147,7 @@ def _to_plateau_end(
 
 def _calibrate(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]:
     calibrations = calibrate_thresholds(
-        examples(clips), groups="HDM_(..)_", negatives=others, training=TrainingOptions(mirror=True)
+        examples(clips), negatives=others, training=TrainingOptions(mirror=True, groups="HDM_(..)_")
     )
     return {name: one.threshold for name, one in calibrations.items()}
 

@@ -129,7 +129,7 @@ def test_what_a_group_alone_has_is_not_asked_for():
 )
 def test_groups_that_make_no_sense(groups, message):
     with pytest.raises(InvalidInput, match=message):
-        calibrate_thresholds(made_examples(), groups=groups)
+        calibrate_thresholds(made_examples(), training=TrainingOptions(groups=groups))
 
 
 def test_a_stream_holds_each_example_whole_and_not_too_much_else():
