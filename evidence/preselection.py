@@ -56,7 +56,7 @@ from evidence.common.running import Evidence, Results, main
 from evidence.common.streams import CHOOSING, KINDS, PAIRS, REPORTING, Stream, make_streams
 from evidence.preselection_page import draw, write
 from motionary import read_labels
-from motionary.evaluation import Segment, evaluate, to_segments
+from motionary.evaluation import LabelledSegment, evaluate, to_segments
 from motionary.features import FeatureSequence
 from motionary.models.keyframes import ChoiceSettings
 from motionary.models.library import MotionClass
@@ -76,7 +76,7 @@ MORE = ("dance", "slash", "punch", "dataset-2_raise")
 RETRIEVAL = Setting(by_self_information=False, tolerance=0.1, mirrored=False)
 #: As many frames as the thesis' clips have, 24 minutes.
 TIMED_FRAMES = 42_586
-Labelled = dict[str, list[Segment]]
+Labelled = dict[str, list[LabelledSegment]]
 
 
 def measure(recordings: Recordings) -> Results:

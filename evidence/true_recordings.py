@@ -29,7 +29,7 @@ from evidence.common.recordings import (
 from evidence.common.running import Evidence, Results, main
 from evidence.common.streams import CHOOSING, make_streams, negatives
 from evidence.true_recordings_page import write
-from motionary.evaluation import Segment, rename_segments, to_segments
+from motionary.evaluation import LabelledSegment, rename_segments, to_segments
 from motionary.io import read_labels
 from motionary.models.library import TrainingOptions, calibrate_thresholds
 from motionary.plots import plot_sheet
@@ -45,7 +45,7 @@ WAYS = {
     EQUAL: Setting(mirrored=True, by_self_information=False),
 }
 
-Truth = Mapping[str, Sequence[Segment]]
+Truth = Mapping[str, Sequence[LabelledSegment]]
 
 
 def measure_recordings(recordings: Recordings) -> Results:
@@ -103,7 +103,7 @@ def _all(labelled: Mapping[str, Labelled]) -> dict[str, float]:
     return measure(list(labelled.values()))
 
 
-def _truth(recordings: Recordings) -> dict[str, list[Segment]]:
+def _truth(recordings: Recordings) -> dict[str, list[LabelledSegment]]:
     """Labels of the authors, of classes that the clips' classes belong to."""
     tables = read_labels(recordings.folder / "truth" / "annotation_2009.csv")
     known = set(NAMES.values())
@@ -115,7 +115,7 @@ def _truth(recordings: Recordings) -> dict[str, list[Segment]]:
 
 def _choose(recordings: Recordings, setting: Setting) -> float:
     """Threshold with the best mean of F1 and F2 on streams that hold none of the recordings."""
-    found: list[tuple[Sought, tuple[Segment, ...], float]] = []
+    found: list[tuple[Sought, tuple[LabelledSegment, ...], float]] = []
     for pair in CHOOSING:
         clips = recordings.of(actors=set(ACTORS) - set(pair))
         classes = with_setting(learn_all(clips), setting, clips)
@@ -178,14 +178,14 @@ def _trivial(recordings: Recordings, truth: Truth) -> Results:
     most = max(sorted(lengths), key=lambda name: lengths[name])
     seconds = {name: len(recordings.others[name]) / 30 for name in LABELLED}
     everywhere = [
-        Labelled([Segment(most, 0.0, seconds[name])], truth[name], seconds[name])
+        Labelled([LabelledSegment(most, 0.0, seconds[name])], truth[name], seconds[name])
         for name in LABELLED
     ]
     nothing = [Labelled([], truth[name], seconds[name]) for name in LABELLED]
     return {"most": most, "everywhere": measure(everywhere), "nothing": measure(nothing)}
 
 
-def _overlaps(a: Segment, b: Segment) -> bool:
+def _overlaps(a: LabelledSegment, b: LabelledSegment) -> bool:
     return min(a.end, b.end) > max(a.start, b.start) + 1e-6
 
 
@@ -205,17 +205,19 @@ def _false(ways: Mapping[str, Mapping[str, Labelled]]) -> list[Results]:
     return sorted(rows, key=lambda row: (row["recording"], row["start"], row["label"]))
 
 
-def _same(rows: Sequence[Results], name: str, x: Segment) -> Results | None:
+def _same(rows: Sequence[Results], name: str, x: LabelledSegment) -> Results | None:
     """A row of the same label that overlaps."""
     for row in rows:
         if (row["recording"], row["label"]) == (name, x.name) and _overlaps(
-            Segment(x.name, row["start"], row["end"]), x
+            LabelledSegment(x.name, row["start"], row["end"]), x
         ):
             return row
     return None
 
 
-def _false_row(name: str, x: Segment, truth: Sequence[Segment], way: str) -> Results:
+def _false_row(
+    name: str, x: LabelledSegment, truth: Sequence[LabelledSegment], way: str
+) -> Results:
     return {
         "recording": name, "label": x.name, "start": x.start, "end": x.end, "cost": x.cost,
         "truth": sorted({t.name for t in truth if _overlaps(t, x)}), "ways": [way],

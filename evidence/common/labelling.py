@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evidence.common.recordings import Clip, examples
 from motionary.evaluation import (
-    Segment,
+    LabelledSegment,
     compute_mean_average_precision,
     compute_rates,
     count_false,
@@ -74,8 +74,8 @@ class Sought(NamedTuple):
 class Labelled(NamedTuple):
     """Labels of a recording, what is true, and its length."""
 
-    predicted: Sequence[Segment]
-    truth: Sequence[Segment]
+    predicted: Sequence[LabelledSegment]
+    truth: Sequence[LabelledSegment]
     seconds: float
 
 
@@ -151,7 +151,7 @@ def labels_at(
     *,
     names: Sequence[str] | None = None,
     extended: bool = True,
-) -> list[Segment]:
+) -> list[LabelledSegment]:
     """Labels with one threshold, or one per class; of some classes only."""
     chosen = [name for name in sought.matches if names is None or name in names]
     modified = []
@@ -165,7 +165,9 @@ def labels_at(
         else _not_extended(modified)
     )
     return [
-        Segment(chosen[index], start / 30, stop / 30, float(modified[index][start:stop].min()))
+        LabelledSegment(
+            chosen[index], start / 30, stop / 30, float(modified[index][start:stop].min())
+        )
         for index, start, stop in segments
     ]
 

@@ -71,7 +71,7 @@ def hits_in(one: MotionClass, stream: Stream, *, threshold: float) -> StreamHits
         hits = find_hits(distance, pattern, part.packed, part.known, threshold=threshold)
         middles += [start + (hit.start + hit.stop) / 2 for hit in hits]
     clips = [s for s in stream.truth if s.name == one.name]
-    inside = [[s.start_s <= middle / 30 < s.end_s for middle in middles] for s in clips]
+    inside = [[s.start <= middle / 30 < s.end for middle in middles] for s in clips]
     right = sum(any(row) for row in zip(*inside, strict=True))
     return StreamHits(len(middles), right, sum(map(any, inside)), len(clips))
 
