@@ -124,6 +124,8 @@ def _update_entries(document: "TOMLDocument", entries: list[dict[str, Any]]) -> 
         document.pop("templates", None)
         tables = tomlkit.aot()
         tables.extend(tomlkit.table() for _ in entries)
+        for table in tables[1:]:
+            table.trivia.indent = "\n"
         document["templates"] = tables
     for table, entry in zip(tables, entries, strict=True):
         update_table(table, entry, optional=(*_OPTIONAL_KEYS, "query", "votes"))
