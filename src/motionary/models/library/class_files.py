@@ -77,12 +77,10 @@ def write_class(
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
     content = buffer.getvalue()
     values = folder / f"{stem}.{hashlib.sha256(content).hexdigest()[:8]}.npz"
-    settings: dict[str, Any] = {
-        key: getattr(motion_class, key) for key in ("name", "threshold", "tolerance")
-    }
-    for attribute, key in _ESTIMATES.items():
-        if (fraction := getattr(motion_class, attribute)) is not None:
-            settings[key] = fraction
+    attributes = {key: key for key in ("name", "threshold", "tolerance")}
+    attributes |= {key: attribute for attribute, key in _ESTIMATES.items()}
+    settings = {key: getattr(motion_class, attribute) for key, attribute in attributes.items()}
+    settings = {key: value for key, value in settings.items() if value is not None}
     settings |= {"background": list(motion_class.background), "values": values.name}
     path = folder / f"{stem}.toml"
     document = read_document(path)
