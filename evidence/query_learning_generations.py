@@ -1,4 +1,4 @@
-"""How does the population develop by generation, on the examples and on other people?
+"""The population by generation, on the examples and on other people.
 
 Thesis, Fig. 4.3: learned from three actors as published, verified on two; beside random
 search with as many evaluations.
@@ -6,34 +6,31 @@ search with as many evaluations.
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
-from evidence.common.pages import fraction, picture, table
-from evidence.common.recordings import ACTORS, HDM05, Clip, Recordings, data_entry
-from evidence.common.running import JOBS, Evidence, Results, main
-from evidence.query_learning_tasks import compute_all, problem_of, split
+from evidence.common.queries import lesson_of, problem_of
+from evidence.common.recordings import ACTORS, Clip, Recordings, Results
+from evidence.common.running import compute_all
 from motionary.models.query_learning import PUBLISHED, clip_evaluator, learn_runs
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+TITLE = "The population of queries by generation, beside figure 4.3 of the thesis"
+SPLIT = "the clips of bd, bk and dg train, those of mm and tr verify"
 SEED = 0
+DATA = ("clips",)
+
 RUNS = 30
 FIRST_THREE, LAST_TWO = ACTORS[:3], ACTORS[3:]
 SHOWN = (1, 10, 20, 40, 60, 80, 100)
 MEASURES = ("fitness", "precision", "recall")
 CLIPS = ("examples", "verification")
-NAME = "query_learning_generations"
 
 
 def measure(recordings: Recordings) -> Results:
     """Population by generation, two ways, means over runs and classes."""
-    follow = partial(_follow, clips=recordings.clips, seed=SEED)
-    rows = compute_all(follow, recordings.classes, jobs=JOBS)
+    rows = compute_all(partial(_follow, clips=recordings.clips), recordings.classes)
     result: Results = {}
     for way in rows[0]:
         columns = {key: [row[way][key] for row in rows] for key in rows[0][way]}
@@ -48,11 +45,11 @@ def measure(recordings: Recordings) -> Results:
     return result
 
 
-def _follow(name: str, *, clips: Sequence[Clip], seed: int) -> dict[str, Any]:
+def _follow(name: str, *, clips: Sequence[Clip]) -> dict[str, Any]:
     """Mean and spread of fitness, precision and recall by generation, on both sets of clips."""
-    problem = problem_of(split(clips, name, FIRST_THREE), PUBLISHED, seed=seed)
-    unseen = split(clips, name, LAST_TWO)
-    verification = clip_evaluator(unseen.positives, unseen.negatives, settings=PUBLISHED)
+    problem = problem_of(lesson_of(clips, name, FIRST_THREE), PUBLISHED, seed=SEED)
+    unseen = lesson_of(clips, name, LAST_TWO)
+    verification = clip_evaluator(unseen.examples, unseen.counterexamples, settings=PUBLISHED)
     result = {}
     for way, by_chance in (("published", False), ("random", True)):
         runs = list(
@@ -67,81 +64,23 @@ def _follow(name: str, *, clips: Sequence[Clip], seed: int) -> dict[str, Any]:
     return result
 
 
-def write(followed: Results) -> str:
-    """Body of the page."""
-    body = []
-    for generation in SHOWN:
-        for way in followed:
-            for clips in CLIPS:
-                row = followed[way][clips][generation - 1]
-                cells = [f"{mean:.2f} ({spread:.2f})" for mean, spread in row]
-                body.append([str(generation), way, clips, *cells])
-    best = "; ".join(
-        f"{way}, {clips} {fraction(one['mean'], 3)} ({fraction(one['spread'], 3)})"
-        for way, both in followed.items()
-        for clips, one in both["best"].items()
-    )
-    return f"""Learned from bd, bk, dg as published, verified on mm and tr, {RUNS} runs a class:
-mean over the population (and its standard deviation), means over runs and classes; beside
-random search with as many evaluations.
-
-{picture(NAME, CAPTION)}
-{table(["generation", "way", "clips", *MEASURES], body)}
-Fitness of the best of each run (spread over the runs of a class): {best}. What the evolution
-gains on the examples over random search, it does not keep on other people."""
-
-
-CAPTION = (
-    "Fitness, precision and recall by generation, mean over the population of all runs and "
-    "classes; band: standard deviation within a population (thesis, Fig. 4.3)"
-)
-
-
-def draw(followed: Results) -> "dict[str, Figure]":
+def draw(results: Results) -> dict[str, Any]:
     """Like Fig. 4.3 of the thesis."""
+    ways = {"genetic algorithm": "published", "random search": "random"}
     panels = []
     for clips in CLIPS:
-        for k, measure in enumerate(MEASURES):
-            curves = {
-                name: _curve(followed[way][clips], k)
-                for way, name in (("published", "evolution"), ("random", "random search"))
-            }
-            panels.append(
-                Panel(f"{measure}, {clips}", curves, x_label="generation", y_limits=(0.3, 1.02))
-            )
-    return {NAME: draw_panels(panels, columns=3, decorate=_without_markers)}
+        for k, measured in enumerate(MEASURES):
+            curves = {name: _curve(results[way][clips], k) for name, way in ways.items()}
+            panels.append(Panel(f"{measured}, {clips}", curves, "generation", "", (0.3, 1.02)))
+
+    def without_markers(axes: Any, index: int) -> None:
+        for line in axes.get_lines():
+            line.set_marker("")
+
+    figure = draw_panels(panels, columns=3, decorate=without_markers)
+    return {"query_learning_generations": figure}
 
 
-def _curve(measured: Sequence[Any], k: int) -> tuple[Sequence[float], ...]:
-    means = np.array(measured)[:, k, 0]
-    spread = np.array(measured)[:, k, 1]
-    generations = np.arange(1, len(means) + 1)
-    return tuple(
-        column.tolist()
-        for column in (generations, means, means - spread, np.minimum(means + spread, 1.0))
-    )
-
-
-def _without_markers(axes: "Axes", index: int) -> None:
-    for line in axes.get_lines():
-        line.set_marker("")
-
-
-def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
-    """Entries of the record."""
-    return [data_entry(HDM05, [clip.packed for clip in recordings.clips])]
-
-
-EVIDENCE = Evidence(
-    name=NAME,
-    title="The evolution of queries by generation, beside figure 4.3 of the thesis",
-    split="bd, bk and dg teach, mm and tr verify",
-    seed=SEED,
-    describe_data=describe_data,
-    measure=measure,
-    write=write,
-    draw=draw,
-)
-
-if __name__ == "__main__":
-    main(EVIDENCE)
+def _curve(measured: Sequence[Any], k: int) -> tuple[Any, ...]:
+    mean, spread = np.array(measured)[:, k].T
+    return np.arange(1, len(mean) + 1), mean, mean - spread, np.minimum(mean + spread, 1.0)

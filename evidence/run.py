@@ -1,55 +1,42 @@
-"""Which tables and figures are there, and how are they all made anew?
+"""All tables and figures are made anew: `python -m evidence.run [--page] [NAME ...]`.
 
-Runs each script as a program of its own: `python evidence/run.py [NAME ...]`.
+Each in a process of its own. With --page from the records that are there, without recordings.
 """
 
 import subprocess
 import sys
 from pathlib import Path
 
+from evidence.common.running import make, show
+
+#: In this order: a later page may rest on an earlier record.
 SCRIPTS = (
-    "retrieval_2006",
-    "learning_curve",
-    "classification",
-    "distractors",
-    "masking",
-    "baselines_2006",
-    "figures_2006",
-    "keyframe_search",
-    "keyframe_choice",
-    "joined_query",
-    "preselection",
-    "growing_choice",
-    "judging_choice",
-    "find_by_example",
-    "crafting",
-    "streams",
-    "true_recordings",
-    "figures_2009",
-    "thresholds",
-    "generation_metrics",
-    "same_trial",
-    "other_readers",
-    "variants",
-    "query_learning_choice",
-    "query_learning",
-    "query_learning_generations",
-    "query_learning_speed",
-)
+    "retrieval_2006", "learning_curve", "classification", "distractors", "masking",
+    "baselines_2006", "figures_2006", "keyframe_search", "keyframe_choice", "joined_query",
+    "preselection", "growing_choice", "judging_choice", "find_by_example", "crafting", "streams",
+    "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
+    "other_readers", "variants", "query_learning_choice", "query_learning",
+    "query_learning_generations", "query_learning_speed",
+)  # fmt: skip
 
 
-def main(names: list[str]) -> int:
+def main(arguments: list[str]) -> int:
     """Run the named scripts, all by default; 1 if one of them failed, 2 for a wrong name."""
+    page = "--page" in arguments
+    names = [name for name in arguments if name != "--page"]
     unknown = sorted(set(names) - set(SCRIPTS))
     if unknown:
         print(f"no evidence {', '.join(unknown)}; there are {', '.join(SCRIPTS)}")
         return 2
-    root = Path(__file__).resolve().parents[1]
+    if page or len(names) == 1:
+        for name in names or SCRIPTS:
+            (show if page else make)(name)
+        return 0
     failed = []
     for name in names or SCRIPTS:
         print(f"== {name}", flush=True)
-        run = subprocess.run([sys.executable, "-m", f"evidence.{name}"], cwd=root, check=False)
-        if run.returncode:
+        command = [sys.executable, "-m", "evidence.run", name]
+        if subprocess.run(command, cwd=Path(__file__).parents[1], check=False).returncode:
             failed.append(name)
     if failed:
         print(f"failed: {', '.join(failed)}")

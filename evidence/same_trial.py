@@ -1,34 +1,34 @@
-"""Do the files of one trial, in different formats and on different rigs, give the same relations?
+"""Features of one trial through files of different formats and rigs.
 
 Three trials, each in two files: CMU 01_01 (AMC, and its conversion to BVH), HDM_dg_06-03_03
 (AMC, and the C3D of the markers that it was solved from), CMU 07_01 (AMC, and retargeted to
 a Character Creator rig at 60 Hz). Agreement is the share of frames, at 30 Hz, in which a
-relation has the same value, where both know it.
+feature has the same value, where both know it.
 
 The cause of a disagreement is found by exchange: groups of joints of the second file are
 put where the first file has them (on the second one's root, in its heading, scaled to its
-legs), and the smallest set of groups whose exchange brings the relation to 97 % is the cause.
+legs), and the smallest set of groups whose exchange brings the feature to 97 % is the cause.
 "more" means that four groups are not enough.
 """
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evidence.common.pages import table
-from evidence.common.recordings import CMU, HDM05, Recordings, data_entry
-from evidence.common.running import Evidence, Results, main
+from evidence.common.recordings import Recordings, Results
 from motionary.features import FULL_BODY, FeatureSequence, compute_features
 from motionary.io import read
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.recording import Recording
 from motionary.skeletons import named_mapping
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+TITLE = "The same trial through different files"
+SPLIT = "nothing is learned or chosen"
+SEED = 0
 
 Floats = NDArray[np.float64]
 
@@ -50,29 +50,6 @@ GROUPS = {
 PATH = "path"
 
 
-INTRODUCTION = """
-Agreement is the share of frames (30 Hz) in which a relation has the same value in both files.
-Each relation below 97 % stands here with its cause: the smallest set of joints which, put
-where the first file has them, brings it above.
-The record has all 40 relations.
-
-Why the joints differ:
-
-- **CMU's BVH** lacks the bones of thorax and wrists: everything above lies 11.7 cm lower, and
-  what the AMC calls wrist and fingers are 9.8 cm nearer to the elbow (`hands`), so hands that
-  turn about the elbow are slower. Below the chest both files are equal to 3e-6 m.
-- **Markers** are no joint centres: shoulders lie on the skin (5.9 cm from the solved ones),
-  upper arms are 31 instead of 26 cm, and the upper arm is the yardstick of most thresholds;
-  hips lie 27 instead of 19 cm apart. "Upper arm away from the body" compares an angle with 155
-  degrees and is moved by all three. The trial is short (50 frames): one frame is 2 %.
-- **Retargeting** changes proportions: legs are 20 % longer and upper arms 10 % shorter, so
-  feet are further apart and faster in upper arms (`shoulders` stands for that yardstick), the
-  neck is where the neck is, not where CMU's thorax ends, fingers are longer.
-- `path` is how the root moves through the room: speeds of hands and feet count it.
-
-"""
-
-
 class Pair(NamedTuple):
     """Two files of a trial, and frames at the start of each that the other lacks."""
 
@@ -86,20 +63,14 @@ class Pair(NamedTuple):
 
 PAIRS = (
     Pair("01_01, AMC and BVH", "cmu/01_01.amc", "cmu/01_01.bvh", second_skip=1),
-    Pair(
-        "06-03_03, AMC and C3D",
-        "hdm05_takes/HDM_dg_06-03_03_120.amc",
-        "hdm05_takes/HDM_dg_06-03_03_120.c3d",
-        asf="hdm05/HDM_dg.asf",
-    ),
+    Pair("06-03_03, AMC and C3D", "hdm05_takes/HDM_dg_06-03_03_120.amc",
+         "hdm05_takes/HDM_dg_06-03_03_120.c3d", asf="hdm05/HDM_dg.asf"),
     # The retargeted clip begins with a T-pose, and then 3 frames later than the trial.
-    Pair(
-        "07_01, AMC and Character Creator",
-        "cmu/07_01.amc",
-        "cmu/iclone_07_01.bvh",
-        first_skip=3,
-        second_skip=1,
-    ),
+    Pair("07_01, AMC and Character Creator", "cmu/07_01.amc", "cmu/iclone_07_01.bvh", 3, 1),
+)  # fmt: skip
+DATA = (
+    ("{clips} (and its C3D)", lambda r: [r.others[p.first] for p in PAIRS if "hdm05" in p.first]),
+    ("{cmu} (and BVH)", lambda r: [r.others[p.first] for p in PAIRS if "cmu" in p.first]),
 )
 
 
@@ -109,13 +80,13 @@ def measure(recordings: Recordings) -> Results:
 
 
 def compare(pair: Pair, data: Path) -> dict[str, Any]:
-    """Agreement per relation, and the cause of each that is below 97 %."""
+    """Agreement per feature, and the cause of each that is below 97 %."""
     asf = None if pair.asf is None else data / pair.asf
     first = read(data / pair.first, asf=asf)
     second = read(data / pair.second)
     first = first.cut(pair.first_skip, first.n_frames)
     second = second.cut(pair.second_skip, second.n_frames)
-    one, two = (at_common_rate(motion) for motion in (first, second))
+    one, two = (_at_common_rate(motion) for motion in (first, second))
     n = min(len(one), len(two))
     one, two = one[:n], two[:n]
     plain = agreement(one, two)
@@ -125,6 +96,8 @@ def compare(pair: Pair, data: Path) -> dict[str, Any]:
         for size in SIZES
         for groups in itertools.combinations((*GROUPS, PATH), size)
     }
+    # Once both bodies lie on each other.
+    away = np.linalg.norm(aligned - two, axis=2)
     below = [
         {
             "relation": FULL_BODY.names[i],
@@ -139,26 +112,28 @@ def compare(pair: Pair, data: Path) -> dict[str, Any]:
         "relations": {
             name: round(float(a), 3) for name, a in zip(FULL_BODY.names, plain, strict=True)
         },
-        "distance_cm": distances(aligned, two),
+        "distance_cm": {
+            group: round(100 * float(np.nanmedian(away[:, _joints(joints)])), 1)
+            for group, joints in GROUPS.items()
+        },
         "below": below,
     }
 
 
-def at_common_rate(motion: Motion) -> Floats:
+def _at_common_rate(motion: Motion) -> Floats:
     return resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=COMMON_HZ)
 
 
 def agreement(one: Floats, two: Floats) -> Floats:
-    """Share of frames in which each relation is the same; NaN where never known in both."""
-    a, b = (packed(positions) for positions in (one, two))
+    """Fraction of frames in which each feature is the same; NaN where never known in both."""
+    a, b = (_features(positions) for positions in (one, two))
     both = (a.known_features & b.known_features).astype(bool)
     same = (a.features == b.features) & both
     with np.errstate(invalid="ignore"):
-        fraction: Floats = same.sum(axis=0) / both.sum(axis=0)
-    return fraction
+        return np.asarray(same.sum(axis=0) / both.sum(axis=0))
 
 
-def packed(positions: Floats) -> FeatureSequence:
+def _features(positions: Floats) -> FeatureSequence:
     mapping = named_mapping("generic")
     return compute_features(
         Motion(GENERIC_JOINTS, positions, Recording(rate_hz=COMMON_HZ), mapping)
@@ -194,13 +169,13 @@ def exchange(two: Floats, aligned: Floats, steps: Floats, groups: tuple[str, ...
     """The second file with some joints where the first one has them."""
     result = two + steps if PATH in groups else two.copy()
     for group in set(groups) - {PATH}:
-        places = [GENERIC_JOINTS.index(joint) for joint in GROUPS[group]]
+        places = _joints(GROUPS[group])
         result[:, places] = aligned[:, places] + (steps if PATH in groups else 0.0)
     return result
 
 
 def cause(feature: int, exchanged: dict[tuple[str, ...], Floats]) -> list[str]:
-    """The smallest set of groups that explains a relation; of equal ones, the best."""
+    """The smallest set of groups that explains a feature; of equal ones, the best."""
     for size in SIZES:
         sets = [groups for groups in exchanged if len(groups) == size]
         best = max(sets, key=lambda groups: exchanged[groups][feature])
@@ -209,57 +184,5 @@ def cause(feature: int, exchanged: dict[tuple[str, ...], Floats]) -> list[str]:
     return ["more"]
 
 
-def distances(aligned: Floats, two: Floats) -> dict[str, float]:
-    """Median distance of each group's joints once both bodies lie on each other."""
-    away = np.linalg.norm(aligned - two, axis=2)
-    return {
-        group: round(
-            100 * float(np.nanmedian(away[:, [GENERIC_JOINTS.index(j) for j in joints]])), 1
-        )
-        for group, joints in GROUPS.items()
-    }
-
-
-def write(results: Results) -> str:
-    """Body of the page."""
-    return INTRODUCTION + "\n".join(_write_pair(name, found) for name, found in results.items())
-
-
-def _write_pair(name: str, found: Results) -> str:
-    n_enough = len(found["relations"]) - len(found["below"])
-    away = ", ".join(f"{group} {value:.1f}" for group, value in found["distance_cm"].items())
-    rows = [
-        (b["relation"], f"{b['agreement']:.3f}", " + ".join(b["cause"])) for b in found["below"]
-    ]
-    return (
-        f"## {name}\n\n{found['frames']} frames; {100 * found['agreement']:.1f} % of all values "
-        f"agree; {n_enough} of {len(found['relations'])} relations at 97 % or more. Distance of "
-        f"joints (median, cm): {away}.\n\n" + table(("relation", "agreement", "cause"), rows)
-    )
-
-
-def draw(_: Results) -> "dict[str, Figure]":
-    """No picture."""
-    return {}
-
-
-def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
-    """Entries of the record."""
-    hdm05 = [recordings.others[pair.first] for pair in PAIRS if "hdm05" in pair.first]
-    cmu = [recordings.others[pair.first] for pair in PAIRS if "cmu" in pair.first]
-    return [data_entry(f"{HDM05} (and its C3D)", hdm05), data_entry(f"{CMU} (and BVH)", cmu)]
-
-
-EVIDENCE = Evidence(
-    name="same_trial",
-    title="The same trial through different files",
-    split="nothing is learned or chosen",
-    seed=0,
-    describe_data=describe_data,
-    measure=measure,
-    write=write,
-    draw=draw,
-)
-
-if __name__ == "__main__":
-    main(EVIDENCE)
+def _joints(names: Sequence[str]) -> list[int]:
+    return [GENERIC_JOINTS.index(name) for name in names]

@@ -1,4 +1,4 @@
-"""Does a recording give the same words and labels whatever file it comes in, or an error?"""
+"""A recording gives the same features and labels whatever file it comes in, or an error."""
 
 import sys
 import tempfile
@@ -11,19 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evidence.common import variants
-from evidence.common.recordings import BANDAI, CMU, HDM05, Recordings, data_entry, examples
-from evidence.common.running import Evidence, Results, main
-from evidence.variants_page import (
-    ALARM,
-    EQUAL,
-    RIGHT,
-    SAID,
-    VERDICTS,
-    WRONG,
-    WRONG_FROM,
-    draw,
-    write,
-)
+from evidence.common.drawing import BLUE, ORANGE, RULE, TRUNK, VERMILLION, house_style
+from evidence.common.recordings import Recordings, Results, clips_packed, examples
 from motionary.errors import MotionaryError
 from motionary.features import (
     FULL_BODY,
@@ -37,17 +26,20 @@ from motionary.models.library import ClassLibrary, TrainingOptions, learn_classe
 from motionary.motion import Motion
 from motionary.retrieval.annotation import annotate
 
+UNSEEN = "bd"
+TITLE = "500 variants of recordings: right features, or an error"
+SPLIT = f"classes learned from four actors; recordings of {UNSEEN} and others are changed"
+SEED = 14
+
 Bools = NDArray[np.bool_]
 
-SEED = 14
 COUNT = 500
-HELD_OUT = "bd"
 LONGEST_S = 12.0
 
-#: Words of notes that leave something open.
+#: Parts of notes that leave something open.
 _SAID = ("does not tell", "still", "rest pose", "stands in for")
 
-#: Recordings that become variants, beside a clip of each class by the actor held out.
+#: Recordings that become variants, beside a clip of each class by the unseen actor.
 OTHERS = (
     "hdm05_takes/HDM_bd_03-03_01_120.amc",
     "cmu/86_01.amc",
@@ -59,9 +51,32 @@ OTHERS = (
     "cmu/85_02.c3d",
     "hdm05_takes/HDM_mm_01-02_03_120.c3d",
 )
+DATA = (
+    ("{clips}, trained with", lambda r: [clip.packed for clip in r.clips if clip.actor != UNSEEN]),
+    ("{clips}, one clip of each class changed", lambda r: clips_packed(r.of(actors=[UNSEEN]))),
+    (
+        "further recordings changed, their first 12 s; {cmu}; {bandai}",
+        lambda r: [packed for name, packed in r.others.items() if name in OTHERS],
+    ),
+)
 
-# Differences that last no longer are threshold flips: a relation that turns a bit earlier.
-_FLIP_WORDS = 3
+#: A variant is wrong if more of its known values differ for longer than a flip.
+WRONG_FROM = 0.01
+
+SAME, REFUSED, ALARM, WARNED, WRONG = (
+    "same", "error, rightly", "false alarm", "read with a warning", "silently wrong",
+)  # fmt: skip
+# Kinds in which features are unknown that the recording knows, or the rest pose is seen, too.
+LACKING = (
+    "legs alone", "no legs", "no legs, sides exchanged", "gaps", "kept in place",
+    "lying still alone", "rest pose first",
+)  # fmt: skip
+#: From good to bad.
+VERDICTS = (SAME, REFUSED, WARNED, ALARM, WRONG)
+_COLOURS = dict(zip(VERDICTS, (BLUE, TRUNK, RULE, ORANGE, VERMILLION), strict=True))
+
+# Differences that last no longer are threshold flips: a feature that turns a bit earlier.
+_FLIP_FRAMES = 3
 _SAME_TIME_S = 0.1
 
 
@@ -125,20 +140,20 @@ def _fits(source: Source, kind: str, suffix: str) -> bool:
 
 
 class Truth(NamedTuple):
-    """Words and labels of a recording as it is."""
+    """Features and labels of a recording as it is."""
 
     packed: FeatureSequence
     labels: tuple[Label, ...]
 
 
-class Judge:
+class Reviewer:
     """Makes variants and says what became of them; keeps what it knows of the recordings."""
 
     def __init__(self, library: ClassLibrary | None) -> None:
         self.library = library
         self.truths: dict[str, Truth] = {}
 
-    def judge(self, task: Task) -> Results:
+    def review(self, task: Task) -> Results:
         """What became of one variant."""
         kind = variants.KINDS[task.kind]
         draft = kind.make(task.source.motion, task.suffix, np.random.default_rng(task.seed))
@@ -146,22 +161,22 @@ class Judge:
         with tempfile.TemporaryDirectory() as folder:
             path = variants.write_draft(draft, Path(folder), task.suffix, asf=task.source.asf)
             try:
-                motion = read(path, **draft.told)
+                motion = read(path, **draft.given)
                 packed = compute_features(motion)
             except MotionaryError as error:
-                verdict = RIGHT if kind.expected != variants.SAME else ALARM
+                verdict = REFUSED if kind.expected != variants.SAME else ALARM
                 return row | {"verdict": verdict, "error": str(error)}
         first = round(draft.rest_frames / motion.rate_hz * 30)
         packed = packed.part(first, len(packed)) if first else packed
         truth = self.truth_of(draft.truth, task.source)
-        row |= compare_words(packed, truth.packed)
+        row |= compare_features(packed, truth.packed)
         row["notes"] = [*motion.notes, *describe_reference_lengths(motion)]
         row |= compare_labels(self.label(packed), truth.labels)
         row["verdict"] = _verdict(row, kind.expected)
         return row
 
     def truth_of(self, motion: Motion, source: Source) -> Truth:
-        """Words and labels of what reading should give."""
+        """Features and labels of what reading should give."""
         is_source = motion is source.motion
         if not is_source or source.name not in self.truths:
             packed = compute_features(motion)
@@ -179,17 +194,17 @@ class Judge:
 def _verdict(row: Mapping[str, Any], expected: str) -> str:
     said = any(word in note for note in row["notes"] for word in _SAID)
     if expected == variants.SAME and row["lasting"] <= WRONG_FROM:
-        return EQUAL
-    return SAID if said else WRONG
+        return SAME
+    return WARNED if said else WRONG
 
 
-def compare_words(packed: FeatureSequence, truth: FeatureSequence) -> Results:
-    """Shares of the values known in both that differ, and that differ for longer than a flip."""
+def compare_features(packed: FeatureSequence, truth: FeatureSequence) -> Results:
+    """Fractions of the values known in both that differ, and that differ for longer than a flip."""
     n = min(len(packed), len(truth))
     known = (packed.known_features[:n] & truth.known_features[:n]).astype(bool)
     differ = (packed.features[:n] != truth.features[:n]) & known
     total = max(1, int(known.sum()))
-    lasting = _runs_longer(differ, _FLIP_WORDS)
+    lasting = _runs_longer(differ, _FLIP_FRAMES)
     worst = lasting.sum(axis=0)
     return {
         "flips": float(differ.sum()) / total,
@@ -237,14 +252,14 @@ def _at_same_time(a: Label, b: Label) -> bool:
 
 def measure(recordings: Recordings) -> Results:
     """What became of every variant, and of the recordings as they are."""
-    teachers = [clip for clip in recordings.clips if clip.actor != HELD_OUT]
+    trained = [clip for clip in recordings.clips if clip.actor != UNSEEN]
     library = ClassLibrary(
-        learn_classes(examples(teachers), training=TrainingOptions(mirror=True)).classes
+        learn_classes(examples(trained), training=TrainingOptions(mirror=True)).classes
     )
     sources = load_sources(recordings.folder, _names(recordings))
-    judge, rows = Judge(library), []
+    reviewer, rows = Reviewer(library), []
     for task in plan(sources, COUNT, seed=SEED):
-        rows.append(judge.judge(task))
+        rows.append(reviewer.review(task))
         if len(rows) % 50 == 0:
             sys.stderr.write(f"{len(rows)} of {COUNT}\n")
     return {
@@ -258,15 +273,15 @@ def measure(recordings: Recordings) -> Results:
 
 
 def _names(recordings: Recordings) -> list[str]:
-    """A clip of each class by the actor held out, and the other recordings."""
+    """A clip of each class by the unseen actor, and the other recordings."""
     first: dict[str, str] = {}
-    for clip in recordings.of(actors=[HELD_OUT]):
+    for clip in recordings.of(actors=[UNSEEN]):
         first.setdefault(clip.motion_class, f"hdm05/{clip.name}")
     return [*first.values(), *OTHERS]
 
 
 def _originals(recordings: Recordings) -> Results:
-    """How many recordings, as they are, are read, and of how many the body tells the sides."""
+    """How many recordings, as they are, are read, and of how many the sides are uncertain."""
     names = [f"hdm05/{clip.name}" for clip in recordings.clips] + list(recordings.others)
     untold, in_place = 0, 0
     for name in names:
@@ -302,28 +317,29 @@ def _short(row: Results) -> Results:
     return {key: row.get(key) for key in ("kind", "format", "source", "verdict", "error", "which")}
 
 
-def describe_data(recordings: Recordings) -> list[dict[str, Any]]:
-    """Entries of the record."""
-    teachers = [clip.packed for clip in recordings.clips if clip.actor != HELD_OUT]
-    own = [clip.packed for clip in recordings.of(actors=[HELD_OUT])]
-    others = [packed for name, packed in recordings.others.items() if name in OTHERS]
-    return [
-        data_entry(f"{HDM05}, taught", teachers),
-        data_entry(f"{HDM05}, one clip of each class changed", own),
-        data_entry(f"further recordings changed, their first 12 s; {CMU}; {BANDAI}", others),
-    ]
+@house_style()
+def draw(results: Results) -> dict[str, Any]:
+    """A square per kind and format: the worst that happened there, and how often."""
+    from matplotlib.figure import Figure
 
-
-EVIDENCE = Evidence(
-    name="variants",
-    title="500 variants of recordings: right relations, or an error",
-    split=f"classes learned from four actors; recordings of {HELD_OUT} and others are changed",
-    seed=SEED,
-    describe_data=describe_data,
-    measure=measure,
-    write=write,
-    draw=draw,
-)
-
-if __name__ == "__main__":
-    main(EVIDENCE)
+    kinds = results["kinds"]
+    figure = Figure(figsize=(5.6, 0.2 * len(kinds) + 0.9), layout="constrained")
+    axes = figure.subplots()
+    for y, row in enumerate(kinds):
+        for suffix, counts in row["formats"].items():
+            worst = max(counts, key=VERDICTS.index)
+            x = variants.ALL.index(suffix)
+            axes.barh(y, 0.92, left=x - 0.46, height=0.86, color=_COLOURS[worst], linewidth=0)
+            total = sum(counts.values())
+            text = str(total) if counts[worst] == total else f"{counts[worst]} of {total}"
+            axes.text(x, y + 0.03, text, ha="center", va="center", color="white", size=7)
+    axes.set(xlim=(-0.5, len(variants.ALL) - 0.5), ylim=(len(kinds) - 0.5, -0.5))
+    axes.set_yticks(range(len(kinds)), [row["kind"] for row in kinds])
+    axes.set_xticks(range(len(variants.ALL)), [s.upper() for s in variants.ALL])
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    shown = [v for v in VERDICTS if results["totals"][v]]
+    handles: list[Any] = [axes.barh(-9, 0, color=_COLOURS[v]) for v in shown]
+    figure.legend(handles, shown, loc="outside lower left", ncols=3, frameon=False)
+    return {"variants": figure}

@@ -1,13 +1,17 @@
-"""How do the curves of the pages look?"""
+"""Curves of the pages: small multiples that share a legend."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from motionary.plots.style import BLACK, BLUE, ORANGE, RULE, VERMILLION, house_style
+from evidence.common.pages import called
+from motionary.plots.style import BETWEEN, BLACK, BLUE, ORANGE, RULE, TRUNK, VERMILLION, house_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+__all__ = ["BETWEEN", "BLACK", "BLUE", "ORANGE", "RULE", "TRUNK", "VERMILLION", "Panel",
+           "draw_panels", "house_style", "new_figure"]  # fmt: skip
 
 #: Line styles that differ in hue, lightness and dashes.
 STYLES: tuple[dict[str, Any], ...] = (
@@ -23,7 +27,7 @@ class Panel(NamedTuple):
 
     Attributes
     ----------
-    title, x_label, y_label : words
+    title, x_label, y_label : text
     curves : name -> (x, y) or (x, y, low, high); None in y is left out
     y_limits : ends of the scale; chosen from the curves if left out
     """
@@ -34,6 +38,24 @@ class Panel(NamedTuple):
     y_label: str = ""
     y_limits: tuple[float, float] | None = None
     log_x: bool = False
+
+
+def new_figure(
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    *,
+    sharex: bool = False,
+    sharey: bool = False,
+) -> "tuple[Figure, list[Axes]]":
+    """A figure and its axes, row by row, open at the top and to the right."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey).flat)
+    for one in axes:
+        one.spines[["top", "right"]].set_visible(False)
+    return figure, axes
 
 
 @house_style()
@@ -59,7 +81,7 @@ def draw_panels(
         if decorate:
             decorate(ax, i)
     figure.legend(
-        handles.values(), handles.keys(), loc="outside upper left", ncols=len(handles),
+        handles.values(), map(called, handles), loc="outside upper left", ncols=len(handles),
         frameon=False,
     )  # fmt: skip
     return figure

@@ -1,6 +1,6 @@
 """Frames classified one by one, beside labels by templates.
 
-Documents are clips of two people that nobody learned from, and motion of CMU that holds
+Labelled are clips of two people that nothing was learned from, and motion of CMU that holds
 none of the classes. Both ways label every frame with a class or none.
 """
 
@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evidence.baselines import FrameClassifier, position_windows, train_frame_classifier
-from evidence.common.example_queries import Frames, smallest
+from evidence.common.examples import Frames, smallest
 from evidence.common.ranking import TOLERANCE_2006, clip_costs, corpus_of, patterns_of, templates_of
-from evidence.common.recordings import ACTORS, Clip, Recordings, examples
-from evidence.common.streams import AMC_STRETCHES, CHOOSING, REPORTING
+from evidence.common.recordings import ACTORS, Clip, Recordings, clips_packed, examples
+from evidence.common.streams import AMC_SEGMENTS, CHOOSING, REPORTING
 from motionary.evaluation import score_classification
 from motionary.features import FeatureSequence
 from motionary.models.library import TrainingOptions, learn_classes
@@ -28,8 +28,8 @@ COSTS = (0.05, 0.07, 0.09, 0.12, 0.15, 0.2)
 SCORES = tuple(np.round(np.arange(-1.0, 1.0, 0.1), 1).tolist())
 
 
-class Document(NamedTuple):
-    """Words and windows of a recording; `label` is its class, or empty."""
+class Item(NamedTuple):
+    """Features and windows of a recording; `label` is its class, or empty."""
 
     label: str
     packed: FeatureSequence
@@ -49,10 +49,10 @@ def train(clips: Sequence[Clip], windows: Mapping[str, Floats]) -> FrameClassifi
     return train_frame_classifier(trained)
 
 
-def judge_clips(
+def score_clips(
     machine: FrameClassifier, clips: Sequence[Clip], windows: Mapping[str, Floats]
 ) -> dict[str, float]:
-    """Share of frames, and of clips by their mean score, that get the right class."""
+    """Fraction of frames, and of clips by their mean score, that get the right class."""
     right = frames = clips_right = 0
     for clip in clips:
         scores = machine.scores(windows[clip.name])
@@ -66,62 +66,62 @@ def judge_clips(
 def label_among_others(recordings: Recordings, windows: Mapping[str, Floats]) -> dict[str, Any]:
     """F of frames at the threshold chosen on half of the pairs of people, by way."""
     others = _others(recordings)
-    found: dict[str, list[dict[str, list[Floats]]]] = {"frames": [], "templates": []}
+    found: dict[str, list[list[Floats]]] = {"frames": [], "templates": []}
     for pair in (*CHOOSING, *REPORTING):
         learned = recordings.of(actors=set(ACTORS) - set(pair))
-        documents = others + [
-            Document(c.motion_class, c.packed, windows[c.name]) for c in recordings.of(actors=pair)
+        items = others + [
+            Item(c.motion_class, c.packed, windows[c.name]) for c in recordings.of(actors=pair)
         ]
         names = recordings.classes
-        found["frames"].append(_by_frames(train(learned, windows), documents, names))
-        found["templates"].append(_by_templates(learned, documents, names))
+        found["frames"].append(_by_frames(train(learned, windows), items, names))
+        found["templates"].append(_by_templates(learned, items, names))
     return {way: _chosen(rows, way) for way, rows in found.items()} | {
         "minutes of others": sum(len(d.packed) for d in others) / 1800
     }
 
 
-def _others(recordings: Recordings) -> list[Document]:
-    documents = []
-    for name, start_s, end_s, _ in AMC_STRETCHES:
+def _others(recordings: Recordings) -> list[Item]:
+    items = []
+    for name, start_s, end_s, _ in AMC_SEGMENTS:
         packed = recordings.others[name]
         first, stop = round(start_s * 30), min(round(end_s * 30), len(packed))
         windows = position_windows(recordings.motion(name))[first:stop]
-        documents.append(Document("", packed.part(first, stop), windows))
-    return documents
+        items.append(Item("", packed.part(first, stop), windows))
+    return items
 
 
 def _by_frames(
-    machine: FrameClassifier, documents: Sequence[Document], names: Sequence[str]
-) -> dict[str, list[Floats]]:
+    machine: FrameClassifier, items: Sequence[Item], names: Sequence[str]
+) -> list[Floats]:
     """Counts at each threshold: rows (right, predicted, true, segments, true segments)."""
-    scores = [machine.scores(document.windows) for document in documents]
+    scores = [machine.scores(item.windows) for item in items]
     rows = []
     for threshold in SCORES:
         labels = [np.where(s.max(axis=1) > threshold, s.argmax(axis=1), NONE) for s in scores]
-        rows.append(_count(labels, documents, names))
-    return {"counts": rows}
+        rows.append(_count(labels, items, names))
+    return rows
 
 
 def _by_templates(
-    clips: Sequence[Clip], documents: Sequence[Document], names: Sequence[str]
-) -> dict[str, list[Floats]]:
+    clips: Sequence[Clip], items: Sequence[Item], names: Sequence[str]
+) -> list[Floats]:
     library = learn_classes(examples(clips), training=TrainingOptions(mirror=False))
     rows = []
     for threshold in COSTS:
         labels = []
-        for document in documents:
-            label = np.full(len(document.packed), NONE)
-            for one in annotate(document.packed, library, threshold=threshold, preselect=False):
+        for item in items:
+            label = np.full(len(item.packed), NONE)
+            for one in annotate(item.packed, library, threshold=threshold, preselect=False):
                 label[round(one.start_s * 30) : round(one.end_s * 30)] = names.index(one.name)
             labels.append(label)
-        rows.append(_count(labels, documents, names))
-    return {"counts": rows}
+        rows.append(_count(labels, items, names))
+    return rows
 
 
-def _count(labels: Sequence[Codes], documents: Sequence[Document], names: Sequence[str]) -> Floats:
+def _count(labels: Sequence[Codes], items: Sequence[Item], names: Sequence[str]) -> Floats:
     total = np.zeros(5)
-    for label, document in zip(labels, documents, strict=True):
-        true = names.index(document.label) if document.label else NONE
+    for label, item in zip(labels, items, strict=True):
+        true = names.index(item.label) if item.label else NONE
         n_runs = int((np.diff(label, prepend=NONE - 1) != 0)[label != NONE].sum())
         total += [
             ((label == true) & (label != NONE)).sum(),
@@ -133,9 +133,9 @@ def _count(labels: Sequence[Codes], documents: Sequence[Document], names: Sequen
     return total
 
 
-def _chosen(rows: Sequence[Mapping[str, Sequence[Floats]]], way: str) -> dict[str, float]:
+def _chosen(rows: Sequence[Sequence[Floats]], way: str) -> dict[str, float]:
     """Measures on the reporting pairs, at the threshold that is best on the choosing ones."""
-    counts = np.array([row["counts"] for row in rows])
+    counts = np.array(rows)
     choosing = counts[: len(CHOOSING)].sum(axis=0)
     best = int(np.argmax([_measures(one)["f"] for one in choosing]))
     threshold = (SCORES if way == "frames" else COSTS)[best]
@@ -159,11 +159,11 @@ def right_class(
     tested: Sequence[Clip],
     windows: Mapping[str, Floats],
 ) -> dict[str, float]:
-    """Share of clips that get their class: nearest template, nearest example, frames."""
+    """Fraction of clips that get their class: nearest template, nearest example, frames."""
     names = recordings.classes
     truth = [clip.motion_class for clip in tested]
     patterns = patterns_of(templates_of(learned), tolerance=TOLERANCE_2006)
-    costs = clip_costs(patterns, corpus_of([c.packed for c in tested]))
+    costs = clip_costs(patterns, corpus_of(clips_packed(tested)))
     result = {"MT": score_classification(costs, truth, names=names).accuracy}
     for way in ("RF", "3D heading"):
         frames = Frames(recordings, [*learned, *tested], way)
@@ -174,5 +174,5 @@ def right_class(
             cost = smallest(frames.distance(query, among), tested)
             nearest[:, column] = np.minimum(nearest[:, column], cost)
         result[f"{way} all"] = score_classification(nearest, truth, names=names).accuracy
-    feedback = judge_clips(train(learned, windows), tested, windows)
-    return result | {"frames: clips": feedback["clips"], "frames: frames": feedback["frames"]}
+    by_frame = score_clips(train(learned, windows), tested, windows)
+    return result | {"frames: clips": by_frame["clips"], "frames: frames": by_frame["frames"]}

@@ -1,4 +1,4 @@
-"""How do labels change with the threshold?
+"""Labels at many thresholds.
 
 Matches up to a large cost are computed once per class; for each threshold only the
 decision between the classes is made anew. `annotate` with that threshold gives the same.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evidence.common.recordings import Clip, examples
 from motionary.evaluation import (
-    LabelledSegment,
+    Segment,
     compute_mean_average_precision,
     compute_rates,
     count_false,
@@ -23,32 +23,21 @@ from motionary.evaluation import (
     pool_counts,
 )
 from motionary.features import FeatureSequence
-from motionary.matching import (
-    SKIP_WEIGHT,
-    Alignment,
-    annotate_distances,
-    distance_function,
-    modify,
-)
-from motionary.models.library import (
-    MotionClass,
-    TrainingOptions,
-    learn_classes,
-    measure_background,
-)
+from motionary.matching import SKIP_WEIGHT, Alignment, annotate_distances, distance_function, modify
+from motionary.models.library import MotionClass, TrainingOptions, learn_classes, measure_background
 from motionary.recording import split_runs
 from motionary.retrieval.annotation import ClassDistance, class_distance
 
-#: Overlap at which average precision is told.
+#: Overlap at which average precision is reported.
 IOU = 0.5
 
 
 class Setting(NamedTuple):
-    """How classes are sought.
+    """How classes are searched for.
 
     Attributes
     ----------
-    by_surprise : what is rare weighs more; all alike otherwise, as published
+    by_self_information : what is rare weighs more; all alike otherwise, as published
     tolerance : δ
     mirrored : with the mirror images of the templates
     skip_weight : how often the cell after a (2, 1) step counts
@@ -64,7 +53,7 @@ class Setting(NamedTuple):
     to_plateau_end: bool = False
 
 
-class Sought(NamedTuple):
+class Matches(NamedTuple):
     """Matches of several classes in one recording, up to a large cost."""
 
     matches: Mapping[str, Sequence[Alignment]]
@@ -74,13 +63,13 @@ class Sought(NamedTuple):
 class Labelled(NamedTuple):
     """Labels of a recording, what is true, and its length."""
 
-    predicted: Sequence[LabelledSegment]
-    truth: Sequence[LabelledSegment]
+    predicted: Sequence[Segment]
+    truth: Sequence[Segment]
     seconds: float
 
 
 def learn_all(clips: Iterable[Clip]) -> tuple[MotionClass, ...]:
-    """Classes with mirror images; what is asked of them is said by `with_setting`."""
+    """Classes with mirror images; `with_setting` says how they are searched for."""
     return learn_classes(examples(clips), training=TrainingOptions(mirror=True)).classes
 
 
@@ -110,9 +99,9 @@ def with_setting(
     )
 
 
-def seek(
+def find_matches(
     packed: FeatureSequence, classes: Sequence[MotionClass], *, most: float, setting: Setting
-) -> Sought:
+) -> Matches:
     """Matches of classes that a setting was given, up to a cost of `most`."""
     matches = {}
     for one in classes:
@@ -122,7 +111,7 @@ def seek(
             if setting.to_plateau_end
             else [match.alignment for match in found.matches]
         )
-    return Sought(matches, len(packed))
+    return Matches(matches, len(packed))
 
 
 def _to_plateau_ends(
@@ -146,28 +135,26 @@ def _to_plateau_ends(
 
 
 def labels_at(
-    sought: Sought,
+    found: Matches,
     thresholds: float | Mapping[str, float],
     *,
     names: Sequence[str] | None = None,
     extended: bool = True,
-) -> list[LabelledSegment]:
+) -> list[Segment]:
     """Labels with one threshold, or one per class; of some classes only."""
-    chosen = [name for name in sought.matches if names is None or name in names]
+    chosen = [name for name in found.matches if names is None or name in names]
     modified = []
     for name in chosen:
         most = thresholds if isinstance(thresholds, int | float) else thresholds[name]
-        matches = [match for match in sought.matches[name] if match.cost <= most]
-        modified.append(modify(matches, n_frames=sought.n_frames)[0])
+        matches = [match for match in found.matches[name] if match.cost <= most]
+        modified.append(modify(matches, n_frames=found.n_frames)[0])
     segments = (
         [(s.class_index, *s.frames) for s in annotate_distances(modified)]
         if extended
         else _not_extended(modified)
     )
     return [
-        LabelledSegment(
-            chosen[index], start / 30, stop / 30, float(modified[index][start:stop].min())
-        )
+        Segment(chosen[index], start / 30, stop / 30, float(modified[index][start:stop].min()))
         for index, start, stop in segments
     ]
 

@@ -1,11 +1,12 @@
-"""Which recordings are at hand, and what are their words?
+"""Recordings at hand and their features.
 
-All are read once per run; scripts take what they need.
+All are read once per run; scripts take what they need. Labels of recordings are those of
+Müller, Baak and Seidel (2009); several classes of clips have one name there.
 """
 
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +18,7 @@ from motionary.batch import Failure
 from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, read_features
 from motionary.io import name_recordings, read
 from motionary.motion import Motion
+from motionary.recording import Recording
 
 VARIABLE = "MOTIONARY_DATA"
 
@@ -28,14 +30,50 @@ CMU = "CMU Graphics Lab Motion Capture Database, mocap.cs.cmu.edu, funded by NSF
 BANDAI = "Bandai Namco Research Motiondataset, CC BY-NC 4.0 (numbers only, no pictures)"
 TRUTH = "labels of the authors of Müller, Baak and Seidel (2009)"
 
+#: By the beginning of the names of recordings; "clips" have none.
+SOURCES = {
+    "clips": HDM05,
+    "hdm05_takes": "HDM05, uncut takes",
+    "cmu": CMU,
+    "bandai": BANDAI,
+    "truth": TRUTH,
+}
+EVERYTHING = ("clips", "hdm05_takes", "cmu", "bandai")
+
+Results = dict[str, Any]
+
 ACTORS = ("bd", "bk", "dg", "mm", "tr")
+
+#: Recordings with labels, and their names in the table of truth.
+LABELLED = {
+    "cmu/01_01.amc": "01_01",
+    "cmu/49_08.amc": "49_08",
+    "cmu/86_01.amc": "86_01",
+    "hdm05_takes/HDM_bd_03-03_01_120.amc": "HDM_bd_03-03_01_120",
+}
+#: The actor of the last.
+UNSEEN = "bd"
+#: What the authors of the truth call the classes of the clips.
+NAMES = {
+    "depositFloorR": "grabDepR",
+    "grabHighR": "grabDepR",
+    "elbowToKnee1RepsLelbowStart": "exercise",
+    "squat1Reps": "exercise",
+    "hopBothLegs1hops": "jump",
+    "jogLeftCircle4StepsRstart": "move",
+    "sneak2StepsLStart": "move",
+    "kickLFront1Reps": "kick",
+    "lieDownFloor": "sitLieDown",
+    "rotateArmsBothBackward1Reps": "rotateArms",
+    "throwBasketball": "throwR",
+}
 
 #: Files that repeat another one, or that no known skeleton reads.
 _LEFT_OUT = ("01_01.bvh", "13_29.amc", "13_30.amc", "iclone_05_13.bvh", "iclone_07_01.bvh")
 
 
 class Clip(NamedTuple):
-    """An example: its file, class and actor, and its words."""
+    """An example: its file, class and actor, and its features."""
 
     name: str
     motion_class: str
@@ -45,7 +83,7 @@ class Clip(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Recordings:
-    """Words of all recordings.
+    """Features of all recordings.
 
     Attributes
     ----------
@@ -87,8 +125,11 @@ class Recordings:
 
     def golden(self, name: str) -> Any:
         """A published table that lies beside the recordings."""
-        path = self.folder.resolve().parent / "reference" / "golden" / name
-        return json.loads(path.read_text("utf-8"))
+        return json.loads(self.golden_path(name).read_text("utf-8"))
+
+    def golden_path(self, name: str) -> Path:
+        """Where it lies."""
+        return self.folder.resolve().parent / "reference" / "golden" / name
 
     def motion(self, name: str) -> Motion:
         """Positions of a clip or another recording, by its name."""
@@ -98,7 +139,7 @@ class Recordings:
 
 
 def load(*, jobs: int = 1) -> Recordings:
-    """Words of all recordings of the folder that MOTIONARY_DATA names."""
+    """Features of all recordings of the folder that MOTIONARY_DATA names."""
     named = os.environ.get(VARIABLE, "")
     if not named or not Path(named).is_dir():
         raise SystemExit(f"{VARIABLE} must name the folder of the recordings, got {named!r}")
@@ -139,18 +180,62 @@ def examples(clips: Iterable[Clip]) -> dict[str, dict[str, list[FeatureSequence]
 
 
 def of_2006(packed: FeatureSequence) -> FeatureSequence:
-    """Words of the 39 relations of 2006: the same without F40, the last."""
+    """The 39 features of 2006: the same without F40, the last."""
     last = np.uint64(1) << np.uint64(len(FULL_BODY) - 1)
     return replace(
         packed, packed=packed.packed & ~last, known=packed.known & ~last, feature_set=FULL_BODY_2006
     )
 
 
-def minutes(sequences: Iterable[FeatureSequence]) -> float:
-    """Length of recordings together."""
-    return sum(len(sequence) for sequence in sequences) / 30 / 60
+def clips_of_2006(clips: Iterable[Clip]) -> tuple[Clip, ...]:
+    """Clips with these features alone."""
+    return tuple(clip._replace(packed=of_2006(clip.packed)) for clip in clips)
 
 
-def data_entry(what: str, sequences: Sequence[FeatureSequence]) -> dict[str, Any]:
-    """What a record says of some data."""
-    return {"what": what, "files": len(sequences), "minutes": round(minutes(sequences), 2)}
+def of_class(clips: Iterable[Clip], name: str) -> list[Clip]:
+    """Clips of a class."""
+    return [clip for clip in clips if clip.motion_class == name]
+
+
+def join(sequences: Sequence[FeatureSequence], source: str = "") -> FeatureSequence:
+    """Recordings one behind the other."""
+    return FeatureSequence(
+        np.concatenate([one.packed for one in sequences]),
+        np.concatenate([one.known for one in sequences]),
+        sequences[0].feature_set,
+        Recording(source),
+    )
+
+
+Pick = str | Callable[[Recordings], Sequence[FeatureSequence]] | tuple[int, float]
+
+
+def describe(recordings: Recordings, data: Sequence[str | tuple[str, Pick]]) -> list[Results]:
+    """What a record says of the data.
+
+    Parameters
+    ----------
+    data : keys of `SOURCES`; or what it is, in which sources are named, and how it is picked:
+        by such a key, by a function of all recordings, or files and minutes as they are
+    """
+    entries = []
+    for entry in data:
+        what, pick = (f"{{{entry}}}", entry) if isinstance(entry, str) else entry
+        if isinstance(pick, tuple):
+            files, minutes = pick
+        else:
+            picked = pick(recordings) if callable(pick) else _picked(recordings, pick)
+            files, minutes = len(picked), round(sum(map(len, picked)) / 30 / 60, 2)
+        entries.append({"what": what.format(**SOURCES), "files": files, "minutes": minutes})
+    return entries
+
+
+def _picked(recordings: Recordings, key: str) -> list[FeatureSequence]:
+    if key == "clips":
+        return clips_packed(recordings.clips)
+    return [packed for name, packed in recordings.others.items() if name.startswith(key)]
+
+
+def clips_packed(clips: Iterable[Clip]) -> list[FeatureSequence]:
+    """Features of clips."""
+    return [clip.packed for clip in clips]

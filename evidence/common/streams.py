@@ -1,10 +1,10 @@
-"""Streams: clips of actors that nobody learned from, between other motion.
+"""Streams: clips of actors that nothing was learned from, between other motion.
 
-Clips of two held-out actors alternate with motion that holds none of the classes: one
-stream with stretches of CMU (AMC), one with whole files of Bandai Namco (BVH). Relations
+Clips of two unseen actors alternate with motion that holds none of the classes: one
+stream with segments of CMU (AMC), one with whole files of Bandai Namco (BVH). Features
 are computed per recording before it is cut or joined, so that joins make no spikes.
 
-Conventions: frames are words at 30 Hz; segments in seconds, half-open; seeded.
+Conventions: frames are those of features, 30 Hz; segments in seconds, half-open; seeded.
 """
 
 import itertools
@@ -13,18 +13,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evidence.common.recordings import ACTORS, Clip, Recordings
-from motionary.evaluation import LabelledSegment
-from motionary.features import FULL_BODY, FeatureSequence
-from motionary.recording import Recording
+from evidence.common.recordings import ACTORS, Clip, Recordings, join
+from motionary.evaluation import Segment
+from motionary.features import FeatureSequence
 
 PAIRS = tuple(itertools.combinations(ACTORS, 2))
 #: Settings are chosen on these (every actor twice), and reported on the other five.
 CHOOSING = (("bd", "bk"), ("bk", "dg"), ("dg", "mm"), ("mm", "tr"), ("bd", "tr"))
 REPORTING = tuple(pair for pair in PAIRS if pair not in CHOOSING)
 
-#: Stretches of CMU, seconds, each looked at as stick figures: none shows one of the classes.
-AMC_STRETCHES: tuple[tuple[str, float, float, str], ...] = (
+#: Segments of CMU, seconds, each looked at as stick figures: none shows one of the classes.
+AMC_SEGMENTS: tuple[tuple[str, float, float, str], ...] = (
     ("cmu/01_01.amc", 8.4, 10.0, "turns around between jumps"),
     ("cmu/01_01.amc", 16.2, 17.5, "turns around between jumps"),
     ("cmu/07_01.amc", 0.0, 2.6, "walks"),
@@ -41,31 +40,31 @@ AMC_STRETCHES: tuple[tuple[str, float, float, str], ...] = (
 BVH_KINDS = ("bow_", "bye", "guide", "call", "respond", "dataset-2_wave")
 #: Files that are in no stream, and hold none of the classes either: to choose thresholds by.
 NEGATIVE_KINDS = ("walk", "punch", "slash", "dance-short", "dataset-2_raise", "dataset-2_walk")
-#: Stretches are cut to at most so much.
+#: Segments are cut to at most so much.
 LONGEST_S = 6.0
 KINDS = ("amc", "bvh")
 
 
 class Stream(NamedTuple):
-    """Words of a stream, and what is where.
+    """Features of a stream, and what is where.
 
     Attributes
     ----------
-    words : of all parts, one after the other
+    packed : of all parts, one after the other
     truth : clips
     others : motion without the classes
     """
 
     packed: FeatureSequence
-    truth: tuple[LabelledSegment, ...]
-    others: tuple[LabelledSegment, ...]
+    truth: tuple[Segment, ...]
+    others: tuple[Segment, ...]
 
     @property
     def seconds(self) -> float:
         """Length."""
         return len(self.packed) / 30
 
-    def known_to(self, names: Sequence[str]) -> tuple[LabelledSegment, ...]:
+    def known_to(self, names: Sequence[str]) -> tuple[Segment, ...]:
         """Truth of some classes only: clips of the others are motion like any other."""
         return tuple(s for s in self.truth if s.name in names)
 
@@ -116,7 +115,7 @@ def other_motion(recordings: Recordings, kind: str, *, without: Collection[str] 
     if kind == "bvh":
         return _bandai(recordings, BVH_KINDS)
     pieces = []
-    for name, start_s, end_s, _ in AMC_STRETCHES:
+    for name, start_s, end_s, _ in AMC_SEGMENTS:
         if name in without:
             continue
         packed = recordings.others[name]
@@ -160,7 +159,7 @@ def _take(
 
 
 def _join(clips: Sequence[Part], others: Sequence[Part], source: str) -> Stream:
-    """Other motion in its order, clips dealt evenly between."""
+    """Other motion in its order, clips spread evenly between."""
     gaps: list[list[Part]] = [[] for _ in range(len(others) + 1)]
     for i, clip in enumerate(clips):
         gaps[i % len(gaps)].append(clip)
@@ -168,17 +167,12 @@ def _join(clips: Sequence[Part], others: Sequence[Part], source: str) -> Stream:
     for i, gap in enumerate(gaps):
         parts += [(clip, True) for clip in gap]
         parts += [(other, False) for other in others[i : i + 1]]
-    truth: list[LabelledSegment] = []
-    between: list[LabelledSegment] = []
+    truth: list[Segment] = []
+    between: list[Segment] = []
     at = 0
     for part, is_clip in parts:
-        segment = LabelledSegment(part.name, at / 30, (at + len(part.packed)) / 30)
+        segment = Segment(part.name, at / 30, (at + len(part.packed)) / 30)
         (truth if is_clip else between).append(segment)
         at += len(part.packed)
-    packed = FeatureSequence(
-        np.concatenate([part.packed.packed for part, _ in parts]),
-        np.concatenate([part.packed.known for part, _ in parts]),
-        FULL_BODY,
-        Recording(source),
-    )
+    packed = join([part.packed for part, _ in parts], source)
     return Stream(packed, tuple(truth), tuple(between))

@@ -1,8 +1,8 @@
-"""How does one recording come in other files: other rates, axes, units, sides, parts, gaps?
+"""One recording in other files: other rates, axes, units, sides, parts, gaps.
 
 A variant is a recording changed by arithmetic of its own, and not by what reads files, then
-written by the writers, and, where a writer knows but one unit or axis, with its words about
-them changed in the file. What must come out of reading it is known.
+written by the writers, and, where a writer knows but one unit or axis, with what the file
+says about them changed. What must come out of reading it is known.
 """
 
 import re
@@ -33,7 +33,7 @@ NO_AMC = ("bvh", *POINTS)
 LYING = "lying still alone"
 
 # What a reader should say of a variant.
-SAME, ERROR, UNTOLD = "same", "error", "not told by the body"
+SAME, ERROR, OPEN = "same", "error", "not told by the body"
 
 # x, y, z of the file from x, y, z with y up.
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -54,7 +54,7 @@ class Draft:
     ----------
     motion : what the writer gets
     truth : what reading should give
-    told : options of reading
+    given : options of reading
     metres : per unit of the numbers in the file; None for what the writer takes
     z_up : whether numbers in a C3D file have z up, as its writer does it
     unit_word, up_word : what the file is made to say
@@ -64,7 +64,7 @@ class Draft:
 
     motion: Motion
     truth: Motion
-    told: Mapping[str, Any] = field(default_factory=dict)
+    given: Mapping[str, Any] = field(default_factory=dict)
     metres: float | None = None
     unit_word: str | None = None
     up_word: str | None = None
@@ -227,8 +227,8 @@ def _mapping(motion: Motion) -> Any:
 
 def _rate(rate_hz: float) -> Callable[[Motion, str, np.random.Generator], Draft]:
     def make(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-        told = {"rate_hz": rate_hz} if suffix == "amc" else {}
-        return Draft(at_rate(motion, rate_hz), motion, told)
+        given = {"rate_hz": rate_hz} if suffix == "amc" else {}
+        return Draft(at_rate(motion, rate_hz), motion, given)
 
     return make
 
@@ -284,9 +284,9 @@ def _left_handed(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft
 
 def _half(joints: tuple[str, ...], *, swapped: bool = False) -> Callable[..., Draft]:
     def make(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-        told = {"skeleton": _mapping(motion).name}
+        given = {"skeleton": _mapping(motion).name}
         half = part_of(motion, joints)
-        return Draft(renamed(half, twins(motion)) if swapped else half, motion, told)
+        return Draft(renamed(half, twins(motion)) if swapped else half, motion, given)
 
     return make
 
@@ -309,7 +309,7 @@ def _lying(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
 
 
 def _rest_pose(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-    # So many frames are a whole number of words at any rate.
+    # So many frames are a whole number of feature frames at any rate.
     n_frames = round(motion.rate_hz / 30)
     return Draft(with_rest_pose(motion, n_frames), motion, rest_frames=n_frames)
 
@@ -337,7 +337,7 @@ KINDS: dict[str, Kind] = {
     "left-handed axes": Kind(_left_handed, NO_AMC, ERROR),
     "legs alone": Kind(_half(_LEGS), NO_AMC, SAME),
     "no legs": Kind(_half(_UPPER), NO_AMC, SAME),
-    "no legs, sides exchanged": Kind(_half(_UPPER, swapped=True), NO_AMC, UNTOLD),
+    "no legs, sides exchanged": Kind(_half(_UPPER, swapped=True), NO_AMC, OPEN),
     "gaps": Kind(_gaps, POINTS, SAME),
     "kept in place": Kind(_in_place, ALL, SAME),
     LYING: Kind(_lying, ALL, SAME),
@@ -363,7 +363,7 @@ def write_draft(draft: Draft, folder: Path, suffix: str, *, asf: Path | None) ->
         for file in (own, path):
             file.write_text(_exchange(file.read_text("latin-1"), draft.names), "latin-1")
     elif suffix == "npz":
-        # As others write it: no word about unit and axes.
+        # As others write it: nothing about unit and axes.
         np.savez(
             path,
             positions=motion.positions / (draft.metres or 1.0),
@@ -374,7 +374,7 @@ def write_draft(draft: Draft, folder: Path, suffix: str, *, asf: Path | None) ->
         # These writers write millimetres.
         scale = 0.001 / draft.metres if draft.metres is not None else 1.0
         write(replace(motion, positions=motion.positions * scale), path)
-        _change_words(path, draft)
+        _change_texts(path, draft)
     return path
 
 
@@ -385,7 +385,7 @@ def _exchange(text: str, names: Mapping[str, str]) -> str:
     return pattern.sub(lambda found: names[found.group()], text)
 
 
-def _change_words(path: Path, draft: Draft) -> None:
+def _change_texts(path: Path, draft: Draft) -> None:
     """Let a file say another unit or axis than its writer does."""
     content = path.read_bytes()
     if draft.unit_word is not None:

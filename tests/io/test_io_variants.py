@@ -1,4 +1,4 @@
-"""A subset of the variants of `evidence/variants.py`: right relations, a word, or an error."""
+"""A subset of the variants of `evidence/variants.py`: right features, a note, or an error."""
 
 import importlib
 from collections import Counter
@@ -24,8 +24,8 @@ def rows(data):
         patch.syspath_prepend(str(Path(__file__).resolve().parents[2]))
         script = importlib.import_module("evidence.variants")
     tasks = script.plan(script.load_sources(data, SOURCES), COUNT * STEP, seed=SEED)
-    judge = script.Judge(None)
-    return [judge.judge(task) for task in tasks[::STEP]]
+    reviewer = script.Reviewer(None)
+    return [reviewer.review(task) for task in tasks[::STEP]]
 
 
 def test_none_is_silently_wrong(rows):

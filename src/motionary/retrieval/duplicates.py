@@ -1,9 +1,9 @@
 """The same motion in different files: across rigs and rates, cut, mirrored.
 
-Features show where to look: landmarks propose pairs of recordings and an offset, the bits of
-what they share measure how much that means. Then the files themselves are compared, since a motion
+Features say where to look: landmarks propose pairs of recordings and an offset, the bits of
+what they share say how much that means. Then the files themselves are compared, since a motion
 that is repeated well changes its features in the same sequence. Compared is at equal tempo;
-recordings in which hardly anything changes cannot be distinguished and are left out.
+recordings in which hardly anything changes cannot be told apart and are left out.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,6 @@ from motionary.batch import Failure
 from motionary.errors import InvalidInput, MotionaryError
 from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.motion import Motion
-from motionary.recording import Recording, Segment
 from motionary.retrieval.duplicate_evidence import (
     CURVE_HZ,
     MIRROR_ORDER,
@@ -56,11 +55,12 @@ class Comparing:
     least_votes: int = 6
 
 
-class Occurrence(NamedTuple):
-    """Where in a recording a motion is."""
+class Stretch(NamedTuple):
+    """Part of a recording, seconds, half-open."""
 
-    recording: Recording
-    segment: Segment
+    recording: str
+    start_s: float
+    end_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +76,8 @@ class Duplicate:
     agreement : of the changes of acceleration, at most 1
     """
 
-    left: Occurrence
-    right: Occurrence
+    left: Stretch
+    right: Stretch
     is_mirrored: bool
     bits: float
     shared: float
@@ -270,13 +270,11 @@ def _compare(
         within=2 * per_frame,
     )
     shift_s = start / SEQUENCE_HZ + at / CURVE_HZ
+    names = sides.names(pair)
     start_s, end_s = start / SEQUENCE_HZ, stop / SEQUENCE_HZ
     return Duplicate(
-        Occurrence(sides.left[pair.left].recording, Segment(start_s, end_s)),
-        Occurrence(
-            sides.right[pair.right].recording,
-            Segment(max(start_s - shift_s, 0.0), end_s - shift_s),
-        ),
+        Stretch(names[0], start_s, end_s),
+        Stretch(names[1], max(start_s - shift_s, 0.0), end_s - shift_s),
         pair.is_mirrored,
         pair.evidence.bits,
         pair.evidence.shared,

@@ -66,8 +66,9 @@ class Calibration(NamedTuple):
 def calibrate_thresholds(
     examples: Examples,
     *,
-    training: TrainingOptions | None = None,
+    groups: str | None = None,
     negatives: Sequence[FeatureSequence] = (),
+    training: TrainingOptions | None = None,
     seed: int = 0,
     jobs: int = 1,
     on_done: Callable[[tuple[int, Fold]], None] | None = None,
@@ -77,10 +78,11 @@ def calibrate_thresholds(
     Parameters
     ----------
     examples : class -> prototype -> packed features
-    training : how classes are learned, and which examples are held out together: with
-        `groups` of actors the estimates hold for actors never seen. Without, examples are
-        dealt at random.
+    groups : regular expression on the names of examples, such as "HDM_(..)_" for actors;
+        those with the same match are held out together, so that the estimates hold for
+        actors never seen. Without it examples are dealt at random.
     negatives : other recordings, without any of the classes: the more, the better
+    training : how classes are learned
     seed : of the folds and the streams
     jobs : processes; the result does not depend on it
     on_done : called after each fold, of which there are `N_FOLDS` at most
@@ -96,13 +98,12 @@ def calibrate_thresholds(
         If `groups` is no regular expression, matches nothing in an example's name, or puts all
         examples into one group.
     """
-    options = training or TrainingOptions()
-    folds = make_folds(examples, groups=options.groups, seed=seed)
+    folds = make_folds(examples, groups=groups, seed=seed)
     work = partial(
         run_trial,
         others=negatives,
         other_per_frame=OTHER_PER_FRAME,
-        training=options,
+        training=training or TrainingOptions(),
         most_cost=TRIED[-1],
         seed=seed,
     )
