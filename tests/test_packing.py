@@ -1,4 +1,4 @@
-"""Packed words against whole numbers of any length."""
+"""Packed features against whole numbers of any length."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def features(draw):
 
 
 @given(features())
-def test_words_are_the_whole_numbers_of_the_relations(matrix):
+def test_packed_features_are_the_whole_numbers_of_the_features(matrix):
     packed = pack(matrix)
     assert packed.dtype == np.uint64
     assert packed.shape == (len(matrix), count_integers(matrix.shape[1]))
@@ -52,7 +52,7 @@ def test_unpacking_returns_what_was_packed(matrix):
 
 
 @given(features())
-def test_words_that_are_not_contiguous_unpack_alike(matrix):
+def test_packed_features_that_are_not_contiguous_unpack_alike(matrix):
     every_other = np.repeat(pack(matrix), 2, axis=0)[::2]
     np.testing.assert_array_equal(unpack(every_other, matrix.shape[1]), matrix)
 
@@ -64,12 +64,12 @@ def test_numbers_0_and_1_pack_like_truth_values(matrix):
 
 
 @given(features())
-def test_count_is_the_number_of_relations_that_hold(matrix):
+def test_count_is_the_number_of_features_that_hold(matrix):
     np.testing.assert_array_equal(count(pack(matrix)), matrix.sum(axis=1))
 
 
 @given(features(), st.randoms(use_true_random=False))
-def test_permuted_words_are_the_words_of_permuted_relations(matrix, random):
+def test_permuted_packed_features_are_the_packed_features_of_permuted_features(matrix, random):
     order = np.array(random.sample(range(matrix.shape[1]), matrix.shape[1]), dtype=np.intp)
     np.testing.assert_array_equal(permute(pack(matrix), order), pack(matrix[:, order]))
 
@@ -85,12 +85,12 @@ def test_full_mask_sets_every_relation_and_no_other_bit(n):
     [[[0, 2]], [[0.5, 1.0]], [[float("nan"), 1.0]], [[-1, 1]], [0, 1], 1, [[[1]]]],
     ids=["two", "half", "nan", "minus", "one axis", "scalar", "three axes"],
 )
-def test_what_is_no_matrix_of_relations_is_refused(features):
-    with pytest.raises(InvalidInput, match="relations need"):
+def test_what_is_no_matrix_of_features_is_refused(features):
+    with pytest.raises(InvalidInput, match="features need"):
         pack(features)
 
 
 @pytest.mark.parametrize("n", [64, 0, 129])
-def test_words_of_another_number_of_relations_are_refused(n):
-    with pytest.raises(InvalidInput, match=f"{n} relations need"):
+def test_packed_features_of_another_number_of_features_are_refused(n):
+    with pytest.raises(InvalidInput, match=f"{n} features need"):
         unpack(pack(np.ones((2, 65))), n)

@@ -1,10 +1,10 @@
-"""How are yes/no relations stored?
+"""Packed features: yes/no features as bits of 64-bit integers.
 
-A frame of `n` relations is a *word*: `ceil(n / 64)` unsigned 64-bit integers, relation
-`i` in bit `i % 64` of integer `i // 64`. A second array of the same shape, the *mask*,
-marks the relations that are known (documents) or fixed (templates).
+A frame of `n` features is `ceil(n / 64)` unsigned integers, feature `i` in bit `i % 64` of
+integer `i // 64`. A second array of the same shape, the *mask*, marks the features that are
+known (sequences) or fixed (templates).
 
-Conventions: time first, shape (frames, n_words); unused high bits are zero.
+Conventions: time first, shape (frames, n_integers); unused high bits are zero.
 """
 
 from collections.abc import Sequence
@@ -18,29 +18,32 @@ PackedFeatures = NDArray[np.uint64]
 
 BITS = 64
 
+# Numbers of kinds of frames stay below this, so that int64 holds them.
+_MOST_KINDS = 2**62
+
 
 def count_integers(n_features: int) -> int:
-    """Number of 64-bit integers that hold `n_relations` relations."""
+    """Number of 64-bit integers that hold so many features."""
     return -(-n_features // BITS)
 
 
 def pack(features: ArrayLike) -> PackedFeatures:
-    """Words of a matrix of relations.
+    """Packed features of a matrix of features.
 
     Parameters
     ----------
-    relations : array, shape (frames, n_relations), of 0/1 or bool
+    features : array, shape (frames, n_features), of 0/1 or bool
 
     Returns
     -------
-    array, shape (frames, n_words), uint64
+    array, shape (frames, n_integers), uint64
     """
     bits = np.asarray(features)
     if bits.ndim != 2:
-        raise InvalidInput(f"relations need shape (frames, relations), got {bits.shape}")
+        raise InvalidInput(f"features need shape (frames, features), got {bits.shape}")
     if bits.dtype != np.bool_:
         if not np.isin(bits, (0, 1)).all():
-            raise InvalidInput("relations need values 0 and 1; quantise a template first")
+            raise InvalidInput("features need values 0 and 1; quantise a template first")
         bits = bits.astype(np.bool_)
     n_integers = count_integers(bits.shape[1])
     packed = np.zeros((bits.shape[0], n_integers * BITS // 8), dtype=np.uint8)
@@ -49,20 +52,20 @@ def pack(features: ArrayLike) -> PackedFeatures:
 
 
 def unpack(packed: PackedFeatures, n_features: int) -> NDArray[np.bool_]:
-    """Relations of packed words, the inverse of `pack`.
+    """Features of packed ones, the inverse of `pack`.
 
     Parameters
     ----------
-    words : array, shape (frames, n_words), uint64
-    n_relations : int
+    packed : array, shape (frames, n_integers), uint64
+    n_features : int
 
     Returns
     -------
-    array, shape (frames, n_relations), bool
+    array, shape (frames, n_features), bool
     """
     if packed.ndim != 2 or packed.shape[1] != count_integers(n_features):
         raise InvalidInput(
-            f"{n_features} relations need {count_integers(n_features)} integers a frame, "
+            f"{n_features} features need {count_integers(n_features)} integers a frame, "
             f"got an array of shape {packed.shape}"
         )
     as_bytes = np.ascontiguousarray(packed, dtype="<u8").view(np.uint8)
@@ -71,19 +74,19 @@ def unpack(packed: PackedFeatures, n_features: int) -> NDArray[np.bool_]:
 
 
 def full_mask(n_frames: int, n_features: int) -> PackedFeatures:
-    """Mask in which every relation is set, shape (n_frames, n_words)."""
+    """Mask in which every feature is set, shape (n_frames, n_integers)."""
     row = pack(np.ones((1, n_features), dtype=np.bool_))
     return np.repeat(row, n_frames, axis=0)
 
 
 def count(packed: PackedFeatures) -> NDArray[np.int64]:
-    """Number of set relations per frame: words (..., n_words) give counts (...)."""
+    """Number of set features per frame: (..., n_integers) gives counts (...)."""
     counts: NDArray[np.int64] = np.bitwise_count(packed).sum(axis=-1, dtype=np.int64)
     return counts
 
 
 def permute(packed: PackedFeatures, order: NDArray[np.intp]) -> PackedFeatures:
-    """Words whose relation `i` is relation `order[i]` of the given words."""
+    """Packed features of which feature `i` is feature `order[i]` of the given ones."""
     return pack(unpack(packed, len(order))[:, order])
 
 
@@ -97,3 +100,24 @@ def from_numbers(numbers: Sequence[int], n_integers: int) -> PackedFeatures:
     """Packed features of whole numbers, the inverse of `to_numbers`."""
     raw = b"".join(number.to_bytes(n_integers * BITS // 8, "little") for number in numbers)
     return np.frombuffer(raw, dtype="<u8").reshape(-1, n_integers).astype(np.uint64)
+
+
+def distinct_frames(
+    packed: PackedFeatures, known: PackedFeatures
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First frame of each kind, and the kind of every frame: motion often stays the same.
+
+    Parameters
+    ----------
+    packed, known : arrays, shape (frames, n_integers); one row of known holds for all frames
+    """
+    kind, n_kinds = np.zeros(len(packed), dtype=np.int64), 1
+    for column in (*packed.T, *(known.T if len(known) > 1 else ())):
+        values, inverse = np.unique(column, return_inverse=True)
+        if n_kinds * len(values) > _MOST_KINDS:
+            those, kind = np.unique(kind, return_inverse=True)
+            n_kinds = len(those)
+        kind = kind * len(values) + inverse
+        n_kinds *= len(values)
+    _, first, same = np.unique(kind, return_index=True, return_inverse=True)
+    return first, same

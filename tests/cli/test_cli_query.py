@@ -210,7 +210,7 @@ def test_hits_said_to_be_right_teach_and_the_others_do_not(motionary, world, squ
     told = motionary(*like, "--relevant", ",".join(map(str, good)), "--irrelevant", bad[0])
     assert told.code == 0, told.err
     # One of them is the example itself.
-    assert f"grown from squat 0.bvh and {len(good) - 1} hits" in told.out
+    assert f"expanded from squat 0.bvh and {len(good) - 1} hits" in told.out
 
 
 def test_what_is_like_a_wrong_hit_costs_more(motionary, world, squat):

@@ -10,7 +10,7 @@ import pytest
 from motionary import evaluation
 from motionary.errors import InvalidInput
 from motionary.evaluation import (
-    Segment,
+    LabelledSegment,
     compute_average_precision,
     compute_average_precisions,
     compute_boundary_error,
@@ -48,7 +48,7 @@ def rates(counts):
 
 def inclusive(name, first, last):
     """A segment of frames first to last, both counted, as the papers write them."""
-    return Segment(name, first, last + 1)
+    return LabelledSegment(name, first, last + 1)
 
 
 # Thesis (2012), Figure 5.3 and eqs 5.13-5.16. The text gives class1 and the totals; the
@@ -92,7 +92,11 @@ def test_worked_example_of_the_thesis_through_evaluate():
 
 # The edges of every measure are one test; a new measure joins the list.
 # Of two tables: both empty, equal, nothing predicted, nothing true.
-TRUTH = [Segment("walk", 0, 2), Segment("kick", 1.5, 3), Segment("walk", 4, 5)]
+TRUTH = [
+    LabelledSegment("walk", 0, 2),
+    LabelledSegment("kick", 1.5, 3),
+    LabelledSegment("walk", 4, 5),
+]
 TABLE_MEASURES = {
     "P1": (lambda p, t: rates(count_frames(p, t)).precision, 1, 1, 0, 0),
     "R1": (lambda p, t: rates(count_frames(p, t)).recall, 1, 1, 0, 0),
@@ -119,14 +123,14 @@ TABLE_MEASURES = {
     "evaluate": (lambda p, t: evaluate({"a": p}, {"a": t}).mean.frames.f, 1, 1, 0, 0),
 }
 MALFORMED = {
-    "ends before it starts": Segment("walk", 2, 1),
-    "no length": Segment("walk", 1, 1),
-    "no name": Segment("", 0, 1),
-    "name of no text": Segment(3, 0, 1),
-    "NaN": Segment("walk", NAN, 1),
-    "without end": Segment("walk", 0, math.inf),
-    "text for a time": Segment("walk", "0", 1),
-    "NaN cost": Segment("walk", 0, 1, NAN),
+    "ends before it starts": LabelledSegment("walk", 2, 1),
+    "no length": LabelledSegment("walk", 1, 1),
+    "no name": LabelledSegment("", 0, 1),
+    "name of no text": LabelledSegment(3, 0, 1),
+    "NaN": LabelledSegment("walk", NAN, 1),
+    "without end": LabelledSegment("walk", 0, math.inf),
+    "text for a time": LabelledSegment("walk", "0", 1),
+    "NaN cost": LabelledSegment("walk", 0, 1, NAN),
     "no segment": ("walk", 0, 1),
 }
 
@@ -233,32 +237,38 @@ def test_settings_out_of_range_are_refused(call):
 
 
 def test_a_frame_bears_a_label_if_its_centre_lies_within():
-    counts = count_frames([Segment("walk", 0.5, 2.5)], [Segment("walk", 0.6, 2.6)], rate_hz=1)
+    counts = count_frames(
+        [LabelledSegment("walk", 0.5, 2.5)], [LabelledSegment("walk", 0.6, 2.6)], rate_hz=1
+    )
     assert counts["walk"] == (1, 2, 1, 2)  # frames 0, 1 against 1, 2
 
 
 def test_float_noise_moves_no_frame():
     noisy = sum([0.1] * 3)  # 0.30000000000000004
-    counts = count_frames([Segment("walk", noisy, 1)], [Segment("walk", 0.3, 1)], rate_hz=5)
+    counts = count_frames(
+        [LabelledSegment("walk", noisy, 1)], [LabelledSegment("walk", 0.3, 1)], rate_hz=5
+    )
     assert counts["walk"] == (4, 4, 4, 4)
 
 
 def test_touching_is_not_overlapping():
-    assert count_false([Segment("walk", 0, 1)], [Segment("walk", 1 - 1e-12, 2)]) == 1
+    assert (
+        count_false([LabelledSegment("walk", 0, 1)], [LabelledSegment("walk", 1 - 1e-12, 2)]) == 1
+    )
 
 
 def test_a_segment_in_pieces_counts_once():
-    truth = [Segment("walk", 0, 10)]
-    pieces = [Segment("walk", 0, 5), Segment("walk", 5, 10)]
+    truth = [LabelledSegment("walk", 0, 10)]
+    pieces = [LabelledSegment("walk", 0, 5), LabelledSegment("walk", 5, 10)]
     assert count_overlaps(pieces, truth)["walk"] == (2, 2, 1, 1)
     assert count_matches(pieces, truth, iou=0.5)["walk"] == (1, 2, 1, 1)
     assert count_edits(pieces, truth) == 2
 
 
 def test_equal_overlaps_go_to_the_earlier_segment():
-    truth = [Segment("walk", 0, 2), Segment("walk", 2, 4)]
-    between = Segment("walk", 1, 3, 0.1)
-    predicted = [between, Segment("walk", 0, 2, 0.2)]
+    truth = [LabelledSegment("walk", 0, 2), LabelledSegment("walk", 2, 4)]
+    between = LabelledSegment("walk", 1, 3, 0.1)
+    predicted = [between, LabelledSegment("walk", 0, 2, 0.2)]
     for table in truth, truth[::-1]:
         assert count_matches(predicted, table, iou=0.25)["walk"].correct == 1
         assert compute_mean_average_precision([predicted], [table], ious=[0.25]) == [0.5]
@@ -268,29 +278,45 @@ def test_equal_overlaps_go_to_the_earlier_segment():
 @pytest.mark.parametrize(
     ("predicted", "edits"),
     [
-        ([Segment("walk", 0.2, 4.8), Segment("kick", 6, 7)], 0),
-        ([Segment("walk", 0.5, 5), Segment("kick", 6, 7)], 1),
-        ([Segment("walk", 0, 5), Segment("jump", 6, 7)], 1),
-        ([Segment("walk", 0, 5)], 1),
-        ([Segment("walk", 0, 5), Segment("kick", 6, 7), Segment("kick", 6, 7)], 1),
-        ([Segment("jump", 0.5, 5), Segment("kick", 6, 7)], 2),
-        ([Segment("jump", 1, 4), Segment("kick", 6, 7)], 2),
+        ([LabelledSegment("walk", 0.2, 4.8), LabelledSegment("kick", 6, 7)], 0),
+        ([LabelledSegment("walk", 0.5, 5), LabelledSegment("kick", 6, 7)], 1),
+        ([LabelledSegment("walk", 0, 5), LabelledSegment("jump", 6, 7)], 1),
+        ([LabelledSegment("walk", 0, 5)], 1),
+        (
+            [
+                LabelledSegment("walk", 0, 5),
+                LabelledSegment("kick", 6, 7),
+                LabelledSegment("kick", 6, 7),
+            ],
+            1,
+        ),
+        ([LabelledSegment("jump", 0.5, 5), LabelledSegment("kick", 6, 7)], 2),
+        ([LabelledSegment("jump", 1, 4), LabelledSegment("kick", 6, 7)], 2),
     ],
 )
 def test_edits_to_a_correct_labelling(predicted, edits):
-    assert count_edits(predicted, [Segment("walk", 0, 5), Segment("kick", 6, 7)]) == edits
+    assert (
+        count_edits(predicted, [LabelledSegment("walk", 0, 5), LabelledSegment("kick", 6, 7)])
+        == edits
+    )
 
 
 def test_boundary_offsets_tell_late_from_early():
-    offsets = compute_boundary_offsets([Segment("walk", 1, 4)], [Segment("walk", 2, 3)])
+    offsets = compute_boundary_offsets(
+        [LabelledSegment("walk", 1, 4)], [LabelledSegment("walk", 2, 3)]
+    )
     np.testing.assert_array_equal(offsets, [[-1, 1]])
     assert compute_boundary_error(offsets) == (1, 1, 1)
 
 
 def test_a_second_detection_of_one_segment_is_false():
-    truth = [[Segment("walk", 0, 10), Segment("walk", 20, 30)]]
+    truth = [[LabelledSegment("walk", 0, 10), LabelledSegment("walk", 20, 30)]]
     found = [
-        [Segment("walk", 0, 10, 0.1), Segment("walk", 1, 10, 0.2), Segment("walk", 20, 30, 0.3)]
+        [
+            LabelledSegment("walk", 0, 10, 0.1),
+            LabelledSegment("walk", 1, 10, 0.2),
+            LabelledSegment("walk", 20, 30, 0.3),
+        ]
     ]
     # Precision 1 at the first, 2/3 at the third.
     assert compute_mean_average_precision(found, truth, ious=[0.5]) == [
@@ -299,14 +325,14 @@ def test_a_second_detection_of_one_segment_is_false():
 
 
 def test_a_detection_in_another_recording_is_false():
-    here, there = [Segment("walk", 0, 10, 0.1)], [Segment("walk", 0, 10, 0.2)]
+    here, there = [LabelledSegment("walk", 0, 10, 0.1)], [LabelledSegment("walk", 0, 10, 0.2)]
     values = compute_mean_average_precision([here, there], [[], there], ious=[0.5])
     assert values == [0.5]
 
 
 def test_classes_without_truth_leave_the_mean_alone():
-    truth = [Segment("walk", 0, 10)]
-    with_false = [*truth, Segment("kick", 0, 10, 0.0)]
+    truth = [LabelledSegment("walk", 0, 10)]
+    with_false = [*truth, LabelledSegment("kick", 0, 10, 0.0)]
     assert compute_mean_average_precision([with_false], [truth], ious=[0.5]) == [1]
     assert np.isnan(compute_average_precisions([with_false], [truth])["kick"]).all()
 
@@ -330,8 +356,8 @@ def test_classification_knows_no_answer_and_breaks_ties_early():
 
 
 def test_confusion_of_single_labels_counts_each_frame_once():
-    predicted = [Segment("walk", 0, 4), Segment("kick", 4, 6)]
-    truth = [Segment("walk", 0, 3), Segment("jump", 3, 5)]
+    predicted = [LabelledSegment("walk", 0, 4), LabelledSegment("kick", 4, 6)]
+    truth = [LabelledSegment("walk", 0, 3), LabelledSegment("jump", 3, 5)]
     confusion = confuse_frames(predicted, truth, rate_hz=1, duration=8)
     assert confusion.names == ("jump", "kick", "walk")
     expected = [[0, 1, 1, 0], [0, 0, 0, 0], [0, 0, 3, 0], [0, 1, 0, 2]]
@@ -340,9 +366,9 @@ def test_confusion_of_single_labels_counts_each_frame_once():
 
 def test_renamed_segments_keep_their_times():
     renamed = rename_segments(
-        [Segment("squat", 0, 1, 0.2), Segment("walk", 1, 2)], {"squat": "exercise"}
+        [LabelledSegment("squat", 0, 1, 0.2), LabelledSegment("walk", 1, 2)], {"squat": "exercise"}
     )
-    assert renamed == [Segment("exercise", 0, 1, 0.2), Segment("walk", 1, 2)]
+    assert renamed == [LabelledSegment("exercise", 0, 1, 0.2), LabelledSegment("walk", 1, 2)]
 
 
 def test_evaluate_takes_tracks_and_their_durations():
@@ -360,8 +386,12 @@ def test_evaluate_takes_tracks_and_their_durations():
 
 
 def test_evaluate_concatenates_and_takes_means():
-    predicted = {"a": [Segment("walk", 0, 3)], "b": [Segment("walk", 0, 1)], "c": []}
-    truth = {"a": [Segment("walk", 0, 1)], "b": [Segment("walk", 0, 1)], "c": []}
+    predicted = {
+        "a": [LabelledSegment("walk", 0, 3)],
+        "b": [LabelledSegment("walk", 0, 1)],
+        "c": [],
+    }
+    truth = {"a": [LabelledSegment("walk", 0, 1)], "b": [LabelledSegment("walk", 0, 1)], "c": []}
     scores = evaluate(predicted, truth, rate_hz=1)
     assert scores.concatenated.frames.precision == 2 / 4
     assert scores.mean.frames.precision == pytest.approx((1 / 3 + 1 + 1) / 3)
@@ -370,7 +400,7 @@ def test_evaluate_concatenates_and_takes_means():
 
 
 def test_evaluate_pools_edit_scores_by_recording():
-    walk, kick = Segment("walk", 0, 1), Segment("kick", 1, 2)
+    walk, kick = LabelledSegment("walk", 0, 1), LabelledSegment("kick", 1, 2)
     scores = evaluate({"a": [walk], "b": [walk, kick]}, {"a": [kick], "b": [walk, kick]})
     assert scores.recordings["a"].edit_score == 0
     assert scores.concatenated.edit_score == pytest.approx(2 / 3)
@@ -415,8 +445,8 @@ def test_evaluate_says_what_is_wrong(call, packed):
 
 
 def test_evaluate_can_leave_out_classes_that_were_never_taught():
-    predicted = {"a": [Segment("walk", 0, 2)]}
-    truth = {"a": [Segment("walk", 0, 2), Segment("turn", 0, 2)]}
+    predicted = {"a": [LabelledSegment("walk", 0, 2)]}
+    truth = {"a": [LabelledSegment("walk", 0, 2), LabelledSegment("turn", 0, 2)]}
     assert evaluate(predicted, truth).concatenated.frames.recall == 0.5
     assert evaluate(predicted, truth, classes=["walk"]).concatenated.frames.recall == 1
 
@@ -436,4 +466,4 @@ def test_scores_are_json_and_know_no_nan():
 
 def test_anything_with_name_and_times_is_a_label():
     row = SimpleNamespace(name="walk", start_s=0, end_s=1)
-    assert to_segments([row], where="the table") == [Segment("walk", 0, 1)]
+    assert to_segments([row], where="the table") == [LabelledSegment("walk", 0, 1)]

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motionary.evaluation import (
-    Segment,
+    LabelledSegment,
     compute_average_precision,
     compute_average_precisions,
     compute_boundary_error,
@@ -42,7 +42,9 @@ N_FRAMES = 40
 def segments(max_size):
     """Tables on a grid of quarters, so that ends, overlaps and costs often coincide."""
     one = st.builds(
-        lambda name, start, length, cost: Segment(name, start / 4, (start + length) / 4, cost),
+        lambda name, start, length, cost: LabelledSegment(
+            name, start / 4, (start + length) / 4, cost
+        ),
         st.sampled_from(NAMES),
         st.integers(0, 60),
         st.integers(1, 30),

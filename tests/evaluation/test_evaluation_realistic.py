@@ -9,7 +9,7 @@ from collections import defaultdict
 
 import pytest
 
-from motionary.evaluation import Segment, evaluate, rename_segments
+from motionary.evaluation import LabelledSegment, evaluate, rename_segments
 
 RATE_HZ = 120
 LENGTHS_S = {"01_01": 2751, "49_08": 575, "86_01": 4579, "HDM_bd_03-03_01_120": 3134}
@@ -25,7 +25,9 @@ def read(path):
     with path.open(newline="") as file:
         for row in csv.DictReader(file):
             start, end = int(row["first_frame"]) - 1, int(row["last_frame"])
-            tables[row["recording"]].append(Segment(row["label"], start / RATE_HZ, end / RATE_HZ))
+            tables[row["recording"]].append(
+                LabelledSegment(row["label"], start / RATE_HZ, end / RATE_HZ)
+            )
     return tables
 
 
@@ -76,7 +78,9 @@ def test_two_annotators_differ_in_pauses_and_pieces(truth, second):
 
 def test_everything_is_jump(truth):
     """A trivial labeller; classes that the eleven do not cover are left out."""
-    predicted = {name: [Segment("jump", 0, seconds)] for name, seconds in DURATIONS_S.items()}
+    predicted = {
+        name: [LabelledSegment("jump", 0, seconds)] for name, seconds in DURATIONS_S.items()
+    }
     trained = evaluate(predicted, truth, classes=TAUGHT, durations_s=DURATIONS_S)
     assert round(trained.concatenated.frames.f, 2) == 0.25
     everything = evaluate(predicted, truth, durations_s=DURATIONS_S)

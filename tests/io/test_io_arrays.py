@@ -1,8 +1,10 @@
 """Do arrays, SMPL's parameters and pickles become the motions that they are?"""
 
+import gzip
 import io
 import os
 import pickle
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -280,12 +282,34 @@ def test_a_pickle_is_never_run(tmp_path, kind):
         b"\x80\x02cnumpy\ndtype\n(X\x0a\x00\x00\x00V999999999tR.",
         b"\x80\x04" + b"(" * 100_000,
         b"\x80\x04}\x94.",
+        # More bytes than there are; texts, bytes and arrays of bytes.
+        b"\x80\x05\x96" + (1 << 40).to_bytes(8, "little") + b"ab.",
+        b"\x80\x05\x8e" + (1 << 63).to_bytes(8, "little") + b"ab.",
+        b"\x80\x05\x8d" + (1 << 40).to_bytes(8, "little") + b"ab.",
+        b"\x80\x02T\xff\xff\xff\xffab.",
+        # Keys that are no texts, and one whose hash takes 2 ** 100 steps.
+        b"\x80\x02}K\x01K\x01s.",
+        b"\x80\x02})" + b"2\x86" * 100 + b"K\x01s.",
+        # One text of a million bytes that is to become bytes a thousand times.
+        b"\x80\x02c_codecs\nencode\nq\x00X@B\x0f\x00"
+        + bytes(1_000_000)
+        + b"q\x01"
+        + b"h\x00h\x01\x85R" * 1000
+        + b".",
+        b"\x80\x02" + b"}" * 200_000 + b".",
+        b"I" + b"9" * 200_000 + b"\n.",
+        b"\x80\x02s.",
     ],
 )
 def test_pickles_made_to_harm(tmp_path, content):
     (tmp_path / "a.pkl").write_bytes(content)
-    with pytest.raises(UnreadableFile):
+    tracemalloc.start()
+    with pytest.raises(UnreadableFile) as refused:
         read(tmp_path / "a.pkl")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert "MemoryError" not in str(refused.value)
+    assert peak < 4_000_000 + 100 * len(content)
 
 
 def test_one_person_around_an_array_is_taken_off(tmp_path):
@@ -295,3 +319,60 @@ def test_one_person_around_an_array_is_taken_off(tmp_path):
     motion = read(tmp_path / "a.npy", rate_hz=60, skeleton="smpl")
     assert isinstance(motion, Motion)
     assert np.isnan(motion.positions[4, 3]).all()
+
+
+# ---- files that inflate
+
+
+def peak_of_reading(path, **options):
+    tracemalloc.start()
+    try:
+        with pytest.raises((UnreadableFile, InvalidInput)) as refused:
+            read(path, **options)
+        return tracemalloc.get_traced_memory()[1], str(refused.value)
+    finally:
+        tracemalloc.stop()
+
+
+def zip_of(path, method=zipfile.ZIP_DEFLATED, **sizes):
+    """A .npz with one array of a frame per name, and of zeros of a size in MB."""
+    with zipfile.ZipFile(path, "w", method) as archive:
+        for name, n_megabytes in sizes.items():
+            n_frames = max(1, n_megabytes * 1_000_000 // (66 * 8))
+            header = io.BytesIO()
+            shape = {"descr": "<f8", "fortran_order": False, "shape": (n_frames, 22, 3)}
+            np.lib.format.write_array_header_1_0(header, shape)
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                file.write(header.getvalue())
+                for _ in range(n_frames):
+                    file.write(bytes(66 * 8))
+
+
+def test_only_arrays_that_are_asked_for_are_inflated(tmp_path):
+    zip_of(tmp_path / "a.npz", positions=0, other=300)
+    peak, message = peak_of_reading(tmp_path / "a.npz")
+    assert "no frame rate" in message
+    assert peak < 5_000_000
+
+
+@pytest.mark.parametrize("name", ["positions", "poses"])
+def test_an_array_that_inflates_a_thousandfold_is_refused(tmp_path, name):
+    zip_of(tmp_path / "a.npz", **{name: 150, "trans": 0})
+    peak, message = peak_of_reading(tmp_path / "a.npz", rate_hz=30)
+    assert "inflates to more" in message
+    assert peak < 5_000_000
+
+
+def test_ways_of_packing_that_inflate_without_a_bound_are_refused(tmp_path):
+    zip_of(tmp_path / "a.npz", zipfile.ZIP_BZIP2, positions=20)
+    peak, message = peak_of_reading(tmp_path / "a.npz", rate_hz=30)
+    assert "packed in another way" in message
+    assert peak < 5_000_000
+
+
+def test_text_that_unpacks_a_thousandfold_is_refused(tmp_path):
+    content = gzip.compress(b"HIERARCHY\n" + b" " * 200_000_000, compresslevel=1)
+    (tmp_path / "a.bvh.gz").write_bytes(content)
+    peak, message = peak_of_reading(tmp_path / "a.bvh.gz")
+    assert "unpacks to more than 64 MB" in message
+    assert peak < 100_000_000

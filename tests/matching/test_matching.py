@@ -150,13 +150,24 @@ def test_compiled_and_numpy_give_the_same_bits(case):
     assert same_bits(measure(case, engine="compiled"), measure(case, engine="numpy"))
 
 
-@pytest.mark.parametrize("masked", [False, True])
-def test_compiled_and_numpy_give_the_same_bits_across_tiles(masked):
-    pattern, packed, known = large_case(2)
-    mask = known if masked else None
+@pytest.mark.parametrize("masked", ["nothing", "the same always", "often"])
+@pytest.mark.parametrize(
+    ("weighed", "n_features"), [(False, 40), (True, 40), (False, 70), (True, 70)]
+)
+def test_compiled_and_numpy_give_the_same_bits_across_tiles(masked, weighed, n_features):
+    pattern, packed, known = large_case(2, weighed=weighed, n_features=n_features)
+    constant = np.broadcast_to(known[5], known.shape)
+    mask = {"nothing": None, "the same always": constant, "often": known}[masked]
     twins = [distance_function(pattern, packed, mask, engine=e) for e in ENGINES]
     assert same_bits(*twins)
     assert np.isfinite(twins[0]).sum() > 39_000
+
+
+def test_weighed_costs_of_more_kinds_of_frames_than_fit_at_once():
+    pattern, packed, _ = large_case(8, weighed=True)
+    assert len(np.unique(packed)) > 2 * _compiled._MOST_KINDS
+    twins = [distance_function(pattern, packed, engine=e) for e in ENGINES]
+    assert same_bits(*twins)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -183,7 +194,7 @@ def test_no_path_crosses_a_border_between_documents(case, seed, engine):
     assert np.isinf(together[corpus.blocked]).all()
     for i, ((packed, known), part) in enumerate(zip(pairs, corpus.split(together), strict=True)):
         assert same_bits(part, distance_function(case.pattern, packed, known, **both))
-        assert all(map(same_bits, corpus.document(i), (packed, known)))
+        assert all(map(same_bits, corpus.sequence(i), (packed, known)))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -195,7 +206,7 @@ def test_borders_hold_across_tiles(masked, engine):
     corpus = concatenate(np.split(packed, cuts), np.split(known, cuts), full=full_mask(1, 40)[0])
     together = corpus_distance(pattern, corpus, engine=engine)
     for i, part in enumerate(corpus.split(together)):
-        alone = distance_function(pattern, *corpus.document(i), engine=engine)
+        alone = distance_function(pattern, *corpus.sequence(i), engine=engine)
         assert same_bits(part, alone)
 
 

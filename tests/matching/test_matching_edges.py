@@ -31,7 +31,7 @@ NAN, INF = float("nan"), float("inf")
     ("values", "fixed", "weights", "entries", "message"),
     [
         (WORDS[:0], FULL[:0], ONES[:0], None, "at least one column"),
-        (WORDS[:, :0], FULL[:, :0], ONES, None, "at least one column and word"),
+        (WORDS[:, :0], FULL[:, :0], ONES, None, "at least one column and integer"),
         (WORDS, FULL[:1], ONES, None, "one shape"),
         (WORDS[0], FULL[0], ONES, None, "one shape"),
         (np.eye(2), np.eye(2), ONES, None, "uint64"),
@@ -65,18 +65,18 @@ def test_patterns_that_mean_nothing_are_refused(values, fixed, weights, entries,
         (lambda: distance_function(PATTERN, LONG, state=MatchState(DISTANCE)), "its own state"),
         (lambda: align(PATTERN, np.zeros((9, 2), np.uint64), None, [3]), "one feature set"),
         (lambda: align(PATTERN, LONG, None, [3], skip_weight=NAN), "skip_weight"),
-        (lambda: align(PATTERN, LONG, None, [9]), "frames of the document"),
-        (lambda: align(PATTERN, LONG, None, [-1]), "frames of the document"),
+        (lambda: align(PATTERN, LONG, None, [9]), "frames of the sequence"),
+        (lambda: align(PATTERN, LONG, None, [-1]), "frames of the sequence"),
         (lambda: align(PATTERN, LONG, None, [3, 0]), "no path of 2 columns ends at frame 0"),
         (lambda: local_minima(DISTANCE, threshold=NAN), "got NaN"),
         (lambda: find_hits(DISTANCE, PATTERN, LONG, threshold=NAN), "got NaN"),
         (lambda: find_hits(DISTANCE, PATTERN, LONG, threshold=1, limit=-1), "limit"),
         (lambda: find_hits(DISTANCE[1:], PATTERN, LONG, threshold=1), "8 frames"),
-        (lambda: concatenate([], [], full=FULL[0]), "at least one document"),
+        (lambda: concatenate([], [], full=FULL[0]), "at least one sequence"),
         (lambda: concatenate([WORDS], [], full=FULL[0]), "a mask for each"),
-        (lambda: concatenate([WORDS], [FULL[:1]], full=FULL[0]), "document 0"),
-        (lambda: concatenate([WORDS, LONG[0]], [FULL, LONG[0]], full=FULL[0]), "document 1"),
-        (lambda: concatenate([WORDS], [FULL], full=full_mask(1, 65)[0]), "document 0"),
+        (lambda: concatenate([WORDS], [FULL[:1]], full=FULL[0]), "sequence 0"),
+        (lambda: concatenate([WORDS, LONG[0]], [FULL, LONG[0]], full=FULL[0]), "sequence 1"),
+        (lambda: concatenate([WORDS], [FULL], full=full_mask(1, 65)[0]), "sequence 0"),
     ],
 )
 def test_what_does_not_fit_is_refused(call, message):
@@ -108,7 +108,7 @@ def test_a_recording_from_a_read_only_file_can_be_searched():
         np.testing.assert_array_equal(distance_function(PATTERN, frozen, engine=engine), DISTANCE)
 
 
-def test_frames_of_many_relations_are_told_apart_by_all_of_them():
+def test_frames_of_many_features_are_told_apart_by_all_of_them():
     rng = np.random.default_rng(7)
     packed = np.stack([rng.permutation(512).astype(np.uint64) for _ in range(8)], axis=1)
     other = packed.copy()

@@ -80,7 +80,7 @@ def test_stretches_are_those_of_the_documents(seed, lengths, data):
     ranges = HitRanges(*(np.array(column, dtype=np.int64) for column in zip(*spans, strict=True)))
     corpus = make_shard(given_documents, FULL_BODY).cut(ranges)
     for i, (number, start, stop) in enumerate(spans):
-        packed, known = corpus.document(i)
+        packed, known = corpus.sequence(i)
         assert np.array_equal(packed, given_documents[number].packed[start:stop])
         assert np.array_equal(known, given_documents[number].known[start:stop])
     assert len(corpus.blocked) == 2 * (len(spans) - 1)

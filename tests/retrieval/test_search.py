@@ -187,7 +187,7 @@ def test_growing_frees_what_differs_between_the_example_and_its_hits():
     assert max(hit.cost for hit in expanded) < min(hit.cost for hit in plain)
     (template,) = expanded.templates
     assert template.n_examples == 4
-    assert template.provenance == "grown from mine and 3 hits"
+    assert template.provenance == "expanded from mine and 3 hits"
     fixed = (template.values <= 0.1) | (template.values >= 0.9)
     assert fixed[:, 8:].all()
     assert fixed[:, :8].mean() < 0.5
@@ -275,7 +275,7 @@ def test_hits_that_cost_more_than_the_nearest_did_teach_nothing():
     takes = [sequence(stream(rows, seed=i)[0]) for i, rows in enumerate((near, far, far))]
     result = search(sequence(STEP), takes, expansion=QueryExpansion(by_self_information=False))
     assert result.templates[0].n_examples == 2
-    assert result.templates[0].provenance == "grown from an example and 1 hit"
+    assert result.templates[0].provenance == "expanded from an example and 1 hit"
 
 
 # -- a person's yes and no ---------------------------------------------------------------
@@ -288,7 +288,7 @@ def test_a_template_is_learned_from_the_hits_said_to_be_good():
     first = search(example, takes, expansion=AS_IT_IS, limit=5)
     good = RelevanceFeedback(example, relevant=(first[3], first[1]))
     result = search(good, takes, expansion=QueryExpansion(by_self_information=False), limit=5)
-    assert result.templates[0].provenance == "grown from mine and 2 hits"
+    assert result.templates[0].provenance == "expanded from mine and 2 hits"
     for hit in (first[3], first[1]):
         (again,) = [h for h in result if h.recording.name == hit.recording.name]
         # One of three may not differ.

@@ -116,35 +116,19 @@ def _library(options: LabelOptions) -> "ClassLibrary":
 def _label(
     sequence: "FeatureSequence", library: "ClassLibrary", options: LabelOptions
 ) -> "LabelTrack":
-    """Labels of a recording, drawn if that is asked for."""
-    from motionary.retrieval.annotation import annotate as annotate_recording
+    """Labels of a recording; drawn below the distances of the classes if that is asked for."""
+    from motionary.retrieval.annotation import annotate_with_distances
 
-    preselect = not options.thorough
-    track = annotate_recording(sequence, library, threshold=options.threshold, preselect=preselect)
+    track, distances = annotate_with_distances(
+        sequence, library, threshold=options.threshold, preselect=not options.thorough
+    )
     if options.plot:
-        _draw(options.plot, track, sequence, library, options)
+        from motionary.plots import plot_annotation, save
+
+        modified = {name: distance.modified for name, distance in distances.items()}
+        figure = plot_annotation(track, distances=modified, classes=library.names)
+        save(figure, picture_path(options.plot, track.recording.name))
     return track
-
-
-def _draw(
-    folder: str,
-    track: "LabelTrack",
-    sequence: "FeatureSequence",
-    library: "ClassLibrary",
-    options: LabelOptions,
-) -> None:
-    """Labels of a recording below the distance functions of the classes, into a folder."""
-    from motionary.plots import plot_annotation, save
-    from motionary.retrieval.annotation import class_distance
-
-    distances = {
-        one.name: class_distance(
-            sequence, one, threshold=options.threshold, preselect=not options.thorough
-        ).modified
-        for one in library
-    }
-    figure = plot_annotation(track, distances=distances, classes=library.names)
-    save(figure, picture_path(folder, track.recording.name))
 
 
 def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from motionary.cli.recordings import IndexOptions, Opener, read_recording
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.retrieval.duplicates import DuplicateResult, Stretch
+    from motionary.retrieval.duplicates import DuplicateResult, Occurrence
 
 _COLUMNS = (
     ">bits", ">agreement", "recording", ">start_s", ">end_s", "other", ">start_s", ">end_s", "",
@@ -88,11 +88,11 @@ def _say_json(result: "DuplicateResult") -> None:
         )
 
 
-def _to_json(segment: "Stretch", prefix: str) -> dict[str, object]:
+def _to_json(found: "Occurrence", prefix: str) -> dict[str, object]:
     return {
-        f"{prefix}recording": segment.recording,
-        f"{prefix}start_s": segment.start_s,
-        f"{prefix}end_s": segment.end_s,
+        f"{prefix}recording": found.recording.name,
+        f"{prefix}start_s": found.segment.start_s,
+        f"{prefix}end_s": found.segment.end_s,
     }
 
 
@@ -101,8 +101,8 @@ def _say(result: "DuplicateResult") -> None:
     for found in result.duplicates:
         places = [
             text
-            for segment in (found.left, found.right)
-            for text in (segment.recording, f"{segment.start_s:.2f}", f"{segment.end_s:.2f}")
+            for recording, (start_s, end_s) in (found.left, found.right)
+            for text in (recording.name, f"{start_s:.2f}", f"{end_s:.2f}")
         ]
         side = "mirrored" if found.is_mirrored else ""
         rows.append((f"{found.bits:.0f}", f"{found.agreement:.2f}", *places, side))

@@ -4,38 +4,42 @@ Every measure takes what was predicted, then the truth. `evaluate` gives all mea
 labels at once; what is undefined (0/0) is told in `motionary.evaluation.counts`.
 """
 
-from motionary.evaluation.boundaries import (
-    BoundaryError,
-    compute_boundary_error,
-    compute_boundary_offsets,
-    count_edits,
-    pair_segments,
+from motionary.evaluation.counts import (
+    Confusion,
+    Counts,
+    Rates,
+    compute_rates,
+    confuse_frames,
+    count_frames,
+    pool_counts,
 )
-from motionary.evaluation.counts import Confusion, Counts, Rates, compute_rates, pool_counts
-from motionary.evaluation.detection import (
-    compute_average_precisions,
-    compute_mean_average_precision,
-)
-from motionary.evaluation.frames import confuse_frames, count_frames
-from motionary.evaluation.intervals import Interval, interval
 from motionary.evaluation.ranking import (
     Classification,
+    Interval,
     Retrieval,
     compute_average_precision,
+    compute_average_precisions,
+    compute_mean_average_precision,
     compute_r_precision,
     compute_rates_at,
+    interval,
     score_classification,
     summarize_rankings,
 )
 from motionary.evaluation.scores import Measures, Scores, evaluate
 from motionary.evaluation.segments import (
+    BoundaryError,
+    compute_boundary_error,
+    compute_boundary_offsets,
     compute_edit_distance,
     compute_edit_score,
+    count_edits,
     count_false,
     count_matches,
     count_overlaps,
+    pair_segments,
 )
-from motionary.evaluation.tables import LabelLike, Segment, rename_segments, to_segments
+from motionary.evaluation.tables import LabelledSegment, LabelLike, rename_segments, to_segments
 
 __all__ = [
     "BoundaryError",
@@ -44,11 +48,11 @@ __all__ = [
     "Counts",
     "Interval",
     "LabelLike",
+    "LabelledSegment",
     "Measures",
     "Rates",
     "Retrieval",
     "Scores",
-    "Segment",
     "compute_average_precision",
     "compute_average_precisions",
     "compute_boundary_error",

@@ -1,4 +1,4 @@
-"""How good is a ranked list, and a choice among classes?
+"""Measures of ranked lists, of costed detections and of choices, and intervals of means.
 
 Retrieval: every item of a collection has a cost and is relevant or not. Classification:
 every clip has a cost for each class.
@@ -7,9 +7,28 @@ Conventions: small costs come first. An item of infinite cost is never retrieved
 relevant, it counts as not found. Of items of equal cost the irrelevant come first, so
 that a tie never flatters and the given order never matters. A query without any relevant
 item has no average precision (NaN) and does not enter a mean.
+
+Detections: mean average precision at temporal IoU, in the manner of THUMOS and ActivityNet (Caba
+Heilbron et al., 2015): within a class, the predictions of all recordings are taken by
+rising cost; each takes the true segment of its recording that it overlaps most among
+those not taken yet and is right if there is one with at least the asked IoU. Average
+precision is the area under precision, made monotone, over recall.
+
+Conventions: predictions of infinite cost are never found. Of predictions of equal cost
+the wrong ones come first, so that a tie never flatters and order never matters; within a
+recording equal costs are matched by start, then end. A class without a true segment has
+no average precision (NaN) and does not enter the mean.
+
+Intervals of a mean that was measured on a few people: values of one actor resemble each
+other, so it is actors that are drawn, not values: a
+cluster bootstrap with percentile limits (Efron and Tibshirani, An introduction to the
+bootstrap, 1993, chapters 8 and 13).
+
+Conventions: every value weighs the same, so an actor with more values weighs more. With
+few groups (five actors) such an interval is too narrow rather than too wide.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +36,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
 from motionary.evaluation.counts import Confusion, Counts, Rates, compute_rates
+from motionary.evaluation.tables import (
+    LabelledSegment,
+    Segments,
+    check_iou,
+    check_segments,
+    compute_iou,
+    list_names,
+    select_name,
+)
+
+IOUS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+RESAMPLES = 10_000
 
 
 class Retrieval(NamedTuple):
@@ -34,16 +65,32 @@ class Retrieval(NamedTuple):
 
 
 class Classification(NamedTuple):
-    """Which class was chosen.
+    """Choices among classes.
 
     Attributes
     ----------
-    accuracy : share of clips that got their class; NaN without clips
+    accuracy : fraction of clips that got their class; NaN without clips
     confusion : row true, column chosen; "no label" is a clip without any finite cost
     """
 
     accuracy: float
     confusion: Confusion
+
+
+class Interval(NamedTuple):
+    """A mean and its limits.
+
+    Attributes
+    ----------
+    mean : mean of all values
+    low, high : limits
+    groups : number of groups with values
+    """
+
+    mean: float
+    low: float
+    high: float
+    groups: int
 
 
 def compute_average_precision(costs: ArrayLike, relevant: ArrayLike) -> float:
@@ -148,6 +195,97 @@ def score_classification(
     return Classification(accuracy, Confusion(tuple(names), confusion))
 
 
+def compute_average_precisions(
+    predicted: Sequence[Segments], truth: Sequence[Segments], *, ious: Sequence[float] = IOUS
+) -> dict[str, NDArray[np.float64]]:
+    """Average precision by class.
+
+    Parameters
+    ----------
+    predicted, truth : sequences of sequences of LabelledSegment
+        One entry per recording, in the same order.
+    ious : sequence of float
+        Least temporal intersection over union of a match, inclusive.
+
+    Returns
+    -------
+    dict
+        Of each class that occurs in either, an array of shape (ious,); NaN for a class
+        that does not occur in the truth.
+    """
+    for iou in ious:
+        check_iou(iou)
+    if len(predicted) != len(truth):
+        raise InvalidInput(
+            "prediction and truth need one entry per recording, "
+            f"got {len(predicted)} and {len(truth)}"
+        )
+    predicted = [check_segments(one, where="the prediction") for one in predicted]
+    truth = [check_segments(one, where="the truth") for one in truth]
+    return {
+        name: _compute_class(
+            [select_name(one, name) for one in predicted],
+            [select_name(one, name) for one in truth],
+            np.asarray(ious, dtype=np.float64),
+        )
+        for name in list_names(*predicted, *truth)
+    }
+
+
+def compute_mean_average_precision(
+    predicted: Sequence[Segments], truth: Sequence[Segments], *, ious: Sequence[float] = IOUS
+) -> NDArray[np.float64]:
+    """Mean of the average precisions of the classes that occur in the truth.
+
+    Returns
+    -------
+    array, shape (ious,)
+        NaN if the truth holds no segment.
+    """
+    by_class = compute_average_precisions(predicted, truth, ious=ious)
+    occurring = [values for values in by_class.values() if not np.isnan(values).any()]
+    if not occurring:
+        return np.full(len(ious), np.nan)
+    return np.asarray(np.mean(occurring, axis=0), dtype=np.float64)
+
+
+def interval(
+    values_by_group: Mapping[str, Sequence[float]], *, seed: int, level: float = 0.95
+) -> Interval:
+    """Bootstrap interval of the mean over groups.
+
+    Parameters
+    ----------
+    values_by_group : mapping
+        Values of each group (actor). NaN, a value that is not defined, is left out, and
+        so is a group without values.
+    seed : int
+        The same seed gives the same limits.
+    level : float
+        Fraction of resampled means between the limits, in (0, 1).
+
+    Raises
+    ------
+    InvalidInput
+        For fewer than two groups with values, or an infinite value.
+    """
+    if not 0 < level < 1:
+        raise InvalidInput(f"a level must lie between 0 and 1, got {level}")
+    arrays = [np.asarray(values, dtype=np.float64) for values in values_by_group.values()]
+    arrays = [values[~np.isnan(values)] for values in arrays]
+    arrays = [values for values in arrays if values.size]
+    if len(arrays) < 2:
+        raise InvalidInput(f"an interval over groups needs at least two, got {len(arrays)}")
+    if any(np.isinf(values).any() for values in arrays):
+        raise InvalidInput("values must be finite, got an infinite one")
+    sums = np.array([values.sum() for values in arrays])
+    sizes = np.array([values.size for values in arrays])
+    drawn = np.random.default_rng(seed).integers(len(arrays), size=(RESAMPLES, len(arrays)))
+    means = sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
+    low, high = np.quantile(means, ((1 - level) / 2, (1 + level) / 2))
+    return Interval(float(sums.sum() / sizes.sum()), float(low), float(high), len(arrays))
+
+
 def _choose(costs: NDArray[np.float64]) -> NDArray[np.int64]:
     """Class of smallest cost, shape (clips,); the number of classes for no class."""
     # The extra column also serves a matrix without classes.
@@ -187,3 +325,47 @@ def _check_costs(costs: ArrayLike, n_clips: int, n_classes: int) -> NDArray[np.f
     if np.isnan(matrix).any():
         raise InvalidInput("costs must be numbers, got NaN; infinite means not retrieved")
     return matrix
+
+
+def _compute_class(
+    predicted: Sequence[list[LabelledSegment]],
+    truth: Sequence[list[LabelledSegment]],
+    ious: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    n_true = sum(len(one) for one in truth)
+    if n_true == 0:
+        return np.full(len(ious), np.nan)
+    costs: list[float] = []
+    right = [np.zeros((0, len(ious)), dtype=np.bool_)]
+    for claimed, real in zip(predicted, truth, strict=True):
+        found = sorted(
+            (segment for segment in claimed if segment.cost < np.inf),
+            key=lambda segment: (segment.cost, segment.start, segment.end),
+        )
+        costs += [segment.cost for segment in found]
+        right.append(_match(compute_iou(found, sorted(real)), ious))
+    matched = np.concatenate(right)
+    return np.array([_area(np.array(costs), column, n_true) for column in matched.T])
+
+
+def _match(overlaps: NDArray[np.float64], ious: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which predictions, in their order, take a true segment, shape (predicted, ious)."""
+    right = np.zeros((len(overlaps), len(ious)), dtype=np.bool_)
+    if overlaps.size == 0:
+        return right
+    for k, least in enumerate(ious):
+        free = np.ones(overlaps.shape[1], dtype=np.bool_)
+        for i, row in enumerate(overlaps):
+            best = int(np.where(free, row, -1.0).argmax())
+            if free[best] and row[best] >= least:
+                right[i, k] = True
+                free[best] = False
+    return right
+
+
+def _area(costs: NDArray[np.float64], right: NDArray[np.bool_], n_true: int) -> float:
+    """Area under monotone precision over recall."""
+    ranked = right[np.lexsort((right, costs))]
+    precision = np.cumsum(ranked) / np.arange(1, len(ranked) + 1)
+    monotone = np.maximum.accumulate(precision[::-1])[::-1]
+    return float(monotone[ranked].sum() / n_true)

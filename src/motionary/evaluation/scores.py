@@ -1,7 +1,7 @@
-"""How well do predicted labels agree with the truth, in all measures at once?
+"""All measures of predicted labels against the truth, at once.
 
 `evaluate` pairs recordings, and gives every measure of this package four times: over all
-recordings as if they were one document (as the thesis, 2012, section 5.4, does), as the
+recordings as if they were one (as the thesis, 2012, section 5.4, does), as the
 mean over recordings, for each recording, and for each class.
 
 Conventions: times in seconds; frames are sampled only for P1, R1, F1 and the confusion;
@@ -15,24 +15,38 @@ from typing import Any
 
 import numpy as np
 
-from motionary.evaluation.boundaries import (
+from motionary.evaluation.counts import (
+    RATE_HZ,
+    Confusion,
+    Counts,
+    Rates,
+    check_rate,
+    compute_rates,
+    confuse_frames,
+    count_frames,
+    pool_counts,
+)
+from motionary.evaluation.ranking import IOUS, compute_mean_average_precision
+from motionary.evaluation.segments import (
     TOLERANCE_S,
     BoundaryError,
     compute_boundary_error,
     compute_boundary_offsets,
-    count_edits,
-)
-from motionary.evaluation.counts import Confusion, Counts, Rates, compute_rates, pool_counts
-from motionary.evaluation.detection import IOUS, compute_mean_average_precision
-from motionary.evaluation.documents import Document, Missing, Recordings, pair_recordings
-from motionary.evaluation.frames import RATE_HZ, check_rate, confuse_frames, count_frames
-from motionary.evaluation.segments import (
     compute_edit_distance,
+    count_edits,
     count_false,
     count_matches,
     count_overlaps,
 )
-from motionary.evaluation.tables import Segment, list_names, select_name
+from motionary.evaluation.tables import (
+    ComparedRecording,
+    LabelledSegment,
+    Missing,
+    Recordings,
+    list_names,
+    pair_recordings,
+    select_name,
+)
 
 # Overlaps at which Lea et al. (2017) report segment F1.
 SEGMENT_IOUS = (0.1, 0.25, 0.5)
@@ -82,11 +96,11 @@ class Measures:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """What `evaluate` measured.
+    """The result of `evaluate`.
 
     Attributes
     ----------
-    concatenated : all recordings as if they were one document
+    concatenated : all recordings as if they were one
     mean : mean of `recordings`, without what is undefined; `boundary.matched` is a sum
     recordings : by recording
     classes : by class, all recordings as one, as if there were no other class
@@ -151,7 +165,7 @@ def evaluate(
         them as recordings without labels (which have no row in a table).
     classes : collection of str, optional
         Count only labels of these, on both sides; the others are as if not there. For a
-        truth with classes that the predictor was never taught.
+        truth with classes that the predictor was not trained for.
 
     Returns
     -------
@@ -163,36 +177,36 @@ def evaluate(
         If the recordings are not the same (unless `missing` allows it), there is none,
         or a label is malformed.
     """
-    documents, skipped = pair_recordings(
+    compared, skipped = pair_recordings(
         predicted, truth, durations_s=durations_s or {}, missing=missing, classes=classes
     )
     rate = check_rate(rate_hz)
-    names = list_names(*(side for one in documents for side in (one.predicted, one.truth)))
-    recordings = {one.recording: _measure([one], rate, tolerance_s) for one in documents}
+    names = list_names(*(side for one in compared for side in (one.predicted, one.truth)))
+    recordings = {one.name: _measure([one], rate, tolerance_s) for one in compared}
     return Scores(
-        concatenated=_measure(documents, rate, tolerance_s),
+        concatenated=_measure(compared, rate, tolerance_s),
         mean=_average(list(recordings.values())),
         recordings=recordings,
         classes={
-            name: _measure([_restrict(one, name) for one in documents], rate, tolerance_s)
+            name: _measure([_restrict(one, name) for one in compared], rate, tolerance_s)
             for name in names
         },
-        confusion=_confuse(documents, rate, tuple(names)),
+        confusion=_confuse(compared, rate, tuple(names)),
         rate_hz=rate,
         tolerance_s=tolerance_s,
         skipped=skipped,
     )
 
 
-def _restrict(document: Document, name: str) -> Document:
-    return document._replace(
-        predicted=select_name(document.predicted, name), truth=select_name(document.truth, name)
+def _restrict(recording: ComparedRecording, name: str) -> ComparedRecording:
+    return recording._replace(
+        predicted=select_name(recording.predicted, name), truth=select_name(recording.truth, name)
     )
 
 
-def _measure(documents: Sequence[Document], rate_hz: float, tolerance_s: float) -> Measures:
-    pairs = [(one.predicted, one.truth) for one in documents]
-    minutes = sum(one.seconds for one in documents) / 60
+def _measure(compared: Sequence[ComparedRecording], rate_hz: float, tolerance_s: float) -> Measures:
+    pairs = [(one.predicted, one.truth) for one in compared]
+    minutes = sum(one.seconds for one in compared) / 60
     offsets = [compute_boundary_offsets(*pair) for pair in pairs]
     precisions = compute_mean_average_precision(*zip(*pairs, strict=True), ious=IOUS)
     edits = sum(count_edits(*pair, tolerance=tolerance_s) for pair in pairs)
@@ -216,7 +230,9 @@ def _pool(counts: Iterable[Mapping[str, Counts]]) -> Rates:
     return compute_rates(pool_counts(row for one in counts for row in one.values()))
 
 
-def _pool_edit_scores(pairs: Sequence[tuple[list[Segment], list[Segment]]]) -> float:
+def _pool_edit_scores(
+    pairs: Sequence[tuple[list[LabelledSegment], list[LabelledSegment]]],
+) -> float:
     """Edit score of recordings one after the other, none mixed with the next."""
     longest = sum(max(len(claimed), len(real)) for claimed, real in pairs)
     return 1 - sum(compute_edit_distance(*pair) for pair in pairs) / max(longest, 1)
@@ -248,12 +264,14 @@ def _mean(values: Iterable[float]) -> float:
     return math.fsum(defined) / len(defined) if defined else math.nan
 
 
-def _confuse(documents: Sequence[Document], rate_hz: float, names: tuple[str, ...]) -> Confusion:
+def _confuse(
+    compared: Sequence[ComparedRecording], rate_hz: float, names: tuple[str, ...]
+) -> Confusion:
     matrices = [
         confuse_frames(
             one.predicted, one.truth, rate_hz=rate_hz, duration=one.seconds, names=names
         ).matrix
-        for one in documents
+        for one in compared
     ]
     return Confusion(names, np.sum(matrices, axis=0))
 

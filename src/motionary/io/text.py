@@ -19,8 +19,10 @@ PACKED = ".gz"
 
 Cell = str | int | float | None
 
-# Ten times the text of a day of motion: more is a mistake or an attack.
-_MOST_BYTES = 1 << 34
+# What text unpacks to, as a multiple of the packed size: numbers of a motion give three to six, a
+# bomb a thousand. Small ones may hold a body that stands still.
+_MOST_RATIO = 16
+_ALWAYS_BYTES = 1 << 26
 _PIECE = 1 << 22
 
 
@@ -80,6 +82,7 @@ def write_text(path: str | Path, pieces: Iterable[str]) -> None:
 
 def _unpack(content: bytes, name: str) -> bytes:
     pieces, size = [], 0
+    most = max(_ALWAYS_BYTES, _MOST_RATIO * len(content))
     unpacker = zlib.decompressobj(wbits=31)
     try:
         while content:
@@ -93,8 +96,11 @@ def _unpack(content: bytes, name: str) -> bytes:
                 finished = True
             else:
                 finished = False
-            if size > _MOST_BYTES:
-                raise UnreadableFile(f"{name}: unpacks to more than {_MOST_BYTES >> 30} GB")
+            if size > most:
+                raise UnreadableFile(
+                    f"{name}: unpacks to more than {most >> 20} MB, as no text of a motion does; "
+                    "unpack it first (gunzip) if it is yours"
+                )
             if not piece and not content and not finished:
                 break
     except zlib.error:

@@ -1,17 +1,29 @@
-"""Masked DTW on words: how well, where, and along which path a pattern occurs."""
+"""Masked subsequence DTW on packed features, hits and label assignment."""
 
 from motionary.matching.alignment import Alignment, align
-from motionary.matching.corpus import PADDING, Corpus, concatenate
-from motionary.matching.deciding import ClassSegment, annotate_distances, modify
+from motionary.matching.corpus import (
+    PADDING,
+    Corpus,
+    concatenate,
+    feature_prior,
+    prior_of_counts,
+    self_information,
+)
 from motionary.matching.distance import (
     SKIP_WEIGHT,
     MatchState,
     corpus_distance,
     distance_function,
 )
-from motionary.matching.hits import Hit, find_hits, local_minima
+from motionary.matching.hits import (
+    ClassSegment,
+    Hit,
+    annotate_distances,
+    find_hits,
+    local_minima,
+    modify,
+)
 from motionary.matching.pattern import Pattern, cell_costs
-from motionary.matching.self_information import feature_prior, prior_of_counts, self_information
 
 __all__ = [
     "PADDING",

@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching.pattern import Floats, Pattern, byte_tables
-from motionary.packing import PackedFeatures, count, unpack
+from motionary.packing import PackedFeatures, count, distinct_frames, unpack
 
 Single = NDArray[np.float32]
 
 # Frames at a time: enough that the calls cost little, few enough for a processor's caches.
 _TILE = 32768
-# Numbers of kinds of frames stay below this, so that int64 holds them.
-_MOST_KINDS = 2**62
 
 
 class Columns(NamedTuple):
@@ -41,6 +39,29 @@ class Columns(NamedTuple):
     all_known: Single
 
 
+class WeighedColumns(NamedTuple):
+    """Any pattern as the kernels want it: tables of what each byte of a frame adds.
+
+    Attributes
+    ----------
+    used : array, shape (B,): the bytes in which a column fixes a feature
+    if_set, if_known, weights : arrays, shape (K, B, 256), float64, by the byte's value
+        What set features add to the weight of what disagrees, what known ones add, and the
+        weight of the known ones.
+    fixed : array, shape (K, n_integers), uint64
+    n_fixed : array, shape (K,), int64
+    column_weights : array, shape (K,), float64
+    """
+
+    used: NDArray[np.intp]
+    if_set: Floats
+    if_known: Floats
+    weights: Floats
+    fixed: PackedFeatures
+    n_fixed: NDArray[np.int64]
+    column_weights: Floats
+
+
 def prepare(pattern: Pattern) -> Columns:
     """Columns of a pattern that has one integer a column and no entry weights."""
     n_seen = np.arange(65)
@@ -55,6 +76,29 @@ def prepare(pattern: Pattern) -> Columns:
     )
 
 
+def prepare_weighed(pattern: Pattern) -> WeighedColumns:
+    """Columns of any pattern; without entry weights every fixed entry weighs 1."""
+    n_features = 64 * pattern.values.shape[1]
+    fixed, value = unpack(pattern.fixed, n_features), unpack(pattern.values, n_features)
+    weight = fixed.astype(np.float64)
+    if pattern.entry_weights is not None:
+        weight[:, : pattern.entry_weights.shape[1]] *= pattern.entry_weights
+    used = np.flatnonzero(fixed.any(axis=0).reshape(-1, 8).any(axis=1))
+    features = (8 * used[:, np.newaxis] + np.arange(8)).reshape(-1)
+    # Wrong is a 1 that is not there, or one that should not be.
+    if_set, if_known = np.where(value, -weight, weight), weight * value
+    tables = [byte_tables(table[:, features]) for table in (if_set, if_known, weight)]
+    return WeighedColumns(
+        used,
+        tables[0],
+        tables[1],
+        tables[2],
+        np.ascontiguousarray(pattern.fixed),
+        pattern.n_fixed,
+        pattern.column_weights,
+    )
+
+
 class RowCosts(Protocol):
     """Costs of a pattern's columns against the frames of a tile."""
 
@@ -65,23 +109,26 @@ class RowCosts(Protocol):
         """Write the costs of one column at these frames to `out`."""
 
 
-def row_costs(pattern: Pattern, packed: PackedFeatures, known: PackedFeatures | None) -> RowCosts:
-    """The way to compute costs that fits the pattern and the document."""
-    if pattern.entry_weights is not None or packed.shape[1] > 1:
-        return _WeighedCosts(pattern, packed, known)
+def row_costs(
+    columns: Columns | WeighedColumns, packed: PackedFeatures, known: PackedFeatures | None
+) -> RowCosts:
+    """The way to compute costs that fits the columns and the sequence."""
+    if isinstance(columns, WeighedColumns):
+        mask = ~np.zeros((1, packed.shape[1]), np.uint64) if known is None else known
+        return _WeighedCosts(columns, packed, mask)
     if known is None:
-        return _KnownCosts(prepare(pattern), packed[:, 0])
-    return _MaskedCosts(prepare(pattern), packed[:, 0], known[:, 0])
+        return _KnownCosts(columns, packed[:, 0])
+    return _MaskedCosts(columns, packed[:, 0], known[:, 0])
 
 
 class _KnownCosts:
     """One integer a frame, everything known: a popcount a cell."""
 
     def __init__(self, columns: Columns, packed: NDArray[np.uint64]) -> None:
-        self._columns, self._words = columns, packed
+        self._columns, self._packed = columns, packed
 
     def enter(self, start: int, stop: int) -> None:
-        self._tile = self._words[start:stop]
+        self._tile = self._packed[start:stop]
         self._bits = np.empty(stop - start, dtype=np.uint64)
         self._wrong = np.empty(stop - start, dtype=np.uint8)
 
@@ -93,15 +140,15 @@ class _KnownCosts:
 
 
 class _MaskedCosts:
-    """One integer a frame, some relations unknown."""
+    """One integer a frame, some features unknown."""
 
     def __init__(
         self, columns: Columns, packed: NDArray[np.uint64], known: NDArray[np.uint64]
     ) -> None:
-        self._columns, self._words, self._known = columns, packed, known
+        self._columns, self._packed, self._known = columns, packed, known
 
     def enter(self, start: int, stop: int) -> None:
-        self._tile, self._mask = self._words[start:stop], self._known[start:stop]
+        self._tile, self._mask = self._packed[start:stop], self._known[start:stop]
 
     def write(self, column: int, out: Single) -> None:
         values, fixed, half, full, unit, _ = self._columns
@@ -115,77 +162,40 @@ class _MaskedCosts:
 
 
 class _WeighedCosts:
-    """Any pattern: tables of what each byte of a frame adds, summed in the order of bytes.
+    """Any pattern: what each byte of a frame adds, summed in the order of bytes.
 
     Once for each kind of frame in a tile.
     """
 
     def __init__(
-        self, pattern: Pattern, packed: PackedFeatures, known: PackedFeatures | None
+        self, columns: WeighedColumns, packed: PackedFeatures, known: PackedFeatures
     ) -> None:
-        n_features = 64 * packed.shape[1]
-        fixed = unpack(pattern.fixed, n_features)
-        value = unpack(pattern.values, n_features)
-        weight = fixed.astype(np.float64)
-        if pattern.entry_weights is not None:
-            weight[:, : pattern.entry_weights.shape[1]] *= pattern.entry_weights
-        self._pattern, self._words = pattern, packed
-        self._known = ~np.zeros((1, packed.shape[1]), np.uint64) if known is None else known
-        self._used = np.flatnonzero(fixed.any(axis=0).reshape(-1, 8).any(axis=1))
-        # Wrong is a 1 that is not there, or one that should not be.
-        self._if_known = self._tables(weight * value)
-        self._if_set = self._tables(np.where(value, -weight, weight))
-        self._weights = self._tables(weight)
+        self._columns, self._packed, self._known = columns, packed, known
 
     def enter(self, start: int, stop: int) -> None:
         seen = self._known if len(self._known) == 1 else self._known[start:stop]
         # Often one mask holds for all: what a skeleton lacks, it lacks in every frame.
         seen = seen[:1] if (seen == seen[0]).all() else seen
-        packed = self._words[start:stop] & seen
+        packed = self._packed[start:stop] & seen
         first, self._same = distinct_frames(packed, seen)
         self._seen = seen if len(seen) == 1 else seen[first]
         self._seen_bytes = self._bytes(self._seen)
         self._set_bytes = self._bytes(packed[first])
 
     def write(self, column: int, out: Single) -> None:
-        fraction = _sum(self._if_set[column], self._set_bytes)
-        fraction += _sum(self._if_known[column], self._seen_bytes)
-        weight = _sum(self._weights[column], self._seen_bytes)
+        columns = self._columns
+        fraction = _sum(columns.if_set[column], self._set_bytes)
+        fraction += _sum(columns.if_known[column], self._seen_bytes)
+        weight = _sum(columns.weights[column], self._seen_bytes)
         fraction /= np.where(weight > 0, weight, 1.0)
-        unseen = 2 * count(self._seen & self._pattern.fixed[column]) < self._pattern.n_fixed[column]
-        costs = np.where(unseen, 1.0, fraction) * self._pattern.column_weights[column]
+        unseen = 2 * count(self._seen & columns.fixed[column]) < columns.n_fixed[column]
+        costs = np.where(unseen, 1.0, fraction) * columns.column_weights[column]
         costs.astype(np.float32).take(self._same, out=out, mode="clip")
-
-    def _tables(self, weights: Floats) -> Floats:
-        """Weight of each value of each used byte, shape (K, bytes, 256)."""
-        features = (8 * self._used[:, np.newaxis] + np.arange(8)).reshape(-1)
-        return byte_tables(weights[:, features])
 
     def _bytes(self, packed: PackedFeatures) -> NDArray[np.intp]:
         """Used bytes, shape (bytes, frames)."""
         as_bytes = np.ascontiguousarray(packed, dtype="<u8").view(np.uint8)
-        return as_bytes.T[self._used].astype(np.intp)
-
-
-def distinct_frames(
-    packed: PackedFeatures, known: PackedFeatures
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First frame of each kind, and the kind of every frame: motion often stays the same.
-
-    Parameters
-    ----------
-    words, known : arrays, shape (frames, n_words); one row of known holds for all frames
-    """
-    kind, n_kinds = np.zeros(len(packed), dtype=np.int64), 1
-    for column in (*packed.T, *(known.T if len(known) > 1 else ())):
-        values, inverse = np.unique(column, return_inverse=True)
-        if n_kinds * len(values) > _MOST_KINDS:
-            those, kind = np.unique(kind, return_inverse=True)
-            n_kinds = len(those)
-        kind = kind * len(values) + inverse
-        n_kinds *= len(values)
-    _, first, same = np.unique(kind, return_index=True, return_inverse=True)
-    return first, same
+        return as_bytes.T[self._columns.used].astype(np.intp)
 
 
 def _sum(tables: Floats, places: NDArray[np.intp]) -> Floats:

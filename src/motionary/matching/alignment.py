@@ -1,4 +1,4 @@
-"""Where does a match begin, and which frames meet which columns?
+"""Alignments: where a match begins, and which frames meet which columns.
 
 Start frames are computed on demand, for the ends that are asked for: the pattern is run
 over the few frames before each end, in double precision.
@@ -13,16 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
-from motionary.matching._numpy import distinct_frames
 from motionary.matching.distance import SKIP_WEIGHT
 from motionary.matching.pattern import (
     Pattern,
     byte_tables,
     cell_costs,
-    check_document,
+    check_sequence,
     check_skip_weight,
 )
-from motionary.packing import PackedFeatures
+from motionary.packing import PackedFeatures, distinct_frames
 
 _STEPS = ((1, 1), (1, 2), (2, 1))
 #: Costs are sums of fractions; equal ones may differ in the last bits.
@@ -60,12 +59,12 @@ def align(
     skip_weight: float = SKIP_WEIGHT,
     since: ArrayLike = 0,
 ) -> list[Alignment]:
-    """Best matches that end at given frames of one document.
+    """Best matches that end at given frames of one sequence.
 
     Parameters
     ----------
     pattern : Pattern
-    words, known : arrays, shape (frames, n_words); known may be None
+    packed, known : arrays, shape (frames, n_integers); known may be None
     ends : frames at which the distance function is finite
     since : frame before which no match may begin, or one for each end
 
@@ -76,16 +75,16 @@ def align(
     Raises
     ------
     InvalidInput
-        If pattern and document do not fit, or no path ends at one of the frames.
+        If pattern and sequence do not fit, or no path ends at one of the frames.
     """
-    check_document(pattern, packed, known)
+    check_sequence(pattern, packed, known)
     check_skip_weight(skip_weight)
     if known is not None and pattern.fully_seen(known):
         known = None
     frames = np.asarray(ends, dtype=np.intp)
     if len(frames) and not 0 <= frames.min() <= frames.max() < len(packed):
         raise InvalidInput(
-            f"ends must be frames of the document (0 to {len(packed) - 1}), got "
+            f"ends must be frames of the sequence (0 to {len(packed) - 1}), got "
             f"{frames.min()} to {frames.max()}"
         )
     begin = np.broadcast_to(np.maximum(np.asarray(since, dtype=np.intp), 0), frames.shape)
@@ -133,7 +132,7 @@ def _accumulate(
     """Costs at the last frame of each window, and the step into every cell.
 
     Only cells from which steps lead to the last frame are computed; `frames` are the rows
-    of `words` in each window.
+    of `packed` in each window.
     """
     n_windows, width = outside.shape
     steps = np.zeros((len(pattern), n_windows, width), dtype=np.int8)

@@ -1,11 +1,17 @@
-"""Which ends of matches are answers?
+"""Which ends of matches are hits, and label assignment where several patterns match.
 
-Two readings of a distance function: every local minimum below a threshold (annotation),
-and ranked hits that exclude their neighbourhood (retrieval, after the authors' programs).
+Two readings of a distance function: every local minimum below a threshold (annotation), and
+ranked hits that exclude their neighbourhood (retrieval, after the authors' programs).
 
-Conventions: frames are 0-based; a hit is half-open, `stop` one past its last frame.
+Label assignment is that of Müller, Baak and Seidel (2009), section 4: per class a modified
+distance function that gives every frame of a match the cost of the match; per frame the
+class with the least; runs of one class, extended while the class's own function does not
+rise. Ties go to the earlier class.
+
+Conventions: frames are counted from 0; hits and segments are half-open.
 """
 
+from collections.abc import Sequence
 from math import ceil
 from typing import NamedTuple
 
@@ -13,18 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.matching.alignment import align
+from motionary.matching.alignment import Alignment, align
 from motionary.matching.distance import SKIP_WEIGHT
 from motionary.matching.pattern import Pattern
 from motionary.packing import PackedFeatures
+from motionary.recording import FrameRange, split_runs
 
 Single = NDArray[np.float32]
+Floats = NDArray[np.float64]
 
 _BATCH = 32
 
 
 class Hit(NamedTuple):
-    """A stretch of a document that matches.
+    """A segment of a sequence that matches.
 
     Attributes
     ----------
@@ -37,10 +45,17 @@ class Hit(NamedTuple):
     cost: float
 
 
+class ClassSegment(NamedTuple):
+    """Frames of one class, by its index among the classes."""
+
+    class_index: int
+    frames: FrameRange
+
+
 def local_minima(distance: Single, *, threshold: float) -> NDArray[np.intp]:
     """Frames of the local minima that are at most `threshold`.
 
-    Of a plateau the first frame counts; the ends of a document count when the neighbour
+    Of a plateau the first frame counts; the ends of a sequence count when the neighbour
     inside is higher.
 
     Raises
@@ -69,7 +84,7 @@ def find_hits(
     limit: int | None = None,
     skip_weight: float = SKIP_WEIGHT,
 ) -> list[Hit]:
-    """Hits of a pattern in one document, cheapest first.
+    """Hits of a pattern in one sequence, cheapest first.
 
     After a hit of n frames, ends within half of n before and a tenth of n after its end
     are excluded, and a later end whose start falls within a tenth of n before or half of n
@@ -78,7 +93,7 @@ def find_hits(
     Parameters
     ----------
     distance : array, shape (frames,), from `distance_function`
-    pattern, words, known : what it was computed from
+    pattern, packed, known : what it was computed from
     threshold : largest cost of a hit
     limit : most hits to return
 
@@ -86,14 +101,14 @@ def find_hits(
     ------
     InvalidInput
         If the threshold is not a number, the limit negative, or the distance function
-        another document's.
+        another sequence's.
     """
     _check_threshold(threshold)
     if limit is not None and limit < 0:
         raise InvalidInput(f"limit must be at least 0, got {limit}")
     if len(distance) != len(packed):
         raise InvalidInput(
-            f"the distance function has {len(distance)} frames, the document {len(packed)}"
+            f"the distance function has {len(distance)} frames, the sequence {len(packed)}"
         )
     order = np.argsort(distance, kind="stable")
     order = order[(distance[order] <= threshold) & np.isfinite(distance[order])]
@@ -127,3 +142,69 @@ def _exclude_ends(excluded: NDArray[np.bool_], hit: Hit) -> None:
 def _same(start: int, hit: Hit) -> bool:
     length = hit.stop - hit.start
     return hit.start - ceil(0.1 * length) <= start <= hit.start + ceil(0.5 * length)
+
+
+def modify(matches: Sequence[Alignment], *, n_frames: int) -> tuple[Floats, NDArray[np.intp]]:
+    """Modified distance function: every frame of a match gets the match's cost.
+
+    Parameters
+    ----------
+    matches : with first and last frame and cost
+    n_frames : length of the recording
+
+    Returns
+    -------
+    modified, owner : arrays, shape (frames,): the least cost and which match has it;
+        infinite and -1 without one
+    """
+    modified = np.full(n_frames, np.inf)
+    owner = np.full(n_frames, -1, dtype=np.intp)
+    for i, match in enumerate(matches):
+        inside = slice(match.start, match.end + 1)
+        cheaper = match.cost < modified[inside]
+        modified[inside][cheaper] = match.cost
+        owner[inside][cheaper] = i
+    return modified, owner
+
+
+def annotate_distances(modified: Sequence[Floats]) -> list[ClassSegment]:
+    """Segments from the classes' modified distance functions, eqs. 3 and 4 and extension.
+
+    Segments of one class that touch or overlap after the extension are one; segments of
+    different classes may overlap.
+    """
+    if not modified:
+        return []
+    matrix = np.array(modified)
+    best = np.where(np.isfinite(matrix.min(axis=0)), matrix.argmin(axis=0), -1)
+    extended = [
+        ClassSegment(int(best[start]), _extend(matrix[best[start]], start, stop))
+        for start, stop in split_runs(best)
+        if best[start] >= 0
+    ]
+    return _merge(extended)
+
+
+def _extend(modified: Floats, start: int, stop: int) -> FrameRange:
+    """Walk outwards while the class's own function is finite and does not rise."""
+    while start > 0 and np.isfinite(modified[start - 1]):
+        if modified[start - 1] > modified[start]:
+            break
+        start -= 1
+    while stop < len(modified) and np.isfinite(modified[stop]):
+        if modified[stop] > modified[stop - 1]:
+            break
+        stop += 1
+    return FrameRange(start, stop)
+
+
+def _merge(segments: Sequence[ClassSegment]) -> list[ClassSegment]:
+    merged: list[ClassSegment] = []
+    for segment in sorted(segments):
+        index, frames = merged[-1] if merged else (-1, segment.frames)
+        if index == segment.class_index and segment.frames.start <= frames.stop:
+            joined = FrameRange(frames.start, max(frames.stop, segment.frames.stop))
+            merged[-1] = ClassSegment(index, joined)
+        else:
+            merged.append(segment)
+    return sorted(merged, key=lambda s: (s.frames, s.class_index))

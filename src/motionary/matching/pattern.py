@@ -1,7 +1,7 @@
-"""What is sought: a quantised template as the matcher sees it.
+"""A pattern: a quantised template as the matcher sees it.
 
-Conventions: K columns of packed relations with a mask of the fixed ones; free cells cost
-nothing. The cost of a cell is the share of the column's fixed and known relations that
+Conventions: K columns of packed features with a mask of the fixed ones; free cells cost
+nothing. The cost of a cell is the fraction of the column's fixed and known features that
 disagree (Müller and Röder 2006, eq. 1), each entry with its weight, times the mean of the
 column's weight and 1.
 """
@@ -19,15 +19,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pattern:
-    """Columns to be found in documents.
+    """Columns to be found in sequences.
 
     Attributes
     ----------
-    values, fixed : arrays, shape (K, n_words), uint64
-        Relations and which of them are fixed; values of free relations are ignored.
+    values, fixed : arrays, shape (K, n_integers), uint64
+        Relations and which of them are fixed; values of free features are ignored.
     weights : array, shape (K,)
         Time that a column stands for; the matcher takes its mean with 1.
-    entry_weights : array, shape (K, n_relations), or None
+    entry_weights : array, shape (K, n_features), or None
         Weights of the single entries, for patterns in which what is rare tells more. An
         entry of weight 0 is free.
     n_fixed : array, shape (K,), the number of fixed entries
@@ -60,7 +60,7 @@ class Pattern:
         return (self.weights + 1.0) / 2.0
 
     def fully_seen(self, known: PackedFeatures) -> bool:
-        """Whether every relation that a column fixes is known in all frames."""
+        """Whether every feature that a column fixes is known in all frames."""
         return not (~known & np.bitwise_or.reduce(self.fixed, axis=0)).any()
 
 
@@ -76,12 +76,12 @@ def cell_costs(
 
     Parameters
     ----------
-    words, known : arrays, shape (..., n_words), uint64, that broadcast
+    packed, known : arrays, shape (..., n_integers), uint64, that broadcast
     tables : `byte_tables` of the pattern's entry weights, if many columns are asked for
 
     Returns
     -------
-    array, shape (...), float64. Unknown entries leave the share; a column of which fewer
+    array, shape (...), float64. Unknown entries leave the fraction; a column of which fewer
     than half of the fixed entries are known costs its whole weight.
     """
     seen = known & pattern.fixed[column]
@@ -100,11 +100,11 @@ def cell_costs(
 
 
 def byte_tables(weights: Floats) -> Floats:
-    """Weight of each value of each byte of relations, shape (K, bytes, 256).
+    """Weight of each value of each byte of features, shape (K, bytes, 256).
 
     Parameters
     ----------
-    weights : array, shape (K, relations)
+    weights : array, shape (K, features)
     """
     n_bytes = -(-weights.shape[1] // 8)
     by_byte = np.zeros((len(weights), n_bytes * 8))
@@ -117,15 +117,17 @@ def byte_tables(weights: Floats) -> Floats:
     return tables
 
 
-def check_document(pattern: Pattern, packed: PackedFeatures, known: PackedFeatures | None) -> None:
-    """Raise InvalidInput unless words and mask have the pattern's form."""
+def check_sequence(pattern: Pattern, packed: PackedFeatures, known: PackedFeatures | None) -> None:
+    """Raise InvalidInput unless features and mask have the pattern's form."""
     if packed.ndim != 2 or packed.shape[1] != pattern.values.shape[1]:
         raise InvalidInput(
-            f"the pattern has {pattern.values.shape[1]} integers a frame, the document has "
+            f"the pattern has {pattern.values.shape[1]} integers a frame, the sequence has "
             f"shape {packed.shape}; both must come from one feature set"
         )
     if known is not None and known.shape != packed.shape:
-        raise InvalidInput(f"known needs the shape of words {packed.shape}, got {known.shape}")
+        raise InvalidInput(
+            f"known needs the shape {packed.shape} of the features, got {known.shape}"
+        )
 
 
 def check_skip_weight(skip_weight: float) -> None:
@@ -137,16 +139,16 @@ def check_skip_weight(skip_weight: float) -> None:
 def _check_fixed(values: PackedFeatures, fixed: PackedFeatures) -> PackedFeatures:
     if values.ndim != 2 or values.shape != fixed.shape:
         raise InvalidInput(
-            "a pattern needs values and fixed of one shape (columns, words), got "
+            "a pattern needs values and fixed of one shape (columns, integers), got "
             f"{values.shape} and {fixed.shape}"
         )
     if values.dtype != np.uint64 or fixed.dtype != np.uint64:
         raise InvalidInput(
-            f"a pattern needs packed relations (uint64), got {values.dtype} and {fixed.dtype}; "
+            f"a pattern needs packed features (uint64), got {values.dtype} and {fixed.dtype}; "
             "see motionary.packing.pack"
         )
     if 0 in values.shape:
-        raise InvalidInput(f"a pattern needs at least one column and word, got {values.shape}")
+        raise InvalidInput(f"a pattern needs at least one column and integer, got {values.shape}")
     return fixed
 
 
@@ -165,7 +167,7 @@ def _check_entries(entries: Floats, fixed: PackedFeatures) -> Floats:
     form = (len(fixed), fixed.shape[1])
     if entries.ndim != 2 or (len(entries), count_integers(entries.shape[1])) != form:
         raise InvalidInput(
-            f"entry weights need shape (columns, relations) for {form[0]} columns of {form[1]} "
+            f"entry weights need shape (columns, features) for {form[0]} columns of {form[1]} "
             f"integers, got {entries.shape}"
         )
     if not ((entries >= 0) & np.isfinite(entries)).all():

@@ -1,9 +1,9 @@
 """The same motion in different files: across rigs and rates, cut, mirrored.
 
-Features say where to look: landmarks propose pairs of recordings and an offset, the bits of
-what they share say how much that means. Then the files themselves are compared, since a motion
+Features show where to look: landmarks propose pairs of recordings and an offset, the bits of
+what they share measure how much that means. Then the files themselves are compared, since a motion
 that is repeated well changes its features in the same sequence. Compared is at equal tempo;
-recordings in which hardly anything changes cannot be told apart and are left out.
+recordings in which hardly anything changes cannot be distinguished and are left out.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,6 +18,7 @@ from motionary.batch import Failure
 from motionary.errors import InvalidInput, MotionaryError
 from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.motion import Motion
+from motionary.recording import Recording, Segment
 from motionary.retrieval.duplicate_evidence import (
     CURVE_HZ,
     MIRROR_ORDER,
@@ -55,12 +56,11 @@ class Comparing:
     least_votes: int = 6
 
 
-class Stretch(NamedTuple):
-    """Part of a recording, seconds, half-open."""
+class Occurrence(NamedTuple):
+    """Where in a recording a motion is."""
 
-    recording: str
-    start_s: float
-    end_s: float
+    recording: Recording
+    segment: Segment
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +76,8 @@ class Duplicate:
     agreement : of the changes of acceleration, at most 1
     """
 
-    left: Stretch
-    right: Stretch
+    left: Occurrence
+    right: Occurrence
     is_mirrored: bool
     bits: float
     shared: float
@@ -270,11 +270,13 @@ def _compare(
         within=2 * per_frame,
     )
     shift_s = start / SEQUENCE_HZ + at / CURVE_HZ
-    names = sides.names(pair)
     start_s, end_s = start / SEQUENCE_HZ, stop / SEQUENCE_HZ
     return Duplicate(
-        Stretch(names[0], start_s, end_s),
-        Stretch(names[1], max(start_s - shift_s, 0.0), end_s - shift_s),
+        Occurrence(sides.left[pair.left].recording, Segment(start_s, end_s)),
+        Occurrence(
+            sides.right[pair.right].recording,
+            Segment(max(start_s - shift_s, 0.0), end_s - shift_s),
+        ),
         pair.is_mirrored,
         pair.evidence.bits,
         pair.evidence.shared,

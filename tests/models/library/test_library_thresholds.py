@@ -8,7 +8,7 @@ import pytest
 
 from library_cases import made_class, perform, performances
 from motionary.errors import InvalidInput
-from motionary.evaluation import Segment, count_overlaps, pool_counts
+from motionary.evaluation import LabelledSegment, count_overlaps, pool_counts
 from motionary.features import FULL_BODY, FeatureSequence
 from motionary.models.library import (
     THRESHOLD,
@@ -129,7 +129,7 @@ def test_what_a_group_alone_has_is_not_asked_for():
 )
 def test_groups_that_make_no_sense(groups, message):
     with pytest.raises(InvalidInput, match=message):
-        calibrate_thresholds(made_examples(), groups=groups)
+        calibrate_thresholds(made_examples(), training=TrainingOptions(groups=groups))
 
 
 def test_a_stream_holds_each_example_whole_and_not_too_much_else():
@@ -178,11 +178,11 @@ def test_counts_are_those_of_annotation():
         chosen = dict(zip(library.names, thresholds, strict=True))
         classes = tuple(replace(c, threshold=chosen[c.name]) for c in library)
         track = annotate(recording, ClassLibrary(classes))
-        claimed = [Segment(x.name, 30 * x.start_s, 30 * x.end_s) for x in track]
+        claimed = [LabelledSegment(x.name, 30 * x.start_s, 30 * x.end_s) for x in track]
         assert count_together(trial, chosen) == count_overlaps(claimed, list(trial.truth))
         for name in library.names:
             alone = annotate(recording, ClassLibrary((library[name],)), threshold=chosen[name])
-            claimed = [Segment(x.name, 30 * x.start_s, 30 * x.end_s) for x in alone]
+            claimed = [LabelledSegment(x.name, 30 * x.start_s, 30 * x.end_s) for x in alone]
             truth = [s for s in trial.truth if s.name == name]
             expected = count_overlaps(claimed, truth)[name]
             assert count_alone(trial, name, [chosen[name]]) == [expected]
@@ -210,7 +210,9 @@ def test_suggested_thresholds_keep_their_promise_on_new_performances():
     ]
     stream = make_stream(fresh, others[2:], other_per_frame=3.0, rng=np.random.default_rng(5))
     recording = FeatureSequence(stream.packed, stream.known, FULL_BODY)
-    claimed = [Segment(x.name, 30 * x.start_s, 30 * x.end_s) for x in annotate(recording, library)]
+    claimed = [
+        LabelledSegment(x.name, 30 * x.start_s, 30 * x.end_s) for x in annotate(recording, library)
+    ]
     counted = pool_counts(count_overlaps(claimed, stream.truth).values())
     promised = [(s.precision, s.recall) for s in calibrations.values()]
     assert counted.correct / counted.predicted >= np.mean(promised, axis=0)[0]

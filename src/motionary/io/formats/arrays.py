@@ -5,6 +5,7 @@ people save from NumPy. Which joint is which is given, or guessed by their numbe
 several orders have that number, by whose bones keep their length; every guess is a note.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -150,7 +151,7 @@ def check_positions(array: Array, source: str) -> Floats:
     return positions
 
 
-def find_rate(arrays: dict[str, Array]) -> float | None:
+def find_rate(arrays: Mapping[str, Array]) -> float | None:
     """Frames per second, under one of the usual names; None if there is none."""
     for key in RATES:
         if key in arrays and arrays[key].size == 1 and arrays[key].dtype.kind in "fiu":
@@ -160,7 +161,7 @@ def find_rate(arrays: dict[str, Array]) -> float | None:
     return None
 
 
-def _find_names(arrays: dict[str, Array]) -> list[str] | None:
+def _find_names(arrays: Mapping[str, Array]) -> list[str] | None:
     key = next((key for key in _NAMES if key in arrays), None)
     if key is None or arrays[key].dtype.kind not in "US" or arrays[key].ndim != 1:
         return None

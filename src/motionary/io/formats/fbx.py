@@ -93,7 +93,7 @@ def _read_in_child(path: Path) -> dict[str, Array]:
             lines = done.stderr.decode(errors="replace").strip().splitlines()
             reason = lines[-1] if lines else "its reader says nothing"
             raise UnreadableFile(f"{path.name}: cannot be read as FBX: {reason}")
-        return read_npz(target)
+        return dict(read_npz(target))
 
 
 def _to_content(

@@ -8,9 +8,11 @@ A file of ours holds `positions` (frames, joints, 3) in metres with y up, `names
 `event_times_s`.
 """
 
+import math
 import zipfile
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 
 import numpy as np
 from numpy.lib import format as npy
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 from motionary.batch import write_atomically
 from motionary.errors import UnreadableFile
 from motionary.io.formats.content import FileContent
+from motionary.io.formats.unpickling import plain_dict, read_pickled
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Event, JointMapping, Motion, Skeleton
@@ -26,12 +29,17 @@ from motionary.skeletons import format_table, known_mappings, named_mapping, par
 
 Floats = NDArray[np.float64]
 Array = NDArray[Any]
+Result = TypeVar("Result")
 
 _FORMAT = 1
 _OWN = FileMetadata("m", "y", noted=())
 
-# Ten times two hours of a body in motion: more is a mistake or an attack.
-_MOST_BYTES = 1 << 35
+# What a member inflates to, as a multiple of what it takes in the file: numbers of a body in
+# motion give less than ten, a bomb a thousand. Small ones may be all zeros.
+_MOST_RATIO = 16
+_ALWAYS_BYTES = 1 << 26
+# Others inflate without a bound; NumPy writes these two.
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 def read_npy(path: Path) -> Array:
@@ -43,15 +51,100 @@ def read_npy(path: Path) -> Array:
         If the file is missing, damaged, or holds Python objects.
     """
     try:
-        size = path.stat().st_size
         with path.open("rb") as file:
+            size = file.seek(0, 2)
+            file.seek(0)
             return _read_array(file, size)
     except Exception as error:
         # On damaged headers NumPy raises whatever its parser of Python raises.
         raise _unreadable(path, error) from error
 
 
-def read_npz(path: Path) -> dict[str, Array]:
+def read_npy_dict(path: Path) -> dict[str, Any]:
+    """The dict that a .npy file holds as its one object; empty if it holds anything else.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, or the dict holds more than arrays and texts.
+    """
+    try:
+        with path.open("rb") as file:
+            return _read_dict(file)
+    except Exception as error:
+        raise _unreadable(path, error) from error
+
+
+class ArchivedArrays(Mapping[str, Array]):
+    """The arrays of a .npz file by name, each inflated when it is asked for.
+
+    Those that hold Python objects are left out.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing or damaged; later, if an array is.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            with zipfile.ZipFile(path) as archive:
+                members = [m for m in archive.infolist() if m.filename.endswith(".npy")]
+        except Exception as error:
+            raise _unreadable(path, error) from error
+        self._members = {m.filename.removesuffix(".npy"): m for m in members}
+        self._are_objects: dict[str, bool] = {}
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._members and not self._holds_objects(str(name))
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self:
+            raise KeyError(name)
+        member = self._members[name]
+        return self._open(name, lambda file: _read_array(file, member.file_size, _most(member)))
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in self._members if name in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def read_dict(self, name: str) -> dict[str, Any]:
+        """The dict that is the one object of an array; empty if it is anything else."""
+        if name not in self._members or not self._holds_objects(name):
+            return {}
+        if self._members[name].file_size > _most(self._members[name]):
+            raise _unreadable(self._path, ValueError(f"{name} {_BOMB}"))
+        return self._open(name, _read_dict)
+
+    def _holds_objects(self, name: str) -> bool:
+        if name not in self._are_objects:
+            dtype = self._open(name, lambda file: _read_header(file)[2])
+            self._are_objects[name] = bool(dtype.hasobject)
+        return self._are_objects[name]
+
+    def _open(self, name: str, read: Callable[[IO[bytes]], Result]) -> Result:
+        member = self._members[name]
+        try:
+            if member.compress_type not in _METHODS:
+                raise ValueError(f"{name} is packed in another way than NumPy packs")
+            with zipfile.ZipFile(self._path) as archive, archive.open(member) as file:
+                return read(file)
+        except Exception as error:
+            raise _unreadable(self._path, error) from error
+
+
+_BOMB = "inflates to more than numbers can; unpack the file and save it again if it is yours"
+
+
+def _most(member: zipfile.ZipInfo) -> int:
+    """Bytes that an array of a file may have."""
+    return max(_ALWAYS_BYTES, _MOST_RATIO * member.compress_size)
+
+
+def read_npz(path: Path) -> ArchivedArrays:
     """The arrays of a .npz file by name; those that hold Python objects are left out.
 
     Raises
@@ -59,46 +152,26 @@ def read_npz(path: Path) -> dict[str, Array]:
     UnreadableFile
         If the file is missing or damaged.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = [m for m in archive.infolist() if m.filename.endswith(".npy")]
-            if sum(member.file_size for member in members) > _MOST_BYTES:
-                raise ValueError(f"unpacks to more than {_MOST_BYTES >> 30} GB")
-            arrays = {}
-            for member in members:
-                with archive.open(member) as file:
-                    array = _read_member(file, member.file_size)
-                if array is not None:
-                    arrays[member.filename.removesuffix(".npy")] = array
-            return arrays
-    except Exception as error:
-        raise _unreadable(path, error) from error
+    return ArchivedArrays(path)
 
 
-def _read_member(file: IO[bytes], size: int) -> Array | None:
-    try:
-        return _read_array(file, size)
-    except _HoldsObjectsError:
-        return None
-
-
-class _HoldsObjectsError(ValueError):
-    """The array is one of Python objects, which only a pickle can hold."""
-
-
-def _read_array(file: IO[bytes], size: int) -> Array:
+def _read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, "np.dtype[Any]"]:
     version = npy.read_magic(file)
     if version == (1, 0):
-        shape, fortran, dtype = npy.read_array_header_1_0(file)
-    else:
-        shape, fortran, dtype = npy.read_array_header_2_0(file)
+        return npy.read_array_header_1_0(file)
+    return npy.read_array_header_2_0(file)
+
+
+def _read_array(file: IO[bytes], size: int, most: int = 1 << 40) -> Array:
+    shape, fortran, dtype = _read_header(file)
     if dtype.hasobject:
-        raise _HoldsObjectsError("holds Python objects; expected an array of numbers")
-    count = 1
-    for length in shape:
-        count *= length
+        raise ValueError("holds Python objects; expected an array of numbers")
+    count = math.prod(shape)
     if count < 0 or count * dtype.itemsize > size:
         raise ValueError(f"promises {count} numbers and is shorter")
+    # Numbers of fewer bytes become floats of eight.
+    if count * max(dtype.itemsize, 8) > most:
+        raise ValueError(f"an array {_BOMB}")
     content = file.read(count * dtype.itemsize)
     if len(content) < count * dtype.itemsize:
         raise ValueError("is cut off")
@@ -106,19 +179,26 @@ def _read_array(file: IO[bytes], size: int) -> Array:
     return array.reshape(shape[::-1]).T if fortran else array.reshape(shape)
 
 
+def _read_dict(file: IO[bytes]) -> dict[str, Any]:
+    shape, _, dtype = _read_header(file)
+    return plain_dict(read_pickled(file.read())) if dtype.hasobject and shape == () else {}
+
+
 def _unreadable(path: Path, error: Exception) -> UnreadableFile:
+    if isinstance(error, UnreadableFile):
+        return error
     if isinstance(error, OSError) and error.strerror:
         return UnreadableFile(f"{path}: cannot be read: {error.strerror}")
     reason = str(error).splitlines()[0][:100] if str(error) else type(error).__name__
     return UnreadableFile(f"{path.name}: damaged, or no file of arrays: {reason}")
 
 
-def is_own(arrays: dict[str, Array]) -> bool:
+def is_own(arrays: Mapping[str, Array]) -> bool:
     """Whether arrays are a motion that `write_npz` wrote."""
     return "motionary_motion" in arrays
 
 
-def read_own(arrays: dict[str, Array], source: str, options: ReadOptions) -> FileContent:
+def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> FileContent:
     """Content of a file that `write_npz` wrote.
 
     Raises
@@ -155,11 +235,13 @@ def read_own(arrays: dict[str, Array], source: str, options: ReadOptions) -> Fil
             mapping=_mapping(arrays, names) if options.skeleton is None else None,
             events=_events(arrays),
         )
+    except UnreadableFile:
+        raise
     except (KeyError, ValueError, TypeError, OverflowError) as error:
         raise UnreadableFile(f"{source}: is no whole motion: {error}") from error
 
 
-def _mapping(arrays: dict[str, Array], names: tuple[str, ...]) -> JointMapping | None:
+def _mapping(arrays: Mapping[str, Array], names: tuple[str, ...]) -> JointMapping | None:
     if "skeleton" not in arrays:
         return None
     name = str(arrays["skeleton"])
@@ -168,7 +250,7 @@ def _mapping(arrays: dict[str, Array], names: tuple[str, ...]) -> JointMapping |
     return named_mapping(name, names)
 
 
-def _rotations(arrays: dict[str, Array], shape: tuple[int, ...]) -> Floats | None:
+def _rotations(arrays: Mapping[str, Array], shape: tuple[int, ...]) -> Floats | None:
     if "rotations" not in arrays:
         return None
     rotations = np.array(arrays["rotations"], dtype=np.float64)
@@ -179,7 +261,7 @@ def _rotations(arrays: dict[str, Array], shape: tuple[int, ...]) -> Floats | Non
     return rotations
 
 
-def _events(arrays: dict[str, Array]) -> tuple[Event, ...]:
+def _events(arrays: Mapping[str, Array]) -> tuple[Event, ...]:
     if "event_names" not in arrays:
         return ()
     columns = (arrays[key].tolist() for key in ("event_names", "event_sides", "event_times_s"))

@@ -8,6 +8,7 @@ person's own joints are used. AMASS has z up and metres.
 Conventions: in the rest pose the body stands in a T, y up, looking along z, its left at +x.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -68,13 +69,13 @@ class Pose(NamedTuple):
     root: Floats
 
 
-def is_smpl(arrays: dict[str, Array]) -> bool:
+def is_smpl(arrays: Mapping[str, Array]) -> bool:
     """Whether arrays are a motion of an SMPL body."""
     return "trans" in arrays and ("poses" in arrays or {"root_orient", "pose_body"} <= set(arrays))
 
 
 def read_smpl_arrays(
-    arrays: dict[str, Array], source: str, *, rate_hz: float | None, options: ReadOptions
+    arrays: Mapping[str, Array], source: str, *, rate_hz: float | None, options: ReadOptions
 ) -> FileContent:
     """Content of a file of AMASS; a unit that is given is that of `trans`.
 

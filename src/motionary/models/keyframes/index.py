@@ -361,4 +361,6 @@ def check_votes(votes: int, *, n_queries: int) -> None:
     InvalidInput
     """
     if not 1 <= votes <= n_queries:
-        raise InvalidInput(f"{n_queries} queries have 1 to {n_queries} votes, got {votes}")
+        raise InvalidInput(
+            f"{n_queries} queries have 1 to {n_queries} votes, got {votes}", key="votes"
+        )

@@ -33,12 +33,6 @@ from motionary.models.library.learning import (
     list_examples,
     read_examples,
 )
-from motionary.models.library.queries import (
-    QueriedLibrary,
-    choose_queries,
-    class_of_query,
-    learn_queries,
-)
 from motionary.models.library.relearning import (
     ClassEdit,
     EditedLibrary,
@@ -49,7 +43,15 @@ from motionary.models.library.relearning import (
     training_of,
 )
 from motionary.models.library.storage import ClassLibrary, load_library
-from motionary.models.library.training import Examples, learn_classes, measure_background
+from motionary.models.library.training import (
+    Examples,
+    QueriedLibrary,
+    choose_queries,
+    class_of_query,
+    learn_classes,
+    learn_queries,
+    measure_background,
+)
 
 __all__ = [
     "N_FOLDS",

@@ -1,9 +1,8 @@
-"""What is wrong with these examples, before anything is learned from them?
+"""Advice on examples: what may be wrong with them, before anything is learned.
 
-Warnings in words: too few examples, one that is much shorter or longer, one that does not
-fit, two motions under one name, nothing in common. The limits were set on the HDM05
-classes and on such with planted faults; they alarm for about one set of examples in
-twenty that is sound.
+Too few examples, one that is much shorter or longer, one that does not fit, two motions under
+one name, nothing in common. The limits were set on the HDM05 classes and on such with planted
+faults; they alarm for about one set of examples in twenty that is sound.
 
 Conventions: distances are costs of matching, in [0, 1]; lengths in frames of 30 Hz.
 """
@@ -24,20 +23,20 @@ from motionary.packing import full_mask
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Fewer cannot tell what may vary.
+#: Fewer cannot show what may vary.
 FEWEST = 3
-#: Shorter ones are over before most relations have changed.
+#: Shorter ones are over before most features have changed.
 SHORTEST_S = 0.25
 #: An example costs more than this with the template of the others, and so much more than
-#: the dearest of them.
+#: the highest cost of one of them.
 ODD_COST, ODD_GAP = 0.11, 0.05
 #: Two motions: each half costs more than this with the template of the other, and two
-#: templates fix a larger share of cells; few examples gain by any split.
+#: templates fix a larger fraction of cells; few examples gain by any split.
 APART_COST, APART_GAIN, GAIN_OF_ONE = 0.08, 0.04, 0.6
-#: A template that fixes a smaller share of its cells matches much.
+#: A template that fixes a smaller fraction of its cells matches much.
 LEAST_FIXED = 0.2
 
-#: Odd ones are told up to this share of the examples: beyond, none of them is the rule.
+#: Odd ones are reported up to this fraction of the examples: beyond, none of them is the rule.
 _MOST_ODD = 0.25
 _MOST_NAMES = 6
 _FEWEST_COMPARED = 4
@@ -68,13 +67,13 @@ class Advice(NamedTuple):
 
 
 def advise(examples: Examples, *, tolerance: float = TOLERANCE) -> list[Advice]:
-    """Warnings about examples: class -> subclass -> words.
+    """Advice on examples, class by class.
 
-    Each subclass is looked at by itself, as it gets a template of its own.
+    Each prototype is looked at by itself, as it gets a template of its own.
 
     Parameters
     ----------
-    examples : class -> subclass -> words
+    examples : class -> prototype -> packed features
     tolerance : with which the classes are to be matched
     """
     found: list[Advice] = []
@@ -90,13 +89,13 @@ _Finding = tuple[str, str, tuple[str, ...]]
 
 def _look(items: Sequence[FeatureSequence], tolerance: float) -> Iterator[_Finding]:
     if len(items) < FEWEST:
-        yield "few", _say_few(len(items)), ()
+        yield "few", _describe_few(len(items)), ()
     short = [item for item in items if len(item) < SHORTEST_S * SEQUENCE_HZ]
     if short:
         yield "short", f"shorter than {SHORTEST_S} s: {_list(short)}; cut it anew", _names(short)
     usual, unusual, median = _by_length(items)
     for item in unusual:
-        yield "length", _say_length(item, median), _names([item])
+        yield "length", _describe_length(item, median), _names([item])
     if len(usual) >= _FEWEST_COMPARED:
         distances = _pairwise(usual)
         halves = _find_halves(usual, distances)
@@ -106,7 +105,7 @@ def _look(items: Sequence[FeatureSequence], tolerance: float) -> Iterator[_Findi
             learn_prototype("all", items, learning=_LEARNING).template, tolerance
         )
         if fraction < LEAST_FIXED:
-            yield "loose", _say_loose(fraction), ()
+            yield "loose", _describe_loose(fraction), ()
 
 
 def _by_length(
@@ -138,7 +137,7 @@ def _find_odd(items: list[FeatureSequence], distances: Floats) -> Iterator[_Find
         )
         if cost <= ODD_COST or cost - highest_cost <= ODD_GAP:
             return
-        yield "odd", _say_odd(item, cost, highest_cost), _names([item])
+        yield "odd", _describe_odd(item, cost, highest_cost), _names([item])
         left = np.delete(left, oddest)
 
 
@@ -158,7 +157,7 @@ def _find_halves(items: list[FeatureSequence], distances: Floats) -> _Finding | 
     gain = apart - together
     if min(across) <= APART_COST or gain <= APART_GAIN + GAIN_OF_ONE / len(items):
         return None
-    return "two", _say_two(first, second, apart, together), _names(first)
+    return "two", _describe_two(first, second, apart, together), _names(first)
 
 
 def _split(
@@ -206,15 +205,15 @@ def _fraction_fixed(template: MotionTemplate, tolerance: float) -> float:
     return quantised.n_fixed / quantised.fixed.size
 
 
-# -- words ------------------------------------------------------------------------------
+# -- messages ---------------------------------------------------------------------------
 
 
-def _say_few(n_examples: int) -> str:
+def _describe_few(n_examples: int) -> str:
     count = "one example" if n_examples == 1 else f"{n_examples} examples"
     return f"{count}: too few to tell what may vary, so that other people will hardly match"
 
 
-def _say_length(item: FeatureSequence, median: float) -> str:
+def _describe_length(item: FeatureSequence, median: float) -> str:
     return (
         f"{_name(item)} lasts {len(item) / SEQUENCE_HZ:.1f} s, the usual example "
         f"{median / SEQUENCE_HZ:.1f} s: one template matches from half to double; cut it anew, or "
@@ -222,14 +221,14 @@ def _say_length(item: FeatureSequence, median: float) -> str:
     )
 
 
-def _say_odd(item: FeatureSequence, cost: float, highest_cost: float) -> str:
+def _describe_odd(item: FeatureSequence, cost: float, highest_cost: float) -> str:
     return (
         f"{_name(item)} does not fit: with the template of the others it costs {cost:.2f}, they "
         f"at most {highest_cost:.2f}; is it in the wrong folder?"
     )
 
 
-def _say_two(
+def _describe_two(
     first: Sequence[FeatureSequence], second: Sequence[FeatureSequence], apart: float, one: float
 ) -> str:
     return (
@@ -238,7 +237,7 @@ def _say_two(
     )
 
 
-def _say_loose(fraction: float) -> str:
+def _describe_loose(fraction: float) -> str:
     return (
         f"its examples have little in common: {100 * fraction:.0f} % of the template's cells are "
         "fixed, so that it will match much else"

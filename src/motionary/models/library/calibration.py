@@ -66,9 +66,8 @@ class Calibration(NamedTuple):
 def calibrate_thresholds(
     examples: Examples,
     *,
-    groups: str | None = None,
-    negatives: Sequence[FeatureSequence] = (),
     training: TrainingOptions | None = None,
+    negatives: Sequence[FeatureSequence] = (),
     seed: int = 0,
     jobs: int = 1,
     on_done: Callable[[tuple[int, Fold]], None] | None = None,
@@ -78,11 +77,10 @@ def calibrate_thresholds(
     Parameters
     ----------
     examples : class -> prototype -> packed features
-    groups : regular expression on the names of examples, such as "HDM_(..)_" for actors;
-        those with the same match are held out together, so that the estimates hold for
-        actors never seen. Without it examples are dealt at random.
+    training : how classes are learned, and which examples are held out together: with
+        `groups` of actors the estimates hold for actors never seen. Without, examples are
+        dealt at random.
     negatives : other recordings, without any of the classes: the more, the better
-    training : how classes are learned
     seed : of the folds and the streams
     jobs : processes; the result does not depend on it
     on_done : called after each fold, of which there are `N_FOLDS` at most
@@ -98,12 +96,13 @@ def calibrate_thresholds(
         If `groups` is no regular expression, matches nothing in an example's name, or puts all
         examples into one group.
     """
-    folds = make_folds(examples, groups=groups, seed=seed)
+    options = training or TrainingOptions()
+    folds = make_folds(examples, groups=options.groups, seed=seed)
     work = partial(
         run_trial,
         others=negatives,
         other_per_frame=OTHER_PER_FRAME,
-        training=training or TrainingOptions(),
+        training=options,
         most_cost=TRIED[-1],
         seed=seed,
     )

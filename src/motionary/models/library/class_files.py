@@ -5,12 +5,14 @@ holds the values: of the templates and, where they are kept, the packed features
 examples. What a person wrote into the TOML file besides stays when it is written again.
 """
 
+import difflib
 import hashlib
 import io
 import struct
+import tomllib
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, MutableMapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,28 +20,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.batch import write_atomically
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FeatureSequence, FeatureSet
-from motionary.models.keyframes import KeyframeQuery, check_votes, format_queries, parse_queries
+from motionary.models.keyframes import KeyframeQuery, format_queries, parse_queries
 from motionary.models.library.classes import MotionClass, Prototype
-from motionary.models.library.tables import (
-    Keys,
-    check_keys,
-    read_document,
-    read_toml,
-    refuse,
-    refuse_value,
-    show_place,
-    tell_line,
-    update_table,
-    write_document,
-)
 from motionary.models.templates import MotionTemplate
 from motionary.packing import count_integers, full_mask
 
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument
 
+#: Keys that a table needs, and of which kind their values are.
+Keys = Mapping[str, type]
+#: Where a value stands in a file: keys of tables, numbers of their entries.
+Place = tuple[str | int, ...]
 Arrays = Mapping[str, NDArray[Any]]
 
 CLASS_KEYS: Keys = {
@@ -52,6 +46,13 @@ _OPTIONAL_KEYS: Keys = {"mirror_of": str, "unmeasured": list}
 _ESTIMATES = {
     "estimated_precision": "promised_precision", "estimated_recall": "promised_recall",
 }  # fmt: skip
+_KINDS = {
+    str: "a text in quotes", int: "a whole number", float: "a number", bool: "true or false",
+    list: "a list", dict: "a table",
+}  # fmt: skip
+# No file holds it.
+_MARK = "\ue000here\ue000"
+
 #: What reading a broken archive of arrays ends in.
 _BROKEN_ARCHIVE = (
     ValueError, TypeError, KeyError, EOFError, OSError, MemoryError, OverflowError, RuntimeError,
@@ -76,12 +77,10 @@ def write_class(
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
     content = buffer.getvalue()
     values = folder / f"{stem}.{hashlib.sha256(content).hexdigest()[:8]}.npz"
-    settings: dict[str, Any] = {
-        key: getattr(motion_class, key) for key in ("name", "threshold", "tolerance")
-    }
-    for attribute, key in _ESTIMATES.items():
-        if (fraction := getattr(motion_class, attribute)) is not None:
-            settings[key] = fraction
+    attributes = {key: key for key in ("name", "threshold", "tolerance")}
+    attributes |= {key: attribute for attribute, key in _ESTIMATES.items()}
+    settings = {key: getattr(motion_class, attribute) for key, attribute in attributes.items()}
+    settings = {key: value for key, value in settings.items() if value is not None}
     settings |= {"background": list(motion_class.background), "values": values.name}
     path = folder / f"{stem}.toml"
     document = read_document(path)
@@ -122,8 +121,9 @@ def _update_entries(document: "TOMLDocument", entries: list[dict[str, Any]]) -> 
     if not isinstance(tables, AoT) or len(tables) != len(entries):
         document.pop("templates", None)
         tables = tomlkit.aot()
-        for _ in entries:
-            tables.append(tomlkit.table())
+        tables.extend(tomlkit.table() for _ in entries)
+        for table in tables[1:]:
+            table.trivia.indent = "\n"
         document["templates"] = tables
     for table, entry in zip(tables, entries, strict=True):
         update_table(table, entry, optional=(*_OPTIONAL_KEYS, "query", "votes"))
@@ -161,7 +161,7 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
     if not content["templates"]:
         raise refuse(path, ("templates",), "must list at least one, got none")
     background = content["background"]
-    if not all(isinstance(fraction, int | float) for fraction in background):
+    if not all(isinstance(x, int | float) for x in background):
         raise refuse(path, ("background",), f"must be a list of numbers, got {background!r}")
     estimates = [_read_estimate(path, content, key) for key in _ESTIMATES.values()]
     arrays = _read_values(path, content["values"])
@@ -181,13 +181,11 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
 
 
 def _read_estimate(path: Path, content: dict[str, Any], key: str) -> float | None:
-    if key not in content:
-        return None
-    check_keys(path, content, {key: float})
-    fraction = float(content[key])
-    if not 0 <= fraction <= 1:
-        raise refuse(path, (key,), f"must lie in [0, 1], got {fraction}")
-    return fraction
+    if key in content:
+        check_keys(path, content, {key: float})
+        if not 0 <= content[key] <= 1:
+            raise refuse(path, (key,), f"must lie in [0, 1], got {content[key]}")
+    return content.get(key)
 
 
 def _read_prototype(
@@ -196,16 +194,16 @@ def _read_prototype(
     place = ("templates", number)
     keys = (f"values_{number}", f"weights_{number}")
     if any(key not in arrays for key in keys):
-        raise UnreadableFile(f"{path}: {show_place(place)} has no values in the .npz beside it")
+        raise UnreadableFile(f"{path}: {format_place(place)} has no values in the .npz beside it")
     values, weights = (arrays[key] for key in keys)
     shape = (entry["columns"], len(feature_set))
     if values.shape != shape:
         raise UnreadableFile(
-            f"{path}: {show_place(place)} needs values of shape {shape} (columns, features), the "
-            f".npz beside it has {values.shape}{tell_line(path, (*place, 'columns'))}"
+            f"{path}: {format_place(place)} needs values of shape {shape} (columns, features), the "
+            f".npz beside it has {values.shape}{format_line(path, (*place, 'columns'))}"
         )
     if values.dtype.kind not in "fiu" or weights.dtype.kind not in "fiu":
-        raise UnreadableFile(f"{path}: {show_place(place)} needs numbers in the .npz beside it")
+        raise UnreadableFile(f"{path}: {format_place(place)} needs numbers in the .npz beside it")
     try:
         template = MotionTemplate(
             values, weights, feature_set.ids, feature_set.name, entry["provenance"],
@@ -223,23 +221,17 @@ def _read_queries(
     entry: dict[str, Any], feature_set: FeatureSet
 ) -> tuple[tuple[KeyframeQuery, ...], int]:
     """Queries of a template, and how many must agree."""
-    votes = entry.get("votes", 1)
-    if "query" not in entry:
-        return (), votes
-    lines = entry["query"]
+    lines, votes = entry.get("query", []), entry.get("votes", 1)
     if not isinstance(lines, list) or not all(isinstance(line, str) for line in lines):
         raise InvalidInput(f"query must be a list of lines, got {lines!r}", key="query")
-    try:
-        queries = parse_queries("\n".join(lines), vocabulary=feature_set)
-    except InvalidInput as error:
-        raise InvalidInput(f"query: {error}", key="query") from error
     if not isinstance(votes, int):
         raise InvalidInput(f"votes must be a whole number, got {votes!r}", key="votes")
+    if "query" not in entry:
+        return (), votes
     try:
-        check_votes(votes, n_queries=len(queries))
+        return parse_queries("\n".join(lines), vocabulary=feature_set), votes
     except InvalidInput as error:
-        raise InvalidInput(str(error), key="votes") from error
-    return queries, votes
+        raise InvalidInput(f"query: {error}", key="query") from error
 
 
 def _unpack_examples(
@@ -283,3 +275,126 @@ def _read_values(path: Path, name: str) -> Arrays:
             return {key: loaded[key] for key in loaded.files}
     except _BROKEN_ARCHIVE as error:
         raise UnreadableFile(f"{path}: values {name} cannot be read ({error})") from error
+
+
+# -- tables -----------------------------------------------------------------------------
+
+
+def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
+    """Content of a TOML file that has these keys.
+
+    Raises
+    ------
+    UnreadableFile
+        If it cannot be read, is not TOML, or a key is missing or of another kind.
+    """
+    try:
+        content = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UnreadableFile(f"{path}: cannot be read ({error})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UnreadableFile(f"{path}: is not valid TOML: {error}") from error
+    check_keys(path, content, keys)
+    return content
+
+
+def check_keys(path: Path, content: Any, keys: Keys, *, place: Place = ()) -> None:
+    """Raise UnreadableFile unless a table has these keys; whole numbers pass as numbers."""
+    if not isinstance(content, dict):
+        raise refuse(path, place, f"must be a table, got {content!r}")
+    for key, kind in keys.items():
+        if key not in content:
+            raise _missing(path, key, content, place)
+        value = content[key]
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            content[key] = float(value)
+        elif not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise refuse(path, (*place, key), f"must be {_KINDS[kind]}, got {value!r}")
+
+
+def refuse(path: Path, place: Place, problem: str) -> UnreadableFile:
+    """The error of a value: file, key, what is wrong with it, and line."""
+    return UnreadableFile(f"{path}: {format_place(place)} {problem}{format_line(path, place)}")
+
+
+def refuse_value(path: Path, place: Place, error: InvalidInput) -> UnreadableFile:
+    """The error of a file in which a class or a template finds a wrong value."""
+    where = f"{format_place(place)}: " if place else ""
+    line = format_line(path, (*place, error.key)) if error.key else ""
+    return UnreadableFile(f"{path}: {where}{error}{line}")
+
+
+def format_line(path: Path, place: Place) -> str:
+    """The end of a message, as " (line 4)"; empty if nothing stands there."""
+    # Late: only who writes, or wrote something wrong, waits for it.
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        document: Any = tomlkit.parse(path.read_text("utf-8"))
+        table = document
+        for step in place[:-1]:
+            table = table[step]
+        table[place[-1]]
+        table[place[-1]] = _MARK
+        lines = tomlkit.dumps(document).splitlines()
+    except (OSError, ValueError, LookupError, TypeError, TOMLKitError):
+        return ""
+    # What stands before a value keeps its lines when the value changes.
+    return next((f" (line {n})" for n, line in enumerate(lines, start=1) if _MARK in line), "")
+
+
+def read_document(path: Path) -> "TOMLDocument":
+    """A TOML file with all that a person wrote into it; empty if there is none to read."""
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        return tomlkit.parse(path.read_text("utf-8"))
+    except (OSError, ValueError, TOMLKitError):
+        return tomlkit.document()
+
+
+def write_document(path: Path, document: "TOMLDocument") -> None:
+    """Write a TOML file whole or not at all.
+
+    Raises
+    ------
+    UnwritableFile
+        If it cannot be written, or a text in it cannot be encoded.
+    """
+    import tomlkit
+
+    try:
+        content = tomlkit.dumps(document).encode()
+    except UnicodeEncodeError as error:
+        raise UnwritableFile(f"{path}: a name in it is no valid text ({error})") from error
+    with write_atomically(path) as beside:
+        beside.write_bytes(content)
+
+
+def update_table(
+    table: MutableMapping[str, Any], content: Mapping[str, Any], *, optional: Iterable[str] = ()
+) -> None:
+    """Give a table these values; of `optional` keys those that have none are removed."""
+    for key in optional:
+        if key in table and key not in content:
+            del table[key]
+    for key, value in content.items():
+        # A value that stays keeps the way in which it is written.
+        if key not in table or table[key] != value:
+            table[key] = value
+
+
+def _missing(path: Path, key: str, others: Iterable[str], place: Place) -> UnreadableFile:
+    """The error of a key that is not there; another one may be what was meant."""
+    hint = ""
+    for near in difflib.get_close_matches(key, others, n=1, cutoff=0.75):
+        hint = f"; is it {near!r}{format_line(path, (*place, near))}?"
+    return UnreadableFile(f"{path}: {format_place((*place, key))} is missing{hint}")
+
+
+def format_place(place: Place) -> str:
+    """A place in words, as "templates[0].name"."""
+    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
+    return "".join(steps).removeprefix(".")

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.evaluation import Counts, Segment, count_overlaps
+from motionary.evaluation import Counts, LabelledSegment, count_overlaps
 from motionary.features import FeatureSequence
 from motionary.matching import (
     Alignment,
@@ -59,7 +59,7 @@ class Stream(NamedTuple):
 
     packed: PackedFeatures
     known: PackedFeatures
-    truth: Sequence[Segment]
+    truth: Sequence[LabelledSegment]
     other_frames: int
 
 
@@ -75,7 +75,7 @@ class Trial(NamedTuple):
 
     n_frames: int
     other_frames: int
-    truth: Sequence[Segment]
+    truth: Sequence[LabelledSegment]
     matches: Mapping[str, Sequence[Alignment]]
 
     @property
@@ -159,7 +159,7 @@ def make_stream(
         if index >= 0:
             name, item = held_out[index]
             parts.append((item.packed, item.known))
-            truth.append(Segment(name, end, end + len(item)))
+            truth.append(LabelledSegment(name, end, end + len(item)))
             end += len(item)
     packed, known = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return Stream(packed, known, truth, len(packed) - n_frames)
@@ -280,7 +280,9 @@ def count_together(trial: Trial, thresholds: Mapping[str, float]) -> dict[str, C
     for name in names:
         matches = [m for m in trial.matches[name] if m.cost <= thresholds.get(name, 0.0)]
         modified.append(modify(matches, n_frames=trial.n_frames)[0])
-    claimed = [Segment(names[s.class_index], *s.frames) for s in annotate_distances(modified)]
+    claimed = [
+        LabelledSegment(names[s.class_index], *s.frames) for s in annotate_distances(modified)
+    ]
     return count_overlaps(claimed, trial.truth)
 
 
@@ -293,12 +295,12 @@ def _match(motion_class: MotionClass, stream: Stream, most_cost: float) -> list[
     return matches
 
 
-def _join(matches: Sequence[Alignment], name: str) -> list[Segment]:
+def _join(matches: Sequence[Alignment], name: str) -> list[LabelledSegment]:
     """Segments that matches cover; those that touch are one."""
-    joined: list[Segment] = []
+    joined: list[LabelledSegment] = []
     for start, end in sorted((m.start, m.end + 1) for m in matches):
         if joined and start <= joined[-1].end:
             joined[-1] = joined[-1]._replace(end=max(joined[-1].end, end))
         else:
-            joined.append(Segment(name, start, end))
+            joined.append(LabelledSegment(name, start, end))
     return joined

@@ -26,9 +26,14 @@ from motionary.models.library.advice import advise
 from motionary.models.library.calibration import apply_calibrations, calibrate_thresholds
 from motionary.models.library.classes import TrainingOptions
 from motionary.models.library.cross_validation import N_FOLDS
-from motionary.models.library.queries import choose_queries, learn_queries
 from motionary.models.library.storage import ClassLibrary
-from motionary.models.library.training import Examples, learn_classes
+from motionary.models.library.training import (
+    Examples,
+    choose_queries,
+    learn_classes,
+    learn_queries,
+    list_sequences,
+)
 from motionary.motion import Motion
 
 
@@ -153,19 +158,15 @@ def calibrate(
     names : classes that get another threshold; by default all
     """
     training = library.training or TrainingOptions()
-    groups = training.groups
-    if groups and not all(
-        x.source for c in examples.values() for items in c.values() for x in items
-    ):
+    if training.groups and not all(item.source for item in list_sequences(examples)):
         # A library keeps examples without their names.
-        text = f"names of examples are not kept: they are dealt at random, not by {groups!r}"
-        monitor.notify(Notice(text))
-        groups = None
+        how = f"they are dealt at random, not by {training.groups!r}"
+        monitor.notify(Notice(f"names of examples are not kept: {how}"))
+        training = replace(training, groups=None)
     with monitor.stage("calibrating thresholds", N_FOLDS) as done:
         calibrations = calibrate_thresholds(
-            examples, groups=groups, negatives=negatives, training=training, jobs=jobs,
-            on_done=done,
-        )  # fmt: skip
+            examples, training=training, negatives=negatives, jobs=jobs, on_done=done
+        )
     wanted = library.names if names is None else names
     for name in wanted:
         if name not in calibrations:

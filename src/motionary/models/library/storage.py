@@ -24,19 +24,21 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, set_from_rows
-from motionary.models.library.class_files import CLASS_KEYS, read_class, write_class
-from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
-from motionary.models.library.tables import (
+from motionary.models.library.class_files import (
+    CLASS_KEYS,
     Keys,
     check_keys,
+    format_line,
+    read_class,
     read_document,
     read_toml,
     refuse,
     refuse_value,
-    tell_line,
     update_table,
+    write_class,
     write_document,
 )
+from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
 
 #: Raised when a reader of the version before could misunderstand the files.
 VERSION = 1
@@ -309,7 +311,7 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
     if not 1 <= index["version"] <= VERSION:
         raise UnreadableFile(
             f"{path}: written by a newer motionary (version {index['version']}, "
-            f"this one reads up to {VERSION}){tell_line(path, ('version',))}; update motionary"
+            f"this one reads up to {VERSION}){format_line(path, ('version',))}; update motionary"
         )
     feature_set = _find_feature_set(path, index, feature_sets)
     training = _read_training(path, index)

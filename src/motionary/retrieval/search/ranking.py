@@ -154,7 +154,7 @@ class MatchedPart:
         first, stop = np.searchsorted(self.sequences, [place, place + 1])
         for i in range(first, stop):
             inside = slice(self.corpus.starts[i], self.corpus.starts[i] + self.corpus.lengths[i])
-            packed, known = self.corpus.document(i)
+            packed, known = self.corpus.sequence(i)
             yield Window(int(self.starts[i]), packed, known, self.distance[inside])
 
 

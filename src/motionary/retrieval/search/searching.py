@@ -343,7 +343,7 @@ def _learn(example: FeatureSequence, hits: Sequence[FeatureSequence]) -> MotionT
         known=None if every else [p.known_features.astype(np.bool_) for p in parts],
         feature_names=example.feature_set.ids,
         feature_set=example.feature_set.name,
-        provenance=f"grown from {example.source or 'an example'} and {n_hits}",
+        provenance=f"expanded from {example.source or 'an example'} and {n_hits}",
     )
 
 
