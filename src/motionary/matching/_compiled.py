@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.matching._numpy import Columns, Single, WeighedColumns
+from motionary.matching._numpy import Columns, Single, Steps, WeighedColumns
 
 Integers = NDArray[np.uint64]
 Floats = NDArray[np.float64]
@@ -29,6 +29,7 @@ def march_packed(
     again: np.float32,
     last_two: Single,
     out: Single,
+    steps: Steps | None,
 ) -> None:
     """Accumulated costs of the last column, written to `out`; see `_numpy.march`."""
     rows = np.empty((4, _TILE + 2), dtype=np.float32)
@@ -40,14 +41,19 @@ def march_packed(
         while last < len(blocked) and blocked[last] < stop:
             last += 1
         cost = rows[3, :n]
+        # Elsewhere both ways give the same bits, and this one takes three times as long.
+        partial = known is not None and _lacks(columns, known[start:stop])
         for k in range(len(last_two)):
-            if known is None:
-                _known_costs(columns, k, packed[start:stop], cost)
-            else:
+            if known is not None and partial:
                 _masked_costs(columns, k, packed[start:stop], known[start:stop], cost)
+            else:
+                _known_costs(columns, k, packed[start:stop], cost)
             row = rows[k % 3, : n + 2]
             row[:2] = last_two[k]
-            _accumulate(k, cost, rows[(k + 2) % 3], rows[(k + 1) % 3], again, row)
+            before, skipped = rows[(k + 2) % 3], rows[(k + 1) % 3]
+            if steps is not None:
+                _keep_steps(k, cost, before, skipped, again, steps[k, start:stop])
+            _accumulate(k, cost, before, skipped, again, row)
             for i in range(first, last):
                 row[blocked[i] - start + 2] = np.inf
             last_two[k] = row[n:]
@@ -64,6 +70,7 @@ def march_weighed(
     again: np.float32,
     last_two: Single,
     out: Single,
+    steps: Steps | None,
 ) -> None:
     """The same for any pattern; `known` is one row or as many as frames."""
     rows = np.empty((4, _TILE + 2), dtype=np.float32)
@@ -83,13 +90,28 @@ def march_weighed(
                 _take(costs[k], same[start:stop], cost)
                 row = rows[k % 3, : n + 2]
                 row[:2] = last_two[k]
-                _accumulate(k, cost, rows[(k + 2) % 3], rows[(k + 1) % 3], again, row)
+                before, skipped = rows[(k + 2) % 3], rows[(k + 1) % 3]
+                if steps is not None:
+                    _keep_steps(k, cost, before, skipped, again, steps[k, start:stop])
+                _accumulate(k, cost, before, skipped, again, row)
                 for i in range(first, last):
                     row[blocked[i] - start + 2] = np.inf
                 last_two[k] = row[n:]
             out[start:stop] = rows[(len(last_two) - 1) % 3, 2 : n + 2]
             first = last
         part = end
+
+
+@numba.njit(cache=True, nogil=True)
+def _lacks(columns: Columns, known: Integers) -> np.bool_:
+    """Whether what a column fixes is unknown in a frame."""
+    fixed, always = np.uint64(0), ~np.uint64(0)
+    for k in range(len(columns.fixed)):
+        fixed |= columns.fixed[k]
+    for i in range(len(known)):
+        always &= known[i]
+    lacks: np.bool_ = (fixed & ~always) != np.uint64(0)
+    return lacks
 
 
 @numba.njit(cache=True, nogil=True)
@@ -111,6 +133,20 @@ def _accumulate(
         for i in range(len(cost)):
             straight = min(before[i + 1], before[i])
             row[i + 2] = min(straight, skipped[i + 1] + cost[i] * again) + cost[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def _keep_steps(
+    k: int, cost: Single, before: Single, skipped: Single, again: np.float32, steps: Steps
+) -> None:
+    if k == 1:
+        for i in range(len(cost)):
+            steps[i] = before[i] < before[i + 1]
+    elif k > 1:
+        for i in range(len(cost)):
+            straight = min(before[i + 1], before[i])
+            left_out = np.uint8(skipped[i + 1] + cost[i] * again < straight)
+            steps[i] = np.uint8(before[i] < before[i + 1]) | (left_out << np.uint8(1))
 
 
 @numba.njit(cache=True, nogil=True)

@@ -13,6 +13,7 @@ from motionary.matching.pattern import Floats, Pattern, byte_tables
 from motionary.packing import PackedFeatures, count, distinct_frames, unpack
 
 Single = NDArray[np.float32]
+Steps = NDArray[np.uint8]
 
 # Frames at a time: enough that the calls cost little, few enough for a processor's caches.
 _TILE = 32768
@@ -140,17 +141,36 @@ class _KnownCosts:
 
 
 class _MaskedCosts:
-    """One integer a frame, some features unknown."""
+    """One integer a frame, some features unknown in some frames."""
 
     def __init__(
         self, columns: Columns, packed: NDArray[np.uint64], known: NDArray[np.uint64]
     ) -> None:
         self._columns, self._packed, self._known = columns, packed, known
+        self._fixed = np.bitwise_or.reduce(columns.fixed)
+        self._rest = _KnownCosts(columns, packed)
 
     def enter(self, start: int, stop: int) -> None:
-        self._tile, self._mask = self._packed[start:stop], self._known[start:stop]
+        tile, mask = self._packed[start:stop], self._known[start:stop]
+        # Elsewhere both ways give the same bits, and this one takes three times as long.
+        partial = np.flatnonzero(~mask & self._fixed)
+        self._partial = partial if 2 * len(partial) < len(mask) else None
+        if self._partial is not None:
+            self._rest.enter(start, stop)
+            tile, mask = tile[partial], mask[partial]
+        self._tile, self._mask = tile, mask
 
     def write(self, column: int, out: Single) -> None:
+        if self._partial is None:
+            self._write_masked(column, out)
+            return
+        self._rest.write(column, out)
+        if len(self._partial):
+            costs = np.empty(len(self._partial), dtype=np.float32)
+            self._write_masked(column, costs)
+            out[self._partial] = costs
+
+    def _write_masked(self, column: int, out: Single) -> None:
         values, fixed, half, full, unit, _ = self._columns
         seen = self._mask & fixed[column]
         n_seen = np.bitwise_count(seen)
@@ -216,13 +236,19 @@ class _Row(NamedTuple):
 
 
 def march(
-    costs: RowCosts, blocked: NDArray[np.intp], again: np.float32, last_two: Single, out: Single
+    costs: RowCosts,
+    blocked: NDArray[np.intp],
+    again: np.float32,
+    last_two: Single,
+    out: Single,
+    steps: Steps | None = None,
 ) -> None:
     """Accumulated costs of the last column, written to `out`.
 
     The cell after a (2, 1) step counts once and `again` times more; `last_two` (K, 2)
     holds every column's two frames before the first and is updated; no path goes through
-    the frames that are `blocked`.
+    the frames that are `blocked`. `steps` (K, frames) gets the step into each cell but those
+    of the first column: 0 for (1, 1), 1 for (1, 2), 2 or 3 for (2, 1).
     """
     buffer = np.empty((4, min(_TILE, len(out)) + 2), dtype=np.float32)
     for start in range(0, len(out), _TILE):
@@ -230,7 +256,8 @@ def march(
         costs.enter(start, stop)
         rows = [_views(row[: stop - start + 2]) for row in buffer[:3]]
         inside = blocked[np.searchsorted(blocked, start) : np.searchsorted(blocked, stop)] - start
-        _march_tile(costs, rows, buffer[3, : stop - start], inside, again, last_two)
+        own = None if steps is None else steps[:, start:stop]
+        _march_tile(costs, rows, buffer[3, : stop - start], inside, again, last_two, own)
         out[start:stop] = rows[(len(last_two) - 1) % 3].here
 
 
@@ -245,18 +272,26 @@ def _march_tile(
     blocked: NDArray[np.intp],
     again: np.float32,
     last_two: Single,
+    steps: Steps | None,
 ) -> None:
+    better = np.empty(len(cost), dtype=np.uint8)
     for k in range(len(last_two)):
         row, before, skipped = rows[k % 3], rows[(k - 1) % 3], rows[(k - 2) % 3]
         here = row.here
         row.edge[:] = last_two[k]
         costs.write(k, here if k == 0 else cost)
         if k > 0:
+            if steps is not None:
+                np.less(before.two_back, before.one_back, out=steps[k].view(np.bool_))
             np.minimum(before.one_back, before.two_back, out=here)
         if k > 1:
             # In place: nothing reads that row again.
             twice = skipped.one_back
             np.add(twice, cost if again == 1 else cost * again, out=twice)
+            if steps is not None:
+                np.less(twice, here, out=better.view(np.bool_))
+                np.add(better, better, out=better)
+                np.bitwise_or(steps[k], better, out=steps[k])
             np.minimum(here, twice, out=here)
         if k > 0:
             np.add(here, cost, out=here)

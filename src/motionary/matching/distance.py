@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.matching._numpy import (
+    Steps,
     WeighedColumns,
     march,
     prepare,
@@ -91,7 +92,7 @@ def distance_function(
             f"a pattern of {len(pattern)} columns needs its own state, got one for "
             f"{len(state.last_two)}; see MatchState.fresh"
         )
-    return _distance(pattern, packed, known, blocked, skip_weight, state, engine)
+    return march_pattern(pattern, packed, known, blocked, skip_weight, state, engine)
 
 
 def corpus_distance(
@@ -105,10 +106,10 @@ def corpus_distance(
     packed, known = corpus.packed, corpus.known
     check_sequence(pattern, packed, known)
     state = MatchState.fresh(pattern)
-    return _distance(pattern, packed, known, corpus.blocked, skip_weight, state, engine)
+    return march_pattern(pattern, packed, known, corpus.blocked, skip_weight, state, engine)
 
 
-def _distance(
+def march_pattern(
     pattern: Pattern,
     packed: PackedFeatures,
     known: PackedFeatures | None,
@@ -116,7 +117,9 @@ def _distance(
     skip_weight: float,
     state: MatchState,
     engine: Engine,
+    steps: Steps | None = None,
 ) -> Single:
+    """Distance function without checks; `steps` as in `_numpy.march`."""
     check_skip_weight(skip_weight)
     again = np.float32(skip_weight - 1)
     if known is not None and pattern.fully_seen(known):
@@ -124,26 +127,28 @@ def _distance(
     result = np.empty(len(packed), dtype=np.float32)
     is_weighed = pattern.entry_weights is not None or packed.shape[1] > 1
     columns = prepare_weighed(pattern) if is_weighed else prepare(pattern)
-    kernels = _compiled_kernels(engine, len(pattern) * len(packed))
+    kernels = compiled_kernels(engine, len(pattern) * len(packed))
     if kernels is None:
-        march(row_costs(columns, packed, known), blocked, again, state.last_two, result)
+        march(row_costs(columns, packed, known), blocked, again, state.last_two, result, steps)
     else:
         # Kernels are compiled per kind of array: one kind keeps users from waiting again.
         packed = np.require(packed, requirements=["C", "W"])
         mask = None if known is None else np.require(known, requirements=["C", "W"])
         if isinstance(columns, WeighedColumns):
             mask = ~np.zeros((1, packed.shape[1]), np.uint64) if mask is None else mask
-            kernels.march_weighed(columns, packed, mask, blocked, again, state.last_two, result)
+            kernels.march_weighed(
+                columns, packed, mask, blocked, again, state.last_two, result, steps
+            )
         else:
             mask = None if mask is None else mask[:, 0]
             kernels.march_packed(
-                columns, packed[:, 0], mask, blocked, again, state.last_two, result
+                columns, packed[:, 0], mask, blocked, again, state.last_two, result, steps
             )
     result /= np.float32(len(pattern))
     return result
 
 
-def _compiled_kernels(engine: Engine, n_cells: int) -> Any:
+def compiled_kernels(engine: Engine, n_cells: int) -> Any:
     """The compiled twin, where it is asked for or pays and numba is there; else None."""
     pays = n_cells >= COMPILED_PAYS_AT or _COMPILED in sys.modules
     if engine == "numpy" or (engine == "auto" and not pays):
