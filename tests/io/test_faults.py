@@ -17,7 +17,7 @@ import pytest
 import motionary
 from reading_cases import Case, Read, Refused, case, check_case
 
-COMMAND = [sys.executable, "-m", "motionary.cli"]
+COMMAND = [sys.executable, "-m", "motionary"]
 PATIENCE_S = 30
 
 ANALOG = "faults/c3d_ezc3d_valid_with_analog.c3d"

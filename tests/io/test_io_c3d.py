@@ -384,3 +384,141 @@ def test_two_subjects_in_a_file_are_told(tmp_path):
     assert "2 people in one file (A, B): save one file for each" in " ".join(motion.notes)
     told = read(tmp_path / "a.c3d", skeleton="plug_in_gait")
     assert all(name.startswith("A:") for w in told.mapping.weights.values() for name in w)
+
+
+# ---- header, parameters and the size of the file disagree
+
+
+WRONG_HEADERS = {
+    "no analog values": {"n_analog": 0},
+    "channels for samples": {"n_analog": 3},
+    "another number": {"n_analog": 7},
+    "no points": {"n_points": 0},
+    "too many points": {"n_points": 9},
+}
+
+
+@pytest.mark.parametrize("n_frames", [2, 5, 60])
+@pytest.mark.parametrize("scale", [-1.0, 0.1])
+@pytest.mark.parametrize("machine", [INTEL, DEC, MIPS])
+@pytest.mark.parametrize("wrong", WRONG_HEADERS)
+def test_the_size_of_the_file_decides_between_header_and_parameters(
+    tmp_path, wrong, machine, scale, n_frames
+):
+    points = np.cumsum(np.random.default_rng(1).normal(0, 2, (n_frames, 3, 3)), axis=0) + 900
+    analog = {"ANALOG": {"USED": np.int16(3), "RATE": 400.0}}
+    right = {"analog": 12, "groups": analog, "machine": machine, "scale": scale}
+    expected = read(put(tmp_path, points.round(1), **right), up="z", unit="mm").positions
+    path = put(tmp_path, points.round(1), **right, words=WRONG_HEADERS[wrong])
+    motion = read(path, up="z", unit="mm")
+    np.testing.assert_array_equal(motion.positions, expected)
+    told = any("analog values a frame, the size of the file 12" in note for note in motion.notes)
+    assert told == ("points" not in wrong)
+
+
+@pytest.mark.parametrize("used", [1, 2, 7])
+def test_a_wrong_number_of_points_is_overruled_and_told(tmp_path, used):
+    points = some_points(40)
+    path = put(tmp_path, points, point={"USED": np.int16(used)})
+    motion = read(path, up="z", unit="mm")
+    np.testing.assert_allclose(motion.positions, upright(points), atol=1e-6)
+    assert f"POINT:USED says {used} points, the size of the file 3" in motion.notes
+
+
+def test_a_file_that_is_cut_off_does_not_fit_by_accident(tmp_path):
+    # Without its analog values, frames would end where this file ends.
+    points = np.cumsum(np.random.default_rng(1).normal(0, 2, (64, 4, 3)), axis=0) + 900
+    path = put(tmp_path, points, "abcd", analog=16)
+    content = path.read_bytes()
+    path.write_bytes(content[: 1024 + 64 * 64])
+    with pytest.raises(UnreadableFile, match="promises 64 frames, the file ends after 32"):
+        read(path)
+
+
+# ---- places that are none, and places that are said to be none
+
+
+@pytest.mark.parametrize("far", [9999999.0, -9999999.0, 1e8, -3e7])
+def test_sentinels_are_not_seen_and_told(tmp_path, far):
+    points = some_points(30)
+    points[4, 1] = far
+    motion = read(put(tmp_path, points), up="z", unit="mm")
+    assert (
+        np.isnan(motion.positions).all(axis=2).tolist()
+        == np.isin(np.arange(90).reshape(30, 3), [13]).tolist()
+    )
+    assert any(note.startswith("1 place of b is impossibly far away") for note in motion.notes)
+
+
+def test_points_that_are_marked_unseen_throughout_are_told_and_read_on_request(tmp_path):
+    points, residuals = some_points(), np.zeros((5, 3))
+    residuals[:, 2], residuals[1, 0] = -1, -1
+    path = put(tmp_path, points, residuals=residuals)
+    motion = read(path, up="z")
+    assert np.isnan(motion.positions[:, 2]).all()
+    assert any("1 points are marked unseen throughout" in note for note in motion.notes)
+    trusted = read(path, up="z", trust_points=True)
+    np.testing.assert_allclose(trusted.positions, upright(points), atol=1e-6)
+    residuals[:] = -1
+    path = put(tmp_path, points, residuals=residuals)
+    with pytest.raises(UnreadableFile, match=r"every point is marked unseen .* --trust-points"):
+        read(path)
+
+
+def test_a_file_of_angles_only_is_named_as_such(tmp_path):
+    path = put(tmp_path, some_points(), ["LKneeAngles", "RKneeAngles", "RHipMoment"])
+    with pytest.raises(UnreadableFile, match=r"holds angles.*\(LKneeAngles,.*no places"):
+        read(path)
+
+
+def test_an_event_without_its_seconds_is_refused(tmp_path):
+    events = {"EVENT": {"LABELS": ["a", "b"], "TIMES": np.arange(3.0), "USED": np.int16(2)}}
+    with pytest.raises(UnreadableFile, match="EVENT:TIMES has 3 numbers"):
+        read(put(tmp_path, some_points(), groups=events))
+
+
+def test_a_rate_of_zero_is_that_of_the_header(tmp_path):
+    path = put(tmp_path, some_points(), point={"RATE": 0.0})
+    assert read(path, up="z").rate_hz == 100
+
+
+def test_signs_of_qualisys_axes_do_not_count(tmp_path):
+    axes = {"point": {"X_SCREEN": ["-X"], "Y_SCREEN": ["-Z"]}}
+    maker = {"MANUFACTURER": {"COMPANY": ["Qualisys"]}}
+    points = some_points()
+    motion = read(put(tmp_path, points, **axes, groups=maker), unit="mm")
+    np.testing.assert_allclose(motion.positions, upright(points), atol=1e-6)
+    motion = read(put(tmp_path, points, **axes), unit="mm")
+    assert (motion.positions[..., 1] * upright(points)[..., 1] < 0).all()
+
+
+def theia(folder, turns, places, *, n_there=None):
+    """A file of rotations only: matrices column after column, each with its reliability."""
+    n_frames, n_segments = places.shape[:2]
+    matrices = np.zeros((n_frames, n_segments, 4, 4))
+    matrices[..., :3, :3], matrices[..., :3, 3], matrices[..., 3, 3] = turns, places, 1
+    labels = ["pelvis_4X4", "l_thigh_4X4", "l_shank_4X4"][:n_segments]
+    group = {"USED": np.int16(n_segments), "LABELS": labels, "RATE": 100.0, "RATIO": np.int16(1)}
+    path = put(
+        folder, np.zeros((n_frames, 0, 3)), [], groups={"ROTATION": group}, point={"LABELS": None}
+    )
+    head = path.read_bytes()
+    group["DATA_START"] = np.int16(1 + len(head) // 512)
+    put(folder, np.zeros((n_frames, 0, 3)), [], groups={"ROTATION": group}, point={"LABELS": None})
+    raw = b"".join(
+        m.T.astype("<f4").tobytes() + np.float32(1).tobytes() for m in matrices.reshape(-1, 4, 4)
+    )
+    path.write_bytes(path.read_bytes() + raw[: n_there and n_there * 68])
+    return path
+
+
+def test_segments_of_rotations_are_read_where_they_begin(tmp_path):
+    places = some_points(7)
+    motion = read(theia(tmp_path, np.eye(3), places), up="z", unit="mm")
+    assert motion.names == ("pelvis", "l_thigh", "l_shank")
+    np.testing.assert_allclose(motion.positions, upright(places), atol=1e-6)
+    assert any("where 3 segments begin" in note for note in motion.notes)
+    with pytest.raises(UnreadableFile, match=r"rotations of 3 segments .* ends before the last"):
+        read(theia(tmp_path, np.eye(3), places, n_there=20))
+    with pytest.raises(UnreadableFile, match="none of its matrices is a rotation"):
+        read(theia(tmp_path, 2 * np.eye(3), places))

@@ -194,6 +194,10 @@ def _annotate(option: "Field[Any]", hint: Any) -> Any:
     """The field's type for typer; fields of `ReadOptions` describe their flags as metadata."""
     if "flag" not in option.metadata:
         return hint
+    if bool in get_args(hint):
+        flag = typer.Option(option.metadata["flag"], help=option.metadata["help"])
+        # Without the flag nothing is given, which is not the same as "no".
+        return Annotated[bool | None, flag]
     kind = str if hint is str or str in get_args(hint) else float
     shown = {key: option.metadata[key] for key in ("metavar", "help")}
     return Annotated[kind | None, typer.Option(option.metadata["flag"], **shown)]

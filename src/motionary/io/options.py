@@ -50,6 +50,8 @@ class ReadOptions:
     fill_gaps_s : gaps of a point up to this many seconds are filled, and counted in the
         notes; by default gaps stay
     fill_by : "cubic", with the velocities on either side, or "linear"
+    trust_points : read points that are marked unseen (in C3D by a negative residual) where the
+        file has places of them
 
     Raises
     ------
@@ -119,6 +121,15 @@ class ReadOptions:
         default="cubic",
         metadata=_flag(
             "--fill-by", "HOW", "cubic (the usual, with the velocities around the gap) or linear."
+        ),
+    )
+
+    trust_points: bool | None = field(
+        default=None,
+        metadata=_flag(
+            "--trust-points",
+            "",
+            "Read points that C3D marks unseen, though places are there.",
         ),
     )
 

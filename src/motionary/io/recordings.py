@@ -21,6 +21,7 @@ from motionary.skeletons import SkeletonTable, explain_unmapped, find_mapping, k
 
 _REFUSALS = {
     "asf": "has its own skeleton; leave out asf=",
+    "trust_points": "marks no points unseen; leave out trust_points=",
     "body_model": "is no motion of a body model; leave out body_model=",
 }
 
@@ -119,7 +120,7 @@ def what_is_lost(motion: Motion, path: str | Path) -> tuple[str, ...]:
 def _check_options(options: ReadOptions, form: Format, path: Path) -> None:
     """Refuse what would be passed over in silence."""
     for option, reason in _REFUSALS.items():
-        if option not in form.takes and getattr(options, option) is not None:
+        if option not in form.takes and getattr(options, option) not in (None, False):
             raise InvalidInput(f"{path.name}: this format {reason}")
 
 

@@ -60,7 +60,7 @@ FORMATS = (
         is_text=True,
         lacks=("events", "first frame"),
     ),
-    Format(".c3d", "c3d:read_c3d", "c3d:write_c3d", lacks=("rig",)),
+    Format(".c3d", "c3d:read_c3d", "c3d:write_c3d", takes=("trust_points",), lacks=("rig",)),
     Format(".trc", "trc:read_trc", "trc:write_trc", is_text=True, lacks=("rig", "events")),
     Format(".npz", "arrays:read_npz_motion", "npz:write_npz", takes=("body_model",)),
     Format(".npy", "arrays:read_array"),

@@ -26,16 +26,18 @@ from motionary.io.formats.c3d_head import (
     Groups,
     Head,
     Header,
-    Machine,
     Value,
     format_head,
     parse_head,
 )
+from motionary.io.formats.c3d_layout import Layout, find_layout, read_table
+from motionary.io.formats.c3d_rotations import read_segments
 from motionary.io.formats.content import (
     MOST_RATE_HZ,
     POINT_UNITS,
     RATE_HINT,
     FileContent,
+    hide_sentinels,
     number_doubles,
 )
 from motionary.io.normalise.axes import check_up, turn_back
@@ -55,34 +57,15 @@ _VALUE_NAME = re.compile(
 )
 _VALUE_WORDS = re.compile(r"\b(angles|moments?|powers?|forces?|torques?)\b", re.IGNORECASE)
 _VALUE_UNITS = re.compile(r"(deg|rad|N|N\W?m+|Nmm?|W)\b(/kg)?$", re.IGNORECASE)
+# Later events are none.
+_LATEST_S = 1e9
 _SIDES = {"left": "left", "right": "right", "l": "left", "r": "right"}
 # Points of a name parameter, and bytes of a name: a length is one byte.
 _MOST_LABELS, _LONGEST_LABEL = 255, 127
 
 
-class _Layout(NamedTuple):
-    """How frames lie in the file."""
-
-    n_points: int
-    n_analog: int
-    scale: float
-    start: int
-    first_frame: int
-    n_frames: int
-
-    @property
-    def item(self) -> int:
-        """Bytes of a number."""
-        return 4 if self.scale < 0 else 2
-
-    @property
-    def frame(self) -> int:
-        """Bytes of a frame."""
-        return self.item * (4 * self.n_points + self.n_analog)
-
-
 def read_c3d(path: Path, options: ReadOptions) -> FileContent:
-    """Points and events of a C3D file.
+    """Points and events of a C3D file; of one without points the places of its segments.
 
     Raises
     ------
@@ -92,72 +75,64 @@ def read_c3d(path: Path, options: ReadOptions) -> FileContent:
     try:
         with path.open("rb") as file:
             head = parse_head(file.read(_LONGEST_HEAD), path.name)
-            layout, notes = _lay_out(head, file.seek(0, 2), path.name)
-            kept, names, left_out = _choose_points(head, layout.n_points, path.name)
-            positions = _read_points(file, layout, head.machine, kept)
+            content = _read_content(file, head, path.name, options)
     except OSError as error:
         if isinstance(error, UnreadableFile):
             raise
         raise UnreadableFile(f"{path}: cannot be read: {error.strerror or error}") from error
-    rate = _rate(head, path.name) if options.rate_hz is None else options.rate_hz
+    return content
+
+
+def _read_content(file: BinaryIO, head: Head, name: str, options: ReadOptions) -> FileContent:
+    rate = _rate(head, name) if options.rate_hz is None else options.rate_hz
     units = head.texts("POINT", "UNITS")
     unit = NAMES_OF_UNITS.get(units[0].lower()) if units else None
+    places = _read_places(file, head, name, trust=bool(options.trust_points))
     return FileContent(
-        names=names,
-        positions=positions,
+        names=places.names,
+        positions=places.positions,
         rate_hz=rate,
-        source=path.name,
+        source=name,
         metadata=FileMetadata(unit, _stated_up(head), "mm", "z", POINT_UNITS),
-        first_frame=layout.first_frame,
-        events=_read_events(head, layout, rate),
-        notes=(*notes, *left_out, *_note_subjects(head)),
+        first_frame=places.first_frame,
+        events=_read_events(head, places.first_frame, rate, name),
+        notes=(*places.notes, *_note_subjects(head)),
     )
 
 
-def _lay_out(head: Head, size: int, name: str) -> tuple[_Layout, list[str]]:
-    """Where frames lie, and notes; checked against the size of the file."""
-    header = head.header
-    n_points = head.count("POINT", "USED", header.n_points)
-    if not n_points:
+class _Places(NamedTuple):
+    """Points of all frames in file units, (frames, points, 3); NaN = not seen."""
+
+    names: list[str]
+    positions: Floats
+    first_frame: int
+    notes: tuple[str, ...]
+
+
+def _read_places(file: BinaryIO, head: Head, name: str, *, trust: bool) -> _Places:
+    counts = (head.header.n_points, head.count("POINT", "USED", 0))
+    if not any(counts):
+        if head.count("ROTATION", "USED", 0):
+            return _Places(*read_segments(file, head, name))
         raise UnreadableFile(f"{name}: holds no points (analog signals only?)")
-    scale = head.number("POINT", "SCALE", header.scale)
-    first = header.first_frame
-    if len(head.numbers("TRIAL", "ACTUAL_START_FIELD")):
-        first = head.count("TRIAL", "ACTUAL_START_FIELD", first)
-    start = (header.data_block - 1) * BLOCK
-    layout = _Layout(n_points, header.n_analog, scale, start, first, 0)
-    if not np.isfinite(scale) or scale == 0 or start < BLOCK:
-        raise UnreadableFile(f"{name}: the header says no scale or no place of the frames")
-    there = max(0, size - start) // layout.frame
-    n_frames, notes = _count_frames(head, there, layout.frame)
-    if not 0 < n_frames <= there:
+    layout, notes = find_layout(file, head, name)
+    kept, names, left_out = _choose_points(head, layout.n_points, name)
+    positions, distrusted = _read_points(file, head, layout, kept, trust=trust)
+    seen = ~np.isnan(positions).all(axis=(0, 2))
+    if distrusted.any() and not seen.any():
         raise UnreadableFile(
-            f"{name}: promises {n_frames} frames, the file ends after {there}; get the whole file"
+            f"{name}: every point is marked unseen (residual -1), though places are there; "
+            "--trust-points (trust_points=True) reads them"
         )
-    return layout._replace(n_frames=n_frames), notes
-
-
-def _count_frames(head: Head, there: int, frame_bytes: int) -> tuple[int, list[str]]:
-    """Number of frames, of the several that a file gives."""
-    header = head.header
-    counted = []
-    if len(head.numbers("TRIAL", "ACTUAL_END_FIELD")):
-        last = head.count("TRIAL", "ACTUAL_END_FIELD", 0)
-        counted.append(last - head.count("TRIAL", "ACTUAL_START_FIELD", 1) + 1)
-    counted.append(header.last_frame - header.first_frame + 1)
-    counted += [head.count("POINT", name, 0) for name in ("LONG_FRAMES", "FRAMES")]
-    counted = [n for n in counted if n > 0]
-    promised = counted[0] if counted else there
-    # What fills the last block is no frame.
-    full = {there - i for i in range(1 + BLOCK // frame_bytes)}
-    if promised in full:
-        return promised, []
-    fitting = [n for n in counted if n in full]
-    if fitting:
-        return fitting[0], [f"the file's counts of frames differ; {fitting[0]} are there"]
-    if there > promised and header.last_frame >= MOST_COUNTED:
-        return there, [f"the header stops counting at {MOST_COUNTED} frames; {there} are there"]
-    return promised, []
+    marked = [names[i] for i in np.flatnonzero(distrusted & ~seen)]
+    if marked:
+        some = ", ".join(marked[:3]) + (", ..." if len(marked) > 3 else "")
+        notes.append(
+            f"{len(marked)} points are marked unseen throughout, though places are there ({some}); "
+            "--trust-points (trust_points=True) reads them"
+        )
+    notes += hide_sentinels(positions, names)
+    return _Places(names, positions, layout.first_frame, (*notes, *left_out))
 
 
 def _choose_points(head: Head, n_points: int, name: str) -> tuple[list[int], list[str], list[str]]:
@@ -170,6 +145,12 @@ def _choose_points(head: Head, n_points: int, name: str) -> tuple[list[int], lis
         for i, label in enumerate(labels)
         if label and not _bare(label).startswith("*") and i not in values
     ]
+    if not kept and values:
+        some = ", ".join(labels[i] for i in sorted(values)[:3])
+        raise UnreadableFile(
+            f"{name}: holds angles, forces, moments or powers ({some}"
+            f"{', ...' if len(values) > 3 else ''}) and no places; export its markers"
+        )
     if not kept:
         raise UnreadableFile(f"{name}: none of its {n_points} points has a name")
     notes = []
@@ -210,24 +191,35 @@ def _bare(label: str) -> str:
     return label.rpartition(":")[2]
 
 
-def _read_points(file: BinaryIO, layout: _Layout, machine: Machine, kept: list[int]) -> Floats:
-    """Positions of the kept points in file units, (frames, points, 3); NaN = not seen."""
+def _read_points(
+    file: BinaryIO, head: Head, layout: Layout, kept: list[int], *, trust: bool
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Positions of the kept points in file units, and which of them have unseen places.
+
+    Returns
+    -------
+    positions : array, shape (frames, points, 3); NaN = not seen
+    distrusted : array, shape (points,); whether places are marked unseen that are there
+    """
     positions = np.empty((layout.n_frames, len(kept), 3))
+    distrusted = np.zeros(len(kept), dtype=np.bool_)
     file.seek(layout.start)
     for start in range(0, layout.n_frames, _TOGETHER):
         n = min(_TOGETHER, layout.n_frames - start)
-        content = file.read(n * layout.frame)
-        numbers = machine.floats(content) if layout.scale < 0 else machine.integers(content)
-        table = numbers.reshape(n, -1)[:, : 4 * layout.n_points].reshape(n, -1, 4)[:, kept]
+        table = read_table(file, head, layout, n)[:, kept]
         places = table[..., :3] if layout.scale < 0 else table[..., :3] * layout.scale
+        absent = (places == 0).all(axis=2) | np.isnan(places).any(axis=2)
         # The fourth number holds residual and cameras; negative: not seen.
-        unseen = (places == 0).all(axis=2) | (table[..., 3] < 0) | np.isnan(places).any(axis=2)
+        marked = table[..., 3] < 0
+        distrusted |= (marked & ~absent).any(axis=0)
+        unseen = absent if trust else absent | marked
         positions[start : start + n] = np.where(unseen[..., None], np.nan, places)
-    return positions
+    return positions, distrusted
 
 
 def _rate(head: Head, name: str) -> float:
-    rate = head.number("POINT", "RATE", head.header.rate_hz)
+    rate = head.number("POINT", "RATE", 0.0)
+    rate = rate if rate > 0 else head.header.rate_hz
     if not 0 < rate < MOST_RATE_HZ:
         raise UnreadableFile(f"{name}: says {rate:g} frames per second; {RATE_HINT}")
     # 32-bit floats: 59.94 is written as 59.9399986.
@@ -235,18 +227,30 @@ def _rate(head: Head, name: str) -> float:
 
 
 def _stated_up(head: Head) -> str | None:
-    """The vertical axis of the screen, which is the one that points up."""
+    """The vertical axis of the screen, which is the one that points up.
+
+    Qualisys writes -X and -Z for x and z: of its signs, none counts.
+    """
+    axis = (*head.texts("POINT", "Y_SCREEN"), "")[0]
+    makers = head.texts("MANUFACTURER", "COMPANY", "SOFTWARE")
+    if any("qualisys" in maker.lower() for maker in makers):
+        axis = axis.lstrip("+-")
     try:
-        return check_up((*head.texts("POINT", "Y_SCREEN"), "")[0])
+        return check_up(axis)
     except InvalidInput:
         return None
 
 
-def _read_events(head: Head, layout: _Layout, rate_hz: float) -> tuple[Event, ...]:
+def _read_events(head: Head, first_frame: int, rate_hz: float, name: str) -> tuple[Event, ...]:
     labels = head.texts("EVENT", "LABELS", "LABELS2")
     sides = head.texts("EVENT", "CONTEXTS", "CONTEXTS2")
     times = head.numbers("EVENT", "TIMES")
-    before = (layout.first_frame - 1) / rate_hz
+    before = (first_frame - 1) / rate_hz
+    if len(times) % 2 and labels:
+        raise UnreadableFile(
+            f"{name}: EVENT:TIMES has {len(times)} numbers; expected minutes and seconds of each "
+            "event; remove the group EVENT or correct it"
+        )
     if len(labels) and len(times) >= 2 * len(labels):
         # Minutes and seconds of the first event, of the second ...: flat in that sequence.
         value = head.groups["EVENT"]["TIMES"]
@@ -258,7 +262,9 @@ def _read_events(head: Head, layout: _Layout, rate_hz: float) -> tuple[Event, ..
         ]
     else:
         found = [Event(label, "", t - before) for label, t in head.header.events]
-    return tuple(sorted((e for e in found if np.isfinite(e.time_s)), key=lambda e: e.time_s))
+    # Comparing with NaN is False.
+    possible = (event for event in found if abs(event.time_s) < _LATEST_S)
+    return tuple(sorted(possible, key=lambda event: event.time_s))
 
 
 def _note_subjects(head: Head) -> list[str]:

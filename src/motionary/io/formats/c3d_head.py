@@ -44,6 +44,7 @@ class Header(NamedTuple):
     data_block: int
     rate_hz: float
     events: tuple[tuple[str, float], ...]
+    analog_samples: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +78,12 @@ class Machine:
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """Header and parameters of a file."""
+    """Header and parameters of a file; `end_block` is the first one behind the parameters."""
 
     machine: Machine
     header: Header
     groups: Groups
+    end_block: int = 0
 
     def texts(self, group: str, *names: str) -> tuple[str, ...]:
         """Texts of a parameter and of those that continue it; empty if there are none."""
@@ -147,7 +149,7 @@ def parse_head(content: bytes, name: str) -> Head:
         groups = _collect(_parse_records(content[:end], start + 4, machine))
     except (struct.error, IndexError, ValueError):
         raise UnreadableFile(f"{name}: the parameters are damaged") from None
-    return Head(machine, header, groups)
+    return Head(machine, header, groups, end_block=content[0] + content[start + 2])
 
 
 def _parse_header(block: bytes, machine: Machine) -> Header:
@@ -162,6 +164,7 @@ def _parse_header(block: bytes, machine: Machine) -> Header:
         data_block=int(words[8]),
         rate_hz=float(rate),
         events=_parse_events(block, machine, words),
+        analog_samples=int(words[9]),
     )
 
 

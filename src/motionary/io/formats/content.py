@@ -16,6 +16,10 @@ Floats = NDArray[np.float64]
 #: No unit is so small that a person is this many of them away.
 FARTHEST = 1e9
 
+# Coordinates, in a file's own unit, from which on a point is nowhere.
+_FARTHEST_SEEN = 1e6
+_SENTINEL = 9999.0
+
 #: Units that formats of points are in.
 POINT_UNITS = ("m", "cm", "mm", "inch")
 
@@ -111,6 +115,32 @@ def place_joints(
         frame = 1 + int(np.flatnonzero(~possible)[0])
         raise UnreadableFile(f"{source}: frame {frame} from the start has impossibly large numbers")
     return positions
+
+
+def hide_sentinels(positions: Floats, names: Sequence[str]) -> tuple[str, ...]:
+    """Make places that stand for "not seen" NaN, in place; a note on them if there are any.
+
+    Programs write 9999999 (or 9999.999, in another unit) three times; beyond a million units no
+    camera sees.
+    """
+    counts = np.zeros(positions.shape[1], dtype=np.intp)
+    for start in range(0, len(positions), _TOGETHER):
+        part = positions[start : start + _TOGETHER]
+        sizes = np.abs(part)
+        # Comparing with NaN is False.
+        alike = (sizes[..., 0] == sizes[..., 1]) & (sizes[..., 1] == sizes[..., 2])
+        hidden = (sizes >= _FARTHEST_SEEN).any(axis=2) | (alike & (sizes[..., 0] >= _SENTINEL))
+        part[hidden] = np.nan
+        counts += hidden.sum(axis=0)
+    at_fault = [names[i] for i in np.flatnonzero(counts).tolist()]
+    if not at_fault:
+        return ()
+    some = ", ".join(at_fault[:3]) + (", ..." if len(at_fault) > 3 else "")
+    n = int(counts.sum())
+    return (
+        f"{n} {'place' if n == 1 else 'places'} of {some} {'is' if n == 1 else 'are'} impossibly "
+        f"far away (9999999 and the like) and {'counts' if n == 1 else 'count'} as not seen",
+    )
 
 
 def number_doubles(names: Sequence[str]) -> list[str]:
