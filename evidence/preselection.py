@@ -37,7 +37,7 @@ from evidence.common.ranking import corpus_of
 from evidence.common.recordings import ACTORS, LABELLED, NAMES, Clip, Recordings, Results
 from evidence.common.streams import CHOOSING, KINDS, PAIRS, REPORTING, Stream, make_streams
 from motionary import read_labels
-from motionary.evaluation import Segment, evaluate, to_segments
+from motionary.evaluation import LabelledSegment, evaluate, to_segments
 from motionary.features import FeatureSequence
 from motionary.matching import Pattern, corpus_distance, find_hits
 from motionary.models.keyframes import select_in_sequence
@@ -81,7 +81,7 @@ MORE = ("dance", "slash", "punch", "dataset-2_raise")
 RETRIEVAL = Setting(by_self_information=False, tolerance=0.1, mirrored=False)
 #: As many frames as the thesis' clips have, 24 minutes.
 TIMED_FRAMES = 42_586
-Labelled = dict[str, list[Segment]]
+Labelled = dict[str, list[LabelledSegment]]
 
 
 def measure(recordings: Recordings) -> Results:
@@ -328,7 +328,7 @@ def hits_in(one: MotionClass, stream: Stream, *, threshold: float) -> StreamHits
         hits = find_hits(distance, pattern, part.packed, part.known, threshold=threshold)
         middles += [start + (hit.start + hit.stop) / 2 for hit in hits]
     clips = [s for s in stream.truth if s.name == one.name]
-    inside = [[s.start_s <= middle / 30 < s.end_s for middle in middles] for s in clips]
+    inside = [[s.start <= middle / 30 < s.end for middle in middles] for s in clips]
     right = sum(any(row) for row in zip(*inside, strict=True))
     return StreamHits(len(middles), right, sum(map(any, inside)), len(clips))
 

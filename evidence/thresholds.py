@@ -105,7 +105,7 @@ def _calibrate(
     clips = examples(_learned_from(recordings, unseen))
     return {
         way: calibrate_thresholds(
-            clips, groups="HDM_(..)_", negatives=others, training=TrainingOptions(mirror=mirrored)
+            clips, negatives=others, training=TrainingOptions(mirror=mirrored, groups="HDM_(..)_")
         )
         for way, others in given.items()
     }

@@ -27,7 +27,7 @@ from evidence.common.recordings import (
     examples,
 )
 from evidence.common.streams import CHOOSING, make_streams, negatives
-from motionary.evaluation import Segment, rename_segments, to_segments
+from motionary.evaluation import LabelledSegment, rename_segments, to_segments
 from motionary.io import read_labels
 from motionary.models.library import TrainingOptions, calibrate_thresholds
 from motionary.plots import plot_sheet
@@ -70,7 +70,7 @@ LOOKED_AT: dict[tuple[str, str, int], str] = {
 #: Of an earlier prototype: F1 / F2 at its best threshold, .03, and at .06, entries all alike.
 PROTOTYPE = (".59 / .82", ".37 / .55")
 
-Truth = Mapping[str, Sequence[Segment]]
+Truth = Mapping[str, Sequence[LabelledSegment]]
 
 
 def measure(recordings: Recordings) -> Results:
@@ -131,7 +131,7 @@ def _all(labelled: Mapping[str, Labelled]) -> dict[str, float]:
     return measure_labels(list(labelled.values()))
 
 
-def _truth(recordings: Recordings) -> dict[str, list[Segment]]:
+def _truth(recordings: Recordings) -> dict[str, list[LabelledSegment]]:
     """Labels of the authors, of classes that the clips' classes belong to."""
     tables = read_labels(recordings.folder / "truth" / "annotation_2009.csv")
     known = set(NAMES.values())
@@ -143,7 +143,7 @@ def _truth(recordings: Recordings) -> dict[str, list[Segment]]:
 
 def _choose(recordings: Recordings, setting: Setting) -> float:
     """Threshold with the best mean of F1 and F2 on streams that hold none of the recordings."""
-    found: list[tuple[Matches, tuple[Segment, ...], float]] = []
+    found: list[tuple[Matches, tuple[LabelledSegment, ...], float]] = []
     for pair in CHOOSING:
         clips = recordings.of(actors=set(ACTORS) - set(pair))
         classes = with_setting(learn_all(clips), setting, clips)
@@ -177,7 +177,7 @@ def _to_plateau_end(
 
 def _calibrate(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]:
     calibrations = calibrate_thresholds(
-        examples(clips), groups="HDM_(..)_", negatives=others, training=TrainingOptions(mirror=True)
+        examples(clips), negatives=others, training=TrainingOptions(mirror=True, groups="HDM_(..)_")
     )
     return {name: one.threshold for name, one in calibrations.items()}
 
@@ -208,7 +208,7 @@ def _trivial(recordings: Recordings, truth: Truth) -> Results:
     most = max(sorted(lengths), key=lambda name: lengths[name])
     seconds = {name: len(recordings.others[name]) / 30 for name in LABELLED}
     everywhere = [
-        Labelled([Segment(most, 0.0, seconds[name])], truth[name], seconds[name])
+        Labelled([LabelledSegment(most, 0.0, seconds[name])], truth[name], seconds[name])
         for name in LABELLED
     ]
     nothing = [Labelled([], truth[name], seconds[name]) for name in LABELLED]
@@ -219,7 +219,7 @@ def _trivial(recordings: Recordings, truth: Truth) -> Results:
     }
 
 
-def _overlaps(a: Segment, b: Segment) -> bool:
+def _overlaps(a: LabelledSegment, b: LabelledSegment) -> bool:
     return min(a.end, b.end) > max(a.start, b.start) + 1e-6
 
 
@@ -239,17 +239,19 @@ def _false(ways: Mapping[str, Mapping[str, Labelled]]) -> list[Results]:
     return sorted(rows, key=lambda row: (row["recording"], row["start"], row["label"]))
 
 
-def _same(rows: Sequence[Results], name: str, x: Segment) -> Results | None:
+def _same(rows: Sequence[Results], name: str, x: LabelledSegment) -> Results | None:
     """A row of the same label that overlaps."""
     for row in rows:
         if (row["recording"], row["label"]) == (name, x.name) and _overlaps(
-            Segment(x.name, row["start"], row["end"]), x
+            LabelledSegment(x.name, row["start"], row["end"]), x
         ):
             return row
     return None
 
 
-def _false_row(name: str, x: Segment, truth: Sequence[Segment], way: str) -> Results:
+def _false_row(
+    name: str, x: LabelledSegment, truth: Sequence[LabelledSegment], way: str
+) -> Results:
     return {
         "recording": name, "label": x.name, "start": x.start, "end": x.end, "cost": x.cost,
         "truth": sorted({t.name for t in truth if _overlaps(t, x)}), "ways": [way],

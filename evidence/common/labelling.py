@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evidence.common.recordings import Clip, examples
 from motionary.evaluation import (
-    Segment,
+    LabelledSegment,
     compute_mean_average_precision,
     compute_rates,
     count_false,
@@ -63,8 +63,8 @@ class Matches(NamedTuple):
 class Labelled(NamedTuple):
     """Labels of a recording, what is true, and its length."""
 
-    predicted: Sequence[Segment]
-    truth: Sequence[Segment]
+    predicted: Sequence[LabelledSegment]
+    truth: Sequence[LabelledSegment]
     seconds: float
 
 
@@ -140,7 +140,7 @@ def labels_at(
     *,
     names: Sequence[str] | None = None,
     extended: bool = True,
-) -> list[Segment]:
+) -> list[LabelledSegment]:
     """Labels with one threshold, or one per class; of some classes only."""
     chosen = [name for name in found.matches if names is None or name in names]
     modified = []
@@ -154,7 +154,9 @@ def labels_at(
         else _not_extended(modified)
     )
     return [
-        Segment(chosen[index], start / 30, stop / 30, float(modified[index][start:stop].min()))
+        LabelledSegment(
+            chosen[index], start / 30, stop / 30, float(modified[index][start:stop].min())
+        )
         for index, start, stop in segments
     ]
 

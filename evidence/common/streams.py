@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evidence.common.recordings import ACTORS, Clip, Recordings, join
-from motionary.evaluation import Segment
+from motionary.evaluation import LabelledSegment
 from motionary.features import FeatureSequence
 
 PAIRS = tuple(itertools.combinations(ACTORS, 2))
@@ -56,15 +56,15 @@ class Stream(NamedTuple):
     """
 
     packed: FeatureSequence
-    truth: tuple[Segment, ...]
-    others: tuple[Segment, ...]
+    truth: tuple[LabelledSegment, ...]
+    others: tuple[LabelledSegment, ...]
 
     @property
     def seconds(self) -> float:
         """Length."""
         return len(self.packed) / 30
 
-    def known_to(self, names: Sequence[str]) -> tuple[Segment, ...]:
+    def known_to(self, names: Sequence[str]) -> tuple[LabelledSegment, ...]:
         """Truth of some classes only: clips of the others are motion like any other."""
         return tuple(s for s in self.truth if s.name in names)
 
@@ -167,11 +167,11 @@ def _join(clips: Sequence[Part], others: Sequence[Part], source: str) -> Stream:
     for i, gap in enumerate(gaps):
         parts += [(clip, True) for clip in gap]
         parts += [(other, False) for other in others[i : i + 1]]
-    truth: list[Segment] = []
-    between: list[Segment] = []
+    truth: list[LabelledSegment] = []
+    between: list[LabelledSegment] = []
     at = 0
     for part, is_clip in parts:
-        segment = Segment(part.name, at / 30, (at + len(part.packed)) / 30)
+        segment = LabelledSegment(part.name, at / 30, (at + len(part.packed)) / 30)
         (truth if is_clip else between).append(segment)
         at += len(part.packed)
     packed = join([part.packed for part, _ in parts], source)
