@@ -39,7 +39,7 @@ def parse(path: Path) -> ast.Module:
 
 def rooms() -> set[str]:
     """Modules and packages directly in motionary."""
-    files = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__", "__main__"}
+    files = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"}
     return files | {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
 
 
