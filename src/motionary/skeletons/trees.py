@@ -5,6 +5,7 @@ a body (props, hair, eyes, twist bones, handles of the rig) is left out before o
 """
 
 from dataclasses import dataclass
+from heapq import nlargest
 from itertools import combinations
 from typing import NamedTuple
 
@@ -22,6 +23,8 @@ Pair = tuple[int, int]
 # A limb is at least this share as long as the longest; a pair differs by less than the other.
 _LONG = 0.35
 _ALIKE = 0.05
+# More chains than leave any joint of a trunk.
+_MOST_CHAINS = 16
 # No rig of a person has more joints, faces and all.
 MOST_JOINTS = 3000
 _GONE = -2
@@ -203,24 +206,37 @@ def _named_pairs(tree: Tree) -> list[Pair]:
 
 
 def _alike_pairs(tree: Tree) -> list[Pair]:
-    """Starts of chains of like length below one node."""
+    """Starts of chains of like length below one node, among its longest chains."""
+    sizes = _sizes(tree)
     pairs = []
     for node in range(len(tree.parents)):
-        for a, b in combinations(tree.children(node), 2):
+        children = tree.children(node)
+        if len(children) > _MOST_CHAINS:
+            # Of a face or a wide tree, all pairs are far too many, and none is a limb.
+            longest = set(nlargest(_MOST_CHAINS, children, key=lambda child: tree.reach[child]))
+            children = [child for child in children if child in longest]
+        for a, b in combinations(children, 2):
             longer = max(tree.reach[a], tree.reach[b])
             alike = abs(tree.reach[a] - tree.reach[b]) < _ALIKE * longer
-            if alike and len(tree.below(a)) == len(tree.below(b)):
+            if alike and sizes[a] == sizes[b]:
                 pairs.append((a, b))
     return pairs
 
 
+def _sizes(tree: Tree) -> list[int]:
+    """Nodes below each, itself among them."""
+    sizes = [1] * len(tree.parents)
+    for node in range(len(sizes) - 1, -1, -1):
+        if tree.parents[node] >= 0:
+            sizes[tree.parents[node]] += sizes[node]
+    return sizes
+
+
 def _tell_apart(tree: Tree, pairs: list[Pair]) -> tuple[Pair | None, Pair | None]:
     """Which pair are legs and which arms: by names, else legs leave the trunk lower."""
-    kinds: dict[Pair, str] = {}
-    for pair in pairs:
-        kind = _kind_of(tree, pair)
-        if kind:
-            kinds[pair] = kind
+    parts = _parts_below(tree)
+    said = {pair: _kind_of(parts[pair[0]]) for pair in pairs}
+    kinds = {pair: kind for pair, kind in said.items() if kind}
 
     def longest(kind: str) -> Pair | None:
         of_kind = [pair for pair in pairs if kinds.get(pair) == kind]
@@ -246,13 +262,20 @@ def _lower_first(tree: Tree, pairs: list[Pair]) -> tuple[Pair | None, Pair | Non
     return None, None
 
 
-def _kind_of(tree: Tree, pair: Pair) -> str:
+def _parts_below(tree: Tree) -> list[set[str]]:
+    """Parts of limbs that the names of each node and of those below it speak of."""
+    parts: list[set[str]] = [set() for _ in tree.parents]
+    for node in range(len(parts) - 1, -1, -1):
+        own = words.limb_part(tree.stems[tree.names[node]], has_arm=True)
+        parts[node] |= {own} if own else set()
+        if tree.parents[node] >= 0:
+            parts[tree.parents[node]] |= parts[node]
+    return parts
+
+
+def _kind_of(parts: set[str]) -> str:
     """Whether names on the way down a limb speak of legs or of arms."""
-    parts = [
-        words.limb_part(tree.stems[tree.names[node]], has_arm=True) for node in tree.below(pair[0])
-    ]
-    legs = len({part for part in parts if part in words.LEG_PARTS})
-    arms = len({part for part in parts if part in words.ARM_PARTS})
+    legs, arms = len(parts & words.LEG_PARTS), len(parts & words.ARM_PARTS)
     return "" if legs == arms else "legs" if legs > arms else "arms"
 
 
