@@ -1,5 +1,6 @@
 """Are points without a tree told by their names, in several spellings and languages?"""
 
+import unicodedata
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +9,11 @@ import pytest
 from motionary import read, write
 from motionary.features import compute_features
 from motionary.io import ReadOptions, save_skeleton
-from motionary.motion import Motion
+from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.recording import Recording
 from motionary.retrieval.index import Index
 from motionary.samples import synthetic_motion
-from motionary.skeletons import find_mapping
+from motionary.skeletons import find_mapping, named_mapping
 
 LIMBS = ("hip", "knee", "ankle", "toes", "clavicle", "shoulder", "elbow", "wrist")
 MIDDLE = ("root", "belly", "chest", "neck", "head")
@@ -105,3 +106,152 @@ def test_an_index_counts_what_a_mapping_says_not_what_it_is_called(tmp_path):
     assert len(Index.open(folder, reading=reading)) == 1
     table.write_text(table.read_text().replace('lfingers = "lfingers"\n', ""))
     assert len(Index.open(folder, reading=reading)) == 0
+
+
+# -- tables in other letters ---------------------------------------------------------------
+
+BODY25 = named_mapping("body25").order
+PLUG_IN_GAIT = [
+    "LFHD",
+    "RFHD",
+    "LBHD",
+    "RBHD",
+    "C7",
+    "T10",
+    "CLAV",
+    "STRN",
+    "LASI",
+    "RASI",
+    "LPSI",
+    "RPSI",
+    "LSHO",
+    "LELB",
+    "LWRA",
+    "LWRB",
+    "LFIN",
+    "RSHO",
+    "RELB",
+    "RWRA",
+    "RWRB",
+    "RFIN",
+    "LKNE",
+    "LANK",
+    "LHEE",
+    "LTOE",
+    "RKNE",
+    "RANK",
+    "RHEE",
+    "RTOE",
+]
+HELEN_HAYES = [
+    "LASI",
+    "RASI",
+    "SACR",
+    "LTHI",
+    "LKNE",
+    "LTIB",
+    "LANK",
+    "LHEE",
+    "LTOE",
+    "RTHI",
+    "RKNE",
+    "RTIB",
+    "RANK",
+    "RHEE",
+    "RTOE",
+]
+ISB = [
+    "LASIS",
+    "RASIS",
+    "LPSIS",
+    "RPSIS",
+    "LFLE",
+    "LFME",
+    "RFLE",
+    "RFME",
+    "LFAL",
+    "LTAM",
+    "RFAL",
+    "RTAM",
+    "C7",
+    "LAC",
+    "RAC",
+    "LHLE",
+    "LHME",
+]
+
+
+@pytest.mark.parametrize(
+    "write_name",
+    [str.lower, str.upper, "S1_{}".format, "S1-{}".format, "Bob_{}".format, "lab_Bob:{}".format],
+    ids=["lower", "upper", "S1_", "S1-", "Bob_", "Bob:"],
+)
+@pytest.mark.parametrize(
+    ("table", "names"), [("body25", BODY25), ("plug_in_gait", PLUG_IN_GAIT)], ids=lambda x: str(x)
+)
+def test_a_table_is_found_in_other_letters_and_behind_a_prefix(table, names, write_name):
+    plain, found = find_mapping(names), find_mapping([write_name(name) for name in names])
+    assert found.name == plain.name == table
+    assert found.weights == {
+        joint: {write_name(name): weight for name, weight in source.items()}
+        if set(source) <= set(names)
+        else source
+        for joint, source in plain.weights.items()
+    }
+
+
+def test_names_that_differ_by_case_alone_are_told_apart():
+    names = (*BODY25, *(name.lower() for name in BODY25))
+    assert find_mapping(names).weights == find_mapping(BODY25).weights
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_forms_of_unicode_are_one_name(form):
+    names = ("Becken", "Hüfte_L", "Hüfte_R", "Knie_L", "Knie_R", "Knöchel_L", "Knöchel_R")
+    written = {name: unicodedata.normalize(form, name) for name in names}
+    assert find_mapping(written.values()).weights["lhip"] == {written["Hüfte_L"]: 1.0}
+    assert find_mapping(written.values()).weights["rankle"] == {written["Knöchel_R"]: 1.0}
+
+
+@pytest.mark.parametrize("names", [HELEN_HAYES, ISB], ids=["Helen Hayes", "ISB"])
+def test_marker_sets_of_laboratories_have_pelvis_and_legs(names):
+    mapping = find_mapping(names)
+    legs = ["root", *(side + joint for side in "lr" for joint in ("hip", "knee", "ankle"))]
+    assert all(set(mapping.weights[joint]) <= set(names) for joint in legs)
+    assert set(mapping.normals) == {"lhip", "rhip"}
+    assert all(set(normal[:3]) <= set(names) for normal in mapping.normals.values())
+
+
+def test_hips_lie_below_and_between_the_markers_of_the_pelvis():
+    places = {"LASI": (0.13, 1, 0.1), "RASI": (-0.13, 1, 0.1), "SACR": (0, 1, -0.1)}
+    positions = np.array([[places.get(name, (0, 0.5, 0)) for name in HELEN_HAYES]], dtype=float)
+    motion = Motion(
+        tuple(HELEN_HAYES), positions, Recording(rate_hz=100.0), find_mapping(HELEN_HAYES)
+    )
+    body = motion.generic_positions()[0]
+    for joint, side in (("lhip", 1), ("rhip", -1)):
+        x, y, z = body[GENERIC_JOINTS.index(joint)]
+        assert 0.05 < side * x < 0.12
+        assert 0.88 < y < 0.95
+        assert 0 < z < 0.08
+
+
+def test_points_that_are_never_seen_yield_to_those_that_are():
+    names = (*PLUG_IN_GAIT, "LKJC", "RKJC", "LHJC", "RHJC")
+    positions = np.zeros((4, len(names), 3))
+    positions[:, names.index("LKJC")] = np.nan
+    mapping = find_mapping(names, None, positions)
+    assert mapping.weights["lknee"] == {"LKNE": 1.0}
+    assert mapping.weights["rknee"] == {"RKJC": 1.0}
+    assert mapping.weights["lhip"] == {"LHJC": 1.0}
+
+
+def test_clusters_are_no_joints():
+    markers = [
+        f"{side}{name}" for side in "LR"
+        for name in ("Thigh1", "Thigh2", "Thigh3", "Shank1", "Shank2", "Shank3", "Ankle", "Toe")
+    ]  # fmt: skip
+    assert find_mapping(markers) is None
+    found = find_mapping([*markers, "LHip", "RHip", "LKnee", "RKnee"])
+    assert found.weights["lhip"] == {"LHip": 1.0}
+    assert found.weights["rknee"] == {"RKnee": 1.0}

@@ -15,9 +15,9 @@ from motionary.io.normalise.sides import normalise_sides
 from motionary.io.normalise.units_axes import normalise
 from motionary.io.options import ReadOptions
 from motionary.io.text import format_suffix
-from motionary.motion import JointMapping, Motion
+from motionary.motion import JointMapping, Motion, Unmapped
 from motionary.recording import Recording
-from motionary.skeletons import SkeletonTable, explain_unmapped, find_mapping, known_mappings
+from motionary.skeletons import SkeletonTable, known_mappings, map_joints
 
 _REFUSALS = {
     "asf": "has its own skeleton; leave out asf=",
@@ -126,25 +126,27 @@ def _check_options(options: ReadOptions, form: Format, path: Path) -> None:
 
 def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
     """The motion, in the file's unit and axes, with its joints mapped."""
+    mapping = _find_mapping(content, table)
     return Motion(
         names=tuple(content.names),
         positions=content.positions,
         recording=Recording(
             content.source, rate_hz=content.rate_hz, first_frame=content.first_frame
         ),
-        mapping=_find_mapping(content, table),
+        mapping=mapping if isinstance(mapping, JointMapping) else None,
         skeleton=content.skeleton,
         rotations=content.rotations,
         events=content.events,
         notes=content.notes,
+        unmapped=mapping if isinstance(mapping, Unmapped) else None,
     )
 
 
-def _find_mapping(content: FileContent, table: SkeletonTable | None) -> JointMapping | None:
+def _find_mapping(content: FileContent, table: SkeletonTable | None) -> JointMapping | Unmapped:
     own = content.mapping
     if own is not None and (table is None or own.name == table.name):
         return own
-    return find_mapping(content.names, content.skeleton, content.positions, told=table)
+    return map_joints(content.names, content.skeleton, content.positions, told=table)
 
 
 def _note_mapping(motion: Motion, table: SkeletonTable | None) -> Motion:
@@ -158,10 +160,9 @@ def _note_mapping(motion: Motion, table: SkeletonTable | None) -> Motion:
             )
         if table.name not in known_mappings():
             motion = replace(motion, notes=(*motion.notes, *_misnamed(table, motion.names)))
-    if motion.mapping is not None:
+    if motion.unmapped is None:
         return motion
-    why = explain_unmapped(motion.names, motion.skeleton, motion.positions)
-    return replace(motion, notes=(*motion.notes, f"no relations: {why.reason}"), unmapped=why)
+    return replace(motion, notes=(*motion.notes, f"no relations: {motion.unmapped.reason}"))
 
 
 def _misnamed(table: SkeletonTable, names: Sequence[str]) -> list[str]:

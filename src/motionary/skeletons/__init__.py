@@ -3,9 +3,9 @@
 from motionary.skeletons.guessing import without_guess
 from motionary.skeletons.mapping import (
     AN_ANIMAL,
-    explain_unmapped,
     find_mapping,
     known_mappings,
+    map_joints,
     named_mapping,
     named_table,
 )
@@ -14,10 +14,10 @@ from motionary.skeletons.table_files import SkeletonTable, format_table, parse_t
 __all__ = [
     "AN_ANIMAL",
     "SkeletonTable",
-    "explain_unmapped",
     "find_mapping",
     "format_table",
     "known_mappings",
+    "map_joints",
     "named_mapping",
     "named_table",
     "parse_table",

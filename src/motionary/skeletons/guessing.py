@@ -40,10 +40,11 @@ def guess_from_names(names: tuple[str, ...]) -> JointMapping | None:
     partners = words.find_partners(names)
     stems = words.stems(names, partners)
     has_arm = any(words.names_upper_arm(stems[name]) for name in partners)
+    clusters = words.find_clusters(partners, stems)
     found: dict[str, tuple[int, str]] = {}
     spine: list[str] = []
     for name in names:
-        if words.is_twist(name):
+        if words.is_twist(name) or name in clusters:
             continue
         if name in partners:
             part = words.limb_part(stems[name], has_arm=has_arm)
@@ -148,7 +149,10 @@ def _named_ends(tree: Tree, path: list[int], parts: tuple[str, str, str]) -> _En
     lows = [i for i in range(middle + 1, len(path)) if said[i] == parts[2]]
     if not tops or not lows:
         return None
-    ends = _Ends(tops[-1], middle, lows[0])
+    # Of a bone in several parts (`upperleg01`, `upperleg02`) the first is its start.
+    stem = tree.stems[tree.names[path[tops[-1]]]]
+    top = next(i for i in tops if tree.stems[tree.names[path[i]]] == stem)
+    ends = _Ends(top, middle, lows[0])
     upper, lower = (
         tree.distance(path[a], path[b])
         for a, b in ((ends.top, ends.middle), (ends.middle, ends.low))

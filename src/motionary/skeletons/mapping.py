@@ -6,6 +6,7 @@ shape of their tree, by sides and by names, and the mapping says so.
 """
 
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 from functools import cache, lru_cache
 
 import numpy as np
@@ -13,9 +14,9 @@ from numpy.typing import NDArray
 
 from motionary.errors import UnknownSkeleton
 from motionary.motion import GENERIC_JOINTS, JointMapping, Skeleton, Unmapped
-from motionary.skeletons.bodies import count_people, find_people, is_four_legged
+from motionary.skeletons.bodies import find_people, is_four_legged
 from motionary.skeletons.guessing import guess_from_names, guess_from_tree
-from motionary.skeletons.table_files import SkeletonTable, parse_table
+from motionary.skeletons.table_files import SkeletonTable, parse_table, spell
 from motionary.skeletons.words import is_paw, is_tail
 
 Floats = NDArray[np.float64]
@@ -25,6 +26,10 @@ AN_ANIMAL = "an animal on four legs"
 
 # Poses that suffice to see how a body is built.
 _LOOKED_AT = 50
+# Where the last bones of a body end: a rig that does not say so has no tip there.
+_ENDS = frozenset({"headtop", "ltoes", "rtoes", "lfingers", "rfingers"})
+# A tree is understood if this fraction of the joints that a table knows is found in it.
+_AGREE = 0.6
 
 
 def known_mappings() -> tuple[str, ...]:
@@ -89,27 +94,24 @@ def find_mapping(
     JointMapping, or None if no table finds enough of its joints among the names (60 %) and
     nothing can be guessed, or several people or an animal are in the file
     """
+    found = map_joints(names, skeleton, positions, told=told, without=without)
+    return found if isinstance(found, JointMapping) else None
+
+
+def map_joints(
+    names: Iterable[str],
+    skeleton: Skeleton | None = None,
+    positions: Floats | None = None,
+    *,
+    told: SkeletonTable | None = None,
+    without: Collection[str] = (),
+) -> JointMapping | Unmapped:
+    """The mapping as `find_mapping` has it, or why there is none."""
     names = tuple(names)
-    if told is not None:
-        return told.resolve(names)
-    if count_people(names, _fits) > 1 or (skeleton is not None and len(_bodies(skeleton)) > 1):
-        return None
     some = None if positions is None else _some(positions)
-    mapping = _fitting(names, frozenset(without))
-    if mapping is None and skeleton is not None and some is not None:
-        mapping = guess_from_tree(skeleton, some)
-    if mapping is None:
-        mapping = guess_from_names(names)
-    if mapping is not None and some is not None and is_four_legged(mapping, names, some):
-        return None
-    return mapping
-
-
-def explain_unmapped(
-    names: Iterable[str], skeleton: Skeleton | None = None, positions: Floats | None = None
-) -> Unmapped:
-    """Why `find_mapping` finds none."""
-    names = tuple(names)
+    seen = names if positions is None else _seen(names, positions)
+    if told is not None:
+        return told.resolve(seen)
     people = find_people(names, _fits)
     n_people = max(len(people), 0 if skeleton is None else len(_bodies(skeleton)))
     if n_people > 1:
@@ -118,23 +120,89 @@ def explain_unmapped(
             f"{n_people} people in one file{called}: save one file for each, or take the first "
             "with --skeleton NAME (skeleton=...)"
         )
-    some = None if positions is None else _some(positions)
-    guess = _fitting(names)
-    if guess is None and skeleton is not None and some is not None:
-        guess = guess_from_tree(skeleton, some)
-    guess = guess or guess_from_names(names)
-    animal = any(is_paw(name) or is_tail(name) for name in names)
-    if animal or guess is not None:
+    mapping = _map_one(seen, skeleton, some, frozenset(without))
+    if mapping is None and len(seen) < len(names):
+        mapping = _map_one(names, skeleton, some, frozenset(without))
+    is_animal = any(is_paw(name) or is_tail(name) for name in names)
+    if mapping is None and not is_animal:
+        few = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        return Unmapped(
+            f"no known skeleton has the joints {few}, and neither legs nor arms were found among "
+            "them: a prop, or a rig whose joints you must map: --skeleton RIG.toml (skeleton=...)"
+        )
+    if mapping is None or (some is not None and is_four_legged(mapping, names, some)):
         return Unmapped(f"{AN_ANIMAL}: the relations are those of people", is_human=False)
-    few = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-    return Unmapped(
-        f"no known skeleton has the joints {few}, and neither legs nor arms were found among them: "
-        "a prop, or a rig whose joints you must map: --skeleton RIG.toml (skeleton=...)"
+    return mapping
+
+
+def _map_one(
+    names: tuple[str, ...], skeleton: Skeleton | None, some: Floats | None, without: frozenset[str]
+) -> JointMapping | None:
+    """The mapping of one person: by a table, by the tree, by a table in other letters, by names."""
+    mapping = _fitting(names, without)
+    has_tree = skeleton is not None and some is not None
+    if mapping is not None and not (has_tree and _lacks(mapping, names)):
+        return mapping
+    guess = guess_from_tree(skeleton, some) if skeleton is not None and some is not None else None
+    if mapping is not None:
+        return mapping if guess is None else _complete(mapping, guess, names)
+    if guess is not None:
+        return guess
+    guess, loose = guess_from_names(names), _fitting(names, without, exactly=False)
+    if guess is None or loose is None:
+        return guess or loose
+    # A guess takes what is there; a table knows what stands for what is not.
+    n_loose = len(loose.weights) - len(_lacks(loose, names))
+    return loose if n_loose > len(guess.weights) else guess
+
+
+def _lacks(mapping: JointMapping, names: Collection[str]) -> list[str]:
+    """Joints that a table has and a file does not."""
+    there = set(names)
+    return [joint for joint, source in mapping.weights.items() if not there.issuperset(source)]
+
+
+def _complete(mapping: JointMapping, guess: JointMapping, names: tuple[str, ...]) -> JointMapping:
+    """A table's mapping, with what the file lacks of it taken from its tree.
+
+    Where tree and table disagree about the rest, the tree is not understood.
+    """
+    lacking = _lacks(mapping, names)
+    both = [j for j in guess.weights if j in mapping.weights and j not in lacking]
+    alike = sum(guess.weights[joint] == mapping.weights[joint] for joint in both)
+    added = {
+        joint: guess.weights[joint]
+        for joint in lacking
+        if joint in guess.weights
+        and joint not in _ENDS
+        and guess.weights[joint] not in mapping.weights.values()
+    }
+    if not added or alike < _AGREE * len(both):
+        return mapping
+    said = ", ".join(f"{joint} {' + '.join(source)}" for joint, source in added.items())
+    note = f"by the shape of the tree: {said}"
+    return replace(
+        mapping,
+        weights=mapping.weights | added,
+        substituted=tuple(
+            joint
+            for joint in GENERIC_JOINTS
+            if joint in (*(set(mapping.substituted) - set(added)), *guess.substituted)
+        ),
+        note=f"{mapping.note}; {note}" if mapping.note else note,
     )
 
 
 def _some(positions: Floats) -> Floats:
     return positions[:: 1 + len(positions) // _LOOKED_AT]
+
+
+def _seen(names: tuple[str, ...], positions: Floats) -> tuple[str, ...]:
+    """Names of the joints that are seen in some frame; all if none is."""
+    unseen = np.isnan(positions[0, :, 0])
+    for joint in np.flatnonzero(unseen).tolist():
+        unseen[joint] = np.isnan(positions[:, joint, 0]).all()
+    return tuple(n for n, gone in zip(names, unseen.tolist(), strict=True) if not gone) or names
 
 
 def _fits(names: tuple[str, ...]) -> bool:
@@ -160,35 +228,26 @@ def _bodies(skeleton: Skeleton) -> list[tuple[str, ...]]:
 
 # Folders hold many files of few rigs.
 @lru_cache(maxsize=64)
-def _fitting(names: tuple[str, ...], without: frozenset[str] = frozenset()) -> JointMapping | None:
-    there = frozenset(names)
+def _fitting(
+    names: tuple[str, ...], without: frozenset[str] = frozenset(), *, exactly: bool = True
+) -> JointMapping | None:
+    """The mapping of the table that fits best, by names as the table writes them or loosely."""
+    spelled = spell(names)
     best: tuple[bool, float, int] | None = None
     result = None
     for table in _tables().values():
         if table.name in without:
             continue
-        mapping = table.resolve(names)
-        fraction = _fraction(mapping, there)
+        choices = {joint: table.choice(joint, spelled, exactly=exactly) for joint in table.joints}
+        fraction = sum(choice >= 0 for choice in choices.values()) / len(GENERIC_JOINTS)
+        if any(choices.get(joint, -1) < 0 for joint in table.needs):
+            continue
         # Of tables that fit alike, the one whose own names are there, not their substitutes.
-        marked = bool(table.marks) and there.issuperset(table.marks)
-        fit = (marked, fraction, -_compromises(table, mapping))
+        marked = bool(table.marks) and set(names).issuperset(table.marks)
+        fit = (marked, fraction, -sum(max(choice, 0) for choice in choices.values()))
         if fraction >= table.enough and (best is None or fit > best):
-            best, result = fit, mapping
-    return result
-
-
-def _fraction(mapping: JointMapping, names: Collection[str]) -> float:
-    found = sum(all(n in names for n in source) for source in mapping.weights.values())
-    return found / len(GENERIC_JOINTS)
-
-
-def _compromises(table: SkeletonTable, mapping: JointMapping) -> int:
-    """How many alternatives are missing before those that were taken."""
-    total = 0
-    for joint, alternatives in table.joints.items():
-        taken = {name.rpartition(":")[2] for name in mapping.weights[joint]}
-        total += next((i for i, source in enumerate(alternatives) if set(source) == taken), 0)
-    return total
+            best, result = fit, table
+    return None if result is None else result.resolve(names)
 
 
 @cache

@@ -5,14 +5,20 @@ a weighted sum of names (`{ Spine = 0.4, Neck = 0.6 }`), or a list of alternativ
 first one that is there counts. A table may call joints `substituted` and say why in `note`, and
 give the usual `order` of the points for formats that have them without names. `[normals]` adds
 a step away from the plane of three points: `lhip = { points = ["A", "B", "C"], share = 0.4 }`,
-see `Normal`. `enough` is the share of its joints that must be there, where partial bodies are
-usual; `marks` are names by which a skeleton is told from others with nearly its names.
+or a list of such, of which that counts whose points are those of the chosen alternative; see
+`Normal`. `enough` is the share of its joints that must be there, where partial bodies are
+usual, and `needs` are generic joints that must be; `marks` are names by which a skeleton is told
+from others with nearly its names.
 """
 
 import json
+import re
 import textwrap
+import unicodedata
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from motionary.errors import InvalidInput
@@ -23,7 +29,75 @@ ENOUGH = 0.6
 
 Source = dict[str, float]
 
-_KEYS = ("about", "note", "substituted", "order", "enough", "marks", "joints", "normals")
+# What stands between the parts of a name, and a part at its start or end. A side is no
+# subject: few files have one side alone.
+_BETWEEN = re.compile(r"[\s._-]+")
+_PREFIX = re.compile(r"^[^\s._-]+[\s._|-]+(?=.)")
+_SUFFIX = re.compile(r"(?<=.)[._-][^\s._-]+$")
+_FEWEST = 7
+_SHARED = 0.6
+_MOST_AFFIXES = 3
+
+_KEYS = (
+    "about", "note", "substituted", "order", "enough", "needs", "marks", "joints", "normals",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class SpelledNames:
+    """Names of a file by what a table may call them.
+
+    Attributes
+    ----------
+    exact : the file's names, also by what stands behind their last colon: `Daniel:LSHO`
+    loose : by folded spelling, see `fold`, and without what most names begin or end with:
+        `S1_LSHO`, `r_knee_study`; names that differ by spelling alone are not among them
+    """
+
+    exact: Mapping[str, str]
+    loose: Mapping[str, str]
+
+    def find(self, name: str) -> str | None:
+        """The file's name of what a table calls so."""
+        return self.exact.get(name) or self.loose.get(fold(name))
+
+
+def fold(name: str) -> str:
+    """A name without what spellings differ in: case, dots, dashes, forms of Unicode."""
+    return _BETWEEN.sub("", unicodedata.normalize("NFC", name).casefold())
+
+
+# Folders hold many files of few rigs.
+@lru_cache(maxsize=64)
+def spell(names: tuple[str, ...]) -> SpelledNames:
+    """Names of a file as tables look for them."""
+    # What stands before the last colon is a person or rig.
+    exact = {name.rpartition(":")[2]: name for name in reversed(names)}
+    exact |= {name: name for name in names}
+    loose: dict[str, set[str]] = {}
+    bare = _without_affixes([name.rpartition(":")[2] for name in names])
+    for name, short in zip(names, bare, strict=True):
+        for spelling in {fold(name), fold(name.rpartition(":")[2]), fold(short)}:
+            loose.setdefault(spelling, set()).add(name)
+    return SpelledNames(
+        exact, {spelling: full.pop() for spelling, full in loose.items() if len(full) == 1}
+    )
+
+
+def _without_affixes(names: list[str]) -> list[str]:
+    """Names without what most of them begin or end with, up to a separator."""
+    for pattern in (_PREFIX, _SUFFIX):
+        for _ in range(_MOST_AFFIXES):
+            found = [pattern.search(name) for name in names]
+            counts = Counter(m.group().casefold() for m in found if m)
+            common, n = max(counts.items(), key=lambda item: item[1], default=("", 0))
+            if n < max(_FEWEST, _SHARED * len(names)):
+                break
+            names = [
+                pattern.sub("", name) if m and m.group().casefold() == common else name
+                for name, m in zip(names, found, strict=True)
+            ]
+    return names
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,30 +109,46 @@ class SkeletonTable:
     substituted: tuple[str, ...] = ()
     note: str = ""
     order: tuple[str, ...] = ()
-    normals: Mapping[str, Normal] = field(default_factory=dict)
+    normals: Mapping[str, tuple[Normal, ...]] = field(default_factory=dict)
     enough: float = ENOUGH
     marks: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
 
     def resolve(self, names: tuple[str, ...]) -> JointMapping:
         """The mapping for a file with these names.
 
-        They decide between alternatives, and may carry a prefix that ends in a colon.
+        They decide between alternatives. What is not there as the table writes it may be there
+        in other letters or behind a prefix, see `SpelledNames`.
         """
-        # `Daniel:LSHO`, `mixamorig:Hips`: what stands before the last colon is a person or rig.
-        full = {name.rpartition(":")[2]: name for name in reversed(names)}
-        full |= {name: name for name in names}
-        weights = {}
-        for joint, alternatives in self.joints.items():
-            there = (source for source in alternatives if all(n in full for n in source))
-            chosen = next(there, alternatives[0])
-            weights[joint] = {full.get(n, n): w for n, w in chosen.items()}
-        normals = {
-            # A joint centre that the file gives itself needs no step.
-            joint: normal.renamed(full)
-            for joint, normal in self.normals.items()
-            if set(weights[joint]) == {full.get(n, n) for n in self.joints[joint][-1]}
-        }
+        spelled = spell(names)
+        weights, normals = {}, {}
+        for joint in self.joints:
+            source = self.joints[joint][max(self.choice(joint, spelled), 0)]
+            full = {name: spelled.find(name) or name for name in source}
+            weights[joint] = {full[name]: weight for name, weight in source.items()}
+            normal = self._normal(joint, source)
+            if normal is not None:
+                points = {name: spelled.find(name) or name for name in normal[:3]}
+                normals[joint] = normal.renamed(points)
         return JointMapping(self.name, weights, self.substituted, self.note, self.order, normals)
+
+    def choice(self, joint: str, spelled: SpelledNames, *, exactly: bool = False) -> int:
+        """Number of the first alternative of a joint that is there; -1 if none is."""
+        for i, source in enumerate(self.joints[joint]):
+            if all(name in spelled.exact for name in source):
+                return i
+        for i, source in enumerate(() if exactly else self.joints[joint]):
+            if all(spelled.find(name) is not None for name in source):
+                return i
+        return -1
+
+    def _normal(self, joint: str, source: Source) -> Normal | None:
+        """The step that an alternative needs; a joint centre that is in the file needs none."""
+        normals = self.normals.get(joint, ())
+        for normal in normals:
+            if set(source) <= set(normal[:3]):
+                return normal
+        return normals[-1] if normals and source == self.joints[joint][-1] else None
 
 
 def parse_table(name: str, text: str, *, source: str = "") -> SkeletonTable:
@@ -94,11 +184,12 @@ def parse_table(name: str, text: str, *, source: str = "") -> SkeletonTable:
             str(content.get("note", "")),
             tuple(content.get("order", ())),
             {
-                joint: _parse_normal(normal)
-                for joint, normal in _checked(content.get("normals", {}))
+                joint: _parse_normals(normals)
+                for joint, normals in _checked(content.get("normals", {}))
             },
             float(content.get("enough", ENOUGH)),
             tuple(content.get("marks", ())),
+            tuple(content.get("needs", ())),
         )
     except (TypeError, ValueError, KeyError) as error:
         raise InvalidInput(f"{source}: {error}") from error
@@ -163,9 +254,12 @@ def _parse_alternative(source: Any) -> Source:
     return {str(name): float(weight) for name, weight in source.items()}
 
 
-def _parse_normal(content: dict[str, Any]) -> Normal:
-    a, b, c = content["points"]
-    return Normal(a, b, c, content["share"])
+def _parse_normals(content: Any) -> tuple[Normal, ...]:
+    normals = []
+    for one in content if isinstance(content, list) else [content]:
+        a, b, c = one["points"]
+        normals.append(Normal(a, b, c, one["share"]))
+    return tuple(normals)
 
 
 def _format_source(source: Source) -> str:

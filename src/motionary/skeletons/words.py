@@ -5,6 +5,7 @@ their language. A side counts only where the same name with the other side is th
 """
 
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping
 
 # Camel case, runs of capitals, numbers, and letters of other scripts one run each.
@@ -14,8 +15,11 @@ _SIDES = (
     ("left", "right"),
     ("links", "rechts"),
     ("gauche", "droite"),
+    ("gauche", "droit"),
     ("izquierda", "derecha"),
     ("izquierdo", "derecho"),
+    ("esquerda", "direita"),
+    ("esquerdo", "direito"),
     ("izq", "der"),
     ("sinistra", "destra"),
     ("sinistro", "destro"),
@@ -31,35 +35,38 @@ _SIDE_LETTERS = ("左", "右")
 _LIMBS: Mapping[str, tuple[str, ...]] = {
     "hip": (
         "hip", "hipjoint", "thigh", "upleg", "upperleg", "legupper", "femur", "oberschenkel",
-        "huefte", "hüfte", "cuisse", "hanche", "muslo", "cadera", "coscia", "anca", "足",
+        "huefte", "hüfte", "schenkel", "cuisse", "hanche", "muslo", "cadera", "coscia", "anca",
+        "coxa", "太もも", "大腿", "足",
     ),
     "knee": (
         "knee", "shin", "calf", "lowerleg", "lowleg", "leglower", "shank", "tibia", "leg", "knie",
-        "unterschenkel", "genou", "jambe", "mollet", "rodilla", "pantorrilla", "ginocchio", "ひざ",
+        "unterschenkel", "bein", "wade", "schienbein", "genou", "jambe", "mollet", "rodilla",
+        "pierna", "pantorrilla", "ginocchio", "gamba", "joelho", "perna", "ひざ", "膝", "すね",
     ),
     "ankle": (
         "ankle", "foot", "fuss", "fuß", "knoechel", "knöchel", "cheville", "pied", "tobillo", "pie",
-        "caviglia", "piede", "足首",
+        "caviglia", "piede", "tornozelo", "pe", "足首",
     ),
     "toes": (
         "toeend", "toeendend", "toetip", "toes", "toe", "toebase", "ball", "footindex", "zehen",
-        "zeh", "orteils", "dedospie", "dita", "つま先",
+        "zeh", "orteils", "orteil", "dedospie", "dita", "つま先",
     ),
     "clavicle": (
         "clavicle", "collar", "collarbone", "clav", "scapula", "schluesselbein", "schlüsselbein",
-        "clavicule", "clavicula", "clavicola", "肩",
+        "clavicule", "clavicula", "clavicola", "鎖骨", "肩",
     ),
     "shoulder": (
         "upperarm", "uparm", "upparm", "uarm", "armupper", "humerus", "shldr", "arm", "oberarm",
-        "bras", "brazo", "braccio", "腕",
+        "bras", "brazo", "braccio", "braco", "上腕", "腕",
     ),
     "elbow": (
         "elbow", "forearm", "lowerarm", "lowarm", "farm", "armlower", "ulna", "ellbogen",
         "ellenbogen", "unterarm", "coude", "avantbras", "codo", "antebrazo", "gomito",
-        "avambraccio", "ひじ",
+        "avambraccio", "cotovelo", "antebraco", "ひじ", "肘", "前腕",
     ),
     "wrist": (
-        "wrist", "hand", "handgelenk", "poignet", "main", "muneca", "muñeca", "polso", "手首",
+        "wrist", "hand", "handgelenk", "poignet", "main", "muneca", "muñeca", "mano", "polso",
+        "pulso", "mao", "手首", "手",
     ),
     "fingers": (
         "handmiddleend", "middleend", "handtip", "handend", "fingers", "fingertip", "handmiddle",
@@ -67,21 +74,35 @@ _LIMBS: Mapping[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 #: "Shoulder" is the clavicle where the upper arm has a name of its own.
-_SHOULDER = ("shoulder", "schulter", "epaule", "épaule", "hombro", "spalla")
+_SHOULDER = ("shoulder", "schulter", "epaule", "épaule", "hombro", "spalla", "ombro")
 
-_ELBOWS = frozenset({"elbow", "ellbogen", "ellenbogen", "coude", "codo", "gomito", "ひじ"})
+_ELBOWS = frozenset({"elbow", "ellbogen", "ellenbogen", "coude", "codo", "gomito", "ひじ", "肘"})
 
 _MIDDLE: Mapping[str, tuple[str, ...]] = {
-    "root": ("hips", "pelvis", "hip", "becken", "bassin", "pelvis", "bacino", "root", "下半身"),
+    "root": (
+        "hips", "pelvis", "hip", "becken", "bassin", "bacino", "cadera", "hüfte", "root", "骨盤",
+        "下半身",
+    ),
     "spine": (
         "spine", "chest", "abdomen", "ab", "torso", "thorax", "waist", "belly", "lowerback",
         "upperback", "spinenavel", "spinechest", "upperchest", "wirbelsaeule", "wirbelsäule",
-        "bauch", "brust", "colonne", "columna", "pecho", "schiena", "torace", "上半身",
+        "bauch", "brust", "rumpf", "colonne", "torse", "tronc", "poitrine", "columna", "pecho",
+        "tronco", "schiena", "torace", "背骨", "胸", "上半身",
     ),
     "neck": ("neck", "hals", "nacken", "cou", "cuello", "collo", "首"),
     "head": ("head", "kopf", "tete", "tête", "cabeza", "testa", "頭"),
     "headtop": ("headtop", "headtopend", "headend", "headnub", "headtip", "topofhead", "vertex"),
 }  # fmt: skip
+
+
+def _plain(word: str) -> str:
+    """A word without accents, in whatever form of Unicode they are written."""
+    return "".join(c for c in unicodedata.normalize("NFKD", word) if not unicodedata.combining(c))
+
+
+_LIMB_WORDS = {part: tuple(map(_plain, words)) for part, words in _LIMBS.items()}
+_MIDDLE_WORDS = {part: tuple(map(_plain, words)) for part, words in _MIDDLE.items()}
+_SHOULDER_WORDS = tuple(map(_plain, _SHOULDER))
 
 # What hangs on a body and is none of its joints; a twist bone is one on a limb only.
 _EXTRAS = frozenset({
@@ -94,6 +115,8 @@ _TWIST = frozenset({"twist", "roll"})
 _TAIL = frozenset({"tail", "schwanz", "queue", "cola", "coda"})
 _PAWS = frozenset({"paw", "hoof", "pfote", "huf", "fetlock", "hock"})
 
+# Parts that a long bone begins at.
+_BONES = frozenset({"hip", "knee", "shoulder", "elbow"})
 # Limbs by the words of their joints.
 LEG_PARTS = frozenset({"hip", "knee", "ankle", "toes"})
 ARM_PARTS = frozenset({"clavicle", "shoulder", "elbow", "wrist", "fingers"})
@@ -153,7 +176,7 @@ def stems(names: Iterable[str], partners: Mapping[str, tuple[str, str]]) -> dict
 
 def _tokens(name: str, partner: tuple[str, str] | None) -> list[str]:
     """Words of a name, lower case, without numbers and side."""
-    last = name.rpartition(":")[2]
+    last = unicodedata.normalize("NFC", name.rpartition(":")[2])
     words = [word.lower() for word in _TOKEN.findall(last) if not word.isdigit()]
     if last.startswith("End of "):
         words = [*words[2:], "end"]
@@ -164,7 +187,7 @@ def _tokens(name: str, partner: tuple[str, str] | None) -> list[str]:
         first = next(i for i, word in enumerate(words) if word in sides)
         return words[:first] + words[first + 1 :]
     # The side stands without a border: what both names share is the rest.
-    other = partner[1].rpartition(":")[2]
+    other = unicodedata.normalize("NFC", partner[1].rpartition(":")[2])
     same_end = len(_common_start(last[::-1], other[::-1]))
     rest = last[-same_end:] if same_end else _common_start(last, other)
     return [word.lower() for word in _TOKEN.findall(rest) if not word.isdigit()]
@@ -182,20 +205,22 @@ def limb_part(stem: str, *, has_arm: bool) -> str | None:
     ----------
     has_arm : whether the upper arm has a name of its own
     """
-    if stem in _SHOULDER:
+    plain = _plain(stem)
+    if plain in _SHOULDER_WORDS:
         return "clavicle" if has_arm else "shoulder"
-    return next((part for part, words in _LIMBS.items() if stem in words), None)
+    return next((part for part, words in _LIMB_WORDS.items() if plain in words), None)
 
 
 def rank(stem: str, part: str) -> int:
     """How clearly a stem says a part of a limb; 0 is clearest."""
-    words = _LIMBS[part]
-    return words.index(stem) if stem in words else len(words)
+    words = _LIMB_WORDS[part]
+    plain = _plain(stem)
+    return words.index(plain) if plain in words else len(words)
 
 
 def names_upper_arm(stem: str) -> bool:
     """Whether a sided stem names the upper arm as no shoulder does."""
-    return stem in _LIMBS["shoulder"]
+    return _plain(stem) in _LIMB_WORDS["shoulder"]
 
 
 def names_joint(stem: str) -> bool:
@@ -205,7 +230,21 @@ def names_joint(stem: str) -> bool:
 
 def middle_part(stem: str) -> str | None:
     """Which part of the middle of the body a stem names, the spine as one part."""
-    return next((part for part, words in _MIDDLE.items() if stem in words), None)
+    plain = _plain(stem)
+    return next((part for part, words in _MIDDLE_WORDS.items() if plain in words), None)
+
+
+def find_clusters(names: Iterable[str], stems: Mapping[str, str]) -> set[str]:
+    """Names of markers that stand together on one bone: `LThigh1`, `LThigh2`, `R.TH1`.
+
+    A limb's bone has but one joint at its start.
+    """
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        base = name.rstrip("0123456789")
+        if base != name and limb_part(stems[name], has_arm=True) in _BONES:
+            groups.setdefault(base, []).append(name)
+    return {name for group in groups.values() if len(group) > 1 for name in group}
 
 
 def is_extra(name: str) -> bool:
