@@ -37,7 +37,7 @@ COUNT = 500
 LONGEST_S = 12.0
 
 #: Parts of notes that leave something open.
-_SAID = ("does not tell", "still", "rest pose", "stands in for")
+_SAID = ("does not tell", "still", "rest pose", "takes its place")
 
 #: Recordings that become variants, beside a clip of each class by the unseen actor.
 OTHERS = (

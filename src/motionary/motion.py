@@ -202,7 +202,7 @@ class Motion:
                 "pass skeleton= with a known name"
             )
             error = UnknownSkeleton if unmapped.is_human else NotHuman
-            raise error(f"{self.source or 'motion'}: no relations: {unmapped.reason}")
+            raise error(f"{self.source or 'motion'}: no features: {unmapped.reason}")
         index = {name: i for i, name in enumerate(self.names)}
         result = np.full((self.n_frames, len(GENERIC_JOINTS), 3), np.nan)
         for g, joint in enumerate(GENERIC_JOINTS):

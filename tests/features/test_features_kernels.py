@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motionary.features import FULL_BODY, FULL_BODY_2006, feature_matrix
-from motionary.features.hysteresis import hysteresis
-from motionary.features.velocity import smoothed_velocity, window_frames
+from motionary.features.body import smoothed_velocity, window_frames
+from motionary.features.computing import hysteresis
 from oracles import features as oracle
 
 # Together they show all relations both ways.

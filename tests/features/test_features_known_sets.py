@@ -88,7 +88,7 @@ def test_a_quantity_of_ones_own_cannot_be_written_down():
         ({"unit": "cubit"}, "F17: unit must be one of"),
         ({"id": 5}, "5: id has no meaning as 5"),
         ({"window_s": -1.0}, "F17: window_s must be at least 0"),
-        ({"mirror": "F99"}, "the mirror of 'F17' must be a relation"),
+        ({"mirror": "F99"}, "the mirror of 'F17' must be a feature"),
     ],
 )
 def test_rows_that_make_no_sense_name_relation_and_field(change, message):

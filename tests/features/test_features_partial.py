@@ -37,13 +37,13 @@ def test_legs_alone_give_the_relations_of_legs(kick):
     known = compute_features(legs).known_features.any(axis=0)
     assert {FULL_BODY.ids[i] for i in np.flatnonzero(known)} == set(LEGS.ids)
     (note,) = describe_reference_lengths(legs)
-    assert note.startswith("no upper arm: .71 of the thigh stands in")
+    assert note.startswith("no upper arm: .71 of the thigh takes its place")
 
 
 def test_one_arm_measures_for_the_other(kick):
     one = without(kick, [f"r{joint}" for joint in ARMS])
     (note,) = describe_reference_lengths(one)
-    assert note.startswith("no right upper arm: the left upper arm stands in")
+    assert note.startswith("no right upper arm: the left upper arm takes its place")
     packed, whole = compute_features(one), compute_features(kick)
     known = packed.known_features.astype(bool)
     assert (packed.features == whole.features)[known].all()

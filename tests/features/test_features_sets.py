@@ -100,7 +100,7 @@ def test_what_does_not_fit_is_told_clearly(arguments, message):
 def test_relations_need_all_generic_joints():
     with pytest.raises(InvalidInput, match="24 generic joints"):
         feature_matrix(np.zeros((3, 23, 3)), FULL_BODY)
-    with pytest.raises(InvalidInput, match="one state a relation"):
+    with pytest.raises(InvalidInput, match="one state a feature"):
         feature_matrix(POSITIONS, FULL_BODY, before=np.zeros(39, dtype=bool))
 
 
@@ -194,7 +194,7 @@ def test_selecting_keeps_order_and_needs_both_sides():
     assert FULL_BODY.select(["F8", "F7"], name="elbows").mirror_order.tolist() == [1, 0]
     with pytest.raises(InvalidInput, match="mirror of 'F7'"):
         FULL_BODY.select(["F7"], name="one elbow")
-    with pytest.raises(InvalidInput, match="no relation 'F41'"):
+    with pytest.raises(InvalidInput, match="no feature 'F41'"):
         FULL_BODY.select(["F41"], name="more")
 
 

@@ -9,13 +9,13 @@ from scipy.linalg import sqrtm
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, compute_features
 from motionary.generation_metrics import (
+    JOINTS,
     PUBLISHED_COLUMNS,
     diversity,
     frechet_distance,
     motion_features,
     published_features,
 )
-from motionary.generation_metrics.published import JOINTS
 from motionary.io import read
 from motionary.motion import GENERIC_JOINTS
 from motionary.recording import Recording

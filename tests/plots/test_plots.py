@@ -60,7 +60,7 @@ def partial_template():
 def strange_motion():
     """Far away, nothing known of it, and much said."""
     positions = np.random.default_rng(5).normal(size=(3, 7, 3)) * 200
-    notes = (f"unit {NASTY}", f"z up, {NASTY}", f"no relations: {NASTY}")
+    notes = (f"unit {NASTY}", f"z up, {NASTY}", f"no features: {NASTY}")
     return Motion(tuple("abcdefg"), positions, Recording(NASTY, rate_hz=29.97), notes=notes)
 
 

@@ -1,18 +1,24 @@
-"""Where are the joints of one document, and how long are its bones?
+"""Tracks of the joints of one recording, the lengths of its bones, and velocities.
 
-Conventions: one track (3, frames) per generic joint, metres, y up; NaN where a joint is
-not seen.
+Velocities are those of the programs of Müller and Röder (2006): forward differences, the
+last one repeated, averaged by a boxcar over frames i - ceil(w/2) + 1 ... i + floor(w/2), ends
+padded by reflection with the edge repeated.
+
+Conventions: a track is an array (3, frames), so that arithmetic runs along frames; metres,
+y up; NaN where a joint is not seen or a direction has no length.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from motionary.features.vectors import Floats, cross, norm, unit
-from motionary.features.velocity import smoothed_velocity, window_frames
 from motionary.motion import GENERIC_JOINTS
+
+Floats = NDArray[np.float64]
 
 
 def _chain(*joints: str) -> tuple[tuple[str, str], ...]:
@@ -45,15 +51,17 @@ SUBSTITUTES: dict[str, tuple[tuple[str, tuple[str, str], float], ...]] = {
     ),
 }
 
+# 0.1 s at 120 Hz are 12 frames, whatever rounding makes of the product.
+_SLACK = 1e-9
 # Frames whose coordinates are sorted by joint at once: few enough to stay in the cache.
 _BLOCK = 1024
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """Joint tracks of one document.
+    """Joint tracks of one recording.
 
-    Directions, velocities and heights are kept, as several relations share them.
+    Directions, velocities and heights are kept, as several features share them.
 
     Attributes
     ----------
@@ -119,7 +127,7 @@ class Body:
 
         A segment counts as in the first frame; where an end is unseen there, with its
         median over the frames that see both. Where an upper arm is never seen, see
-        `STAND_INS`.
+        `SUBSTITUTES`.
 
         Parameters
         ----------
@@ -131,15 +139,15 @@ class Body:
         return self._substitute(name)[1]
 
     def reference_length(self, name: str) -> str:
-        """What stands in for a length that is never seen; empty if it is seen, or nothing is."""
+        """Substitute of a length that is never seen; empty if it is seen, or nothing is."""
         seen = sum(self._segment(a, b) for a, b in LENGTHS[name]) > 0
         return "" if seen else self._substitute(name)[0]
 
     def _substitute(self, name: str) -> tuple[str, float]:
-        for packed, (a, b), factor in SUBSTITUTES.get(name, ()):
+        for substitute, (a, b), factor in SUBSTITUTES.get(name, ()):
             length = self._segment(a, b)
             if length > 0:
-                return packed, factor * length
+                return substitute, factor * length
         return "", float("nan")
 
     def _segment(self, a: str, b: str) -> float:
@@ -149,3 +157,81 @@ class Body:
         lengths = norm(self[b] - self[a])
         seen = lengths[np.isfinite(lengths)]
         return float(np.median(seen)) if len(seen) else float("nan")
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """Scalar product of two tracks, shape (frames,)."""
+    result: Floats = a[0] * b[0]
+    result += a[1] * b[1]
+    result += a[2] * b[2]
+    return result
+
+
+def norm(a: Floats) -> Floats:
+    """Length of a track's vectors, shape (frames,)."""
+    result = dot(a, a)
+    return np.sqrt(result, out=result)
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Vector product of two tracks, shape (3, frames)."""
+    result = np.empty_like(a)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[j], b[k], out=result[i])
+        result[i] -= a[k] * b[j]
+    return result
+
+
+def unit(a: Floats) -> Floats:
+    """Unit vectors, shape (3, frames); NaN where the length is zero."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        result: Floats = a / norm(a)
+    return result
+
+
+def angle_between(a: Floats, b: Floats) -> Floats:
+    """Angle in degrees, shape (frames,); NaN where a vector has no length."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cosine = dot(a, b) / (norm(a) * norm(b))
+    result: Floats = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return result
+
+
+def window_frames(window_s: float, rate_hz: float) -> int:
+    """Number of differences in a window; 0 s is one."""
+    return max(1, math.ceil(window_s * rate_hz - _SLACK))
+
+
+def smoothed_velocity(track: Floats, *, width: int, rate_hz: float) -> Floats:
+    """Velocity of a track, averaged over `width` forward differences.
+
+    Parameters
+    ----------
+    track : array, shape (3, frames), metres
+    width : differences in the window
+    rate_hz : frames per second
+
+    Returns
+    -------
+    array, shape (3, frames), metres per second; NaN where the window meets a NaN, and of
+    a single frame, which shows no movement
+    """
+    if track.shape[1] == 1:
+        return np.full_like(track, np.nan)
+    before, after = -(-width // 2) - 1, width // 2
+    # Mirroring the differences is turning the track about its end points; a window's sum
+    # of differences is then the difference of two positions.
+    ahead = 2 * track[:, -1:] - track[:, -2:-1]
+    path: Floats = np.pad(
+        np.concatenate([track, ahead], axis=1),
+        ((0, 0), (before, after)),
+        mode="reflect",
+        reflect_type="odd",
+    )
+    result: Floats = path[:, width:] - path[:, :-width]
+    result *= rate_hz / width
+    missing = np.isnan(path[0])
+    if missing.any():
+        n_missing = np.concatenate([[0], np.cumsum(missing)])
+        result[:, n_missing[width + 1 :] > n_missing[: -width - 1]] = np.nan
+    return result

@@ -1,24 +1,48 @@
-"""Which 40 relations describe a body in motion?
+"""The 40 published relational features, and the sets that come with the package.
 
 Müller and Röder (2006), table 6, F1 to F39; F40 after Müller, Baak and Seidel (2009),
 section 3. Thresholds are those of the authors' programs, weak before strong. As there, the
 right arm, or the left one, measures both sides, and F1 and F2 count from the left hip: the
-mirror image of a relation is exact on a symmetric body whose hips keep their direction.
+mirror image of a feature is exact on a symmetric body whose hips keep their direction.
 
-To add one: write a `Relation` with a quantity of `quantities`, or a function of your own
+To add one: write a `Feature` with a quantity of `quantities`, or a function of your own
 with the same arguments, and put it into a `FeatureSet` of another name. The fields, in
 the sequence used here: id, name, group, quantity, joints, test, weak, strong, unit,
 sentence.
+
+Beside the 40 stand those of the legs alone, and a finer set that asks every quantity behind
+the 40 at three levels, for motions that differ by how far or how fast.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from motionary.features import quantities as q
-from motionary.features.feature_set import Feature, FeatureSet
+from motionary.features.feature_set import DEGREE, Comparison, Feature, FeatureSet, Threshold
+
+#: Suffix of the id, of the phrases for yes and for no, and by how many steps the thresholds
+#: are harder: what is not even slightly bent is clearly straight.
+_LEVELS = (
+    ("-", " (slightly)", " (clearly)", -1),
+    ("", "", "", 0),
+    ("+", " (very)", " (more or less)", 1),
+)
+_VELOCITIES = (q.move_plane, q.move_along, q.move_against, q.speed, q.turning)
+#: A step: share of a velocity; else degrees, or lengths in the feature's unit.
+_VELOCITY_STEP = 0.5
+_LENGTH_STEP = 0.3
+_STEPS = {DEGREE: 20.0, "body height": 0.1}
+
+
+def known_sets() -> Mapping[str, FeatureSet]:
+    """Sets that files may name without saying what is in them."""
+    sets = (FULL_BODY, FULL_BODY_2006, LEGS, THREE_LEVELS)
+    return MappingProxyType({one.name: one for one in sets})
 
 
 def _both(pattern: Feature) -> list[Feature]:
-    """The relation of the right and of the left side: {side} and {s} are filled in."""
+    """The feature of the right and of the left side: {side} and {s} are filled in."""
 
     def fill(id: str, mirror: str, side: str) -> Feature:
         return replace(
@@ -224,3 +248,77 @@ _MIX = [
 
 FULL_BODY = FeatureSet("full-body-40", tuple(_UPPER + _LOWER + _MIX))
 FULL_BODY_2006 = FULL_BODY.select(FULL_BODY.ids[:39], name="full-body-39")
+
+
+def _one_threshold_each(feature: Feature) -> list[Feature]:
+    """Features of one quantity and one threshold that together are the given one."""
+    if feature.quantity is q.speed and len(feature.joints) == 2:
+        side = feature.name.partition(" ")[0]
+        return [
+            replace(
+                feature,
+                id=f"{feature.id}{joint[1]}",
+                mirror=f"{feature.mirror}{joint[1]}",
+                name=f"{side} {joint[1:]} fast",
+                joints=(joint,),
+                sentence=f"The {side} {joint[1:]} moves fast.",
+                no=f"{side} {joint[1:]} slow",
+            )
+            for joint in feature.joints
+        ]
+    if isinstance(feature.weak, tuple) and isinstance(feature.strong, tuple):
+        ends: tuple[tuple[Comparison, str, str, str], ...] = (
+            (">=", "spine far from upright", "spine near upright",
+             "The spine is turned far from upright."),
+            ("<=", "neck above the root", "neck far below the root",
+             "The neck is not far below the root."),
+        )  # fmt: skip
+        return [
+            replace(
+                feature, id=f"{feature.id}{'ab'[i]}", mirror=f"{feature.id}{'ab'[i]}",
+                name=name, no=no, sentence=sentence, test=test,
+                weak=feature.weak[i], strong=feature.strong[i],
+            )
+            for i, (test, name, no, sentence) in enumerate(ends)
+        ]  # fmt: skip
+    return [feature]
+
+
+def _at_levels(feature: Feature) -> list[Feature]:
+    return [
+        replace(
+            feature,
+            id=feature.id + sign,
+            mirror=feature.mirror + sign,
+            name=feature.name + yes,
+            no=feature.no + no,
+            weak=_moved(feature.weak, feature, steps),
+            strong=_moved(feature.strong, feature, steps),
+        )
+        for sign, yes, no, steps in _LEVELS
+    ]
+
+
+def _moved(threshold: Threshold, feature: Feature, steps: int) -> Threshold:
+    """A threshold that is harder to pass by so many steps, or easier."""
+    if isinstance(threshold, tuple):
+        return threshold
+    if feature.quantity in _VELOCITIES:
+        return round(threshold * (1 + _VELOCITY_STEP * steps), 6)
+    harder = 1 if feature.test in (">", ">=") else -1
+    return round(threshold + harder * steps * _STEPS.get(feature.unit, _LENGTH_STEP), 6)
+
+
+LEGS = FULL_BODY.select(
+    [r.id for r in FULL_BODY.features if r.group == "lower" or r.id in ("F39", "F40")],
+    name="legs-14",
+)
+THREE_LEVELS = FeatureSet(
+    "three-levels-129",
+    tuple(
+        level
+        for feature in FULL_BODY.features
+        for single in _one_threshold_each(feature)
+        for level in _at_levels(single)
+    ),
+)

@@ -1,34 +1,128 @@
-"""How does a recording become words?
+"""Packed features of a motion, and where in its file they stand.
 
-Joint positions are brought to 120 Hz, relations measured and switched there, and every
-fourth frame kept: words at 30 Hz, as the thresholds of the published work expect.
+Joint positions are brought to 120 Hz, features measured and switched there, and every fourth
+frame kept: features at 30 Hz, as the thresholds of the published work expect. The switch is
+that of Müller and Röder (2006), appendix A: on where the strong test becomes true, off where
+the weak test fails; a gap (unknown frames) is a border, and what follows starts afresh.
+
+Conventions: frame i of a sequence describes the time i / 30 s after the recording's first
+frame; parts are half-open; the file's own frame numbers are inclusive, as people look them up.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from motionary.errors import InvalidInput
-from motionary.features.body import Body
+from motionary.errors import InvalidInput, UnknownSkeleton
+from motionary.features.body import Body, Floats
 from motionary.features.catalogue import FULL_BODY
-from motionary.features.feature_set import FeatureSet, holds
-from motionary.features.hysteresis import hysteresis
-from motionary.features.sequence import FeatureSequence
-from motionary.features.travel import needs_travel
-from motionary.features.vectors import Floats
+from motionary.features.feature_set import FeatureSet, holds, needs_travel
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, resample
-from motionary.packing import pack
-from motionary.recording import Recording
+from motionary.packing import PackedFeatures, count_integers, pack, unpack
+from motionary.recording import Recording, Segment
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
 
 Bools = NDArray[np.bool_]
 
+SEQUENCE_HZ = 30.0
 MEASURE_HZ = 120.0
 _STEP = 4
 
 # Below, a frame tells nothing of speed, and a wrong rate would fill the memory.
 _LEAST_HZ = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FeatureSequence:
+    """Packed features of one recording.
+
+    Attributes
+    ----------
+    packed : array, shape (frames, n_integers), uint64, at 30 Hz; unknown features are 0
+    known : array of the same shape: which features are known
+    feature_set : what the bits mean
+    recording : what they are of; where it has no rate or number of frames, the file's are
+        those of the sequence
+    """
+
+    packed: PackedFeatures
+    known: PackedFeatures
+    feature_set: FeatureSet
+    recording: Recording = field(default_factory=Recording)
+
+    def __post_init__(self) -> None:
+        n_integers = count_integers(len(self.feature_set))
+        shape = self.packed.shape
+        if len(shape) != 2 or shape[1] != n_integers or self.known.shape != shape:
+            raise InvalidInput(
+                f"feature set {self.feature_set.name!r} needs packed and known of shape "
+                f"(frames, {n_integers}), got {shape} and {self.known.shape}"
+            )
+        own = self.recording
+        if not (own.rate_hz and own.n_frames):
+            rate_hz = own.rate_hz or SEQUENCE_HZ
+            n_frames = own.n_frames or round(len(self) / SEQUENCE_HZ * rate_hz)
+            whole = replace(own, rate_hz=rate_hz, n_frames=n_frames)
+            object.__setattr__(self, "recording", whole)
+
+    def __len__(self) -> int:
+        return int(self.packed.shape[0])
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames of the sequence per second."""
+        return SEQUENCE_HZ
+
+    @property
+    def source(self) -> str:
+        """Name of the recording."""
+        return self.recording.name
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the recording in seconds."""
+        return self.recording.duration_s
+
+    @property
+    def features(self) -> NDArray[np.uint8]:
+        """Features, shape (frames, features), 0/1; unknown ones are 0."""
+        return unpack(self.packed, len(self.feature_set)).view(np.uint8)
+
+    @property
+    def known_features(self) -> NDArray[np.uint8]:
+        """Which features are known, shape (frames, features), 0/1."""
+        return unpack(self.known, len(self.feature_set)).view(np.uint8)
+
+    def seconds(self, frame: int) -> float:
+        """Time at which a frame begins; of the end, the recording's length at most."""
+        return min(frame / SEQUENCE_HZ, self.duration_s)
+
+    def segment(self, start: int, stop: int) -> Segment:
+        """The time of frames start to stop (half-open)."""
+        return Segment(self.seconds(start), self.seconds(stop))
+
+    def renamed(self, name: str) -> "FeatureSequence":
+        """The sequence under another name of its recording."""
+        return replace(self, recording=self.recording.renamed(name))
+
+    def part(self, start: int, stop: int) -> "FeatureSequence":
+        """Frames start to stop (half-open) as a sequence; times then count from `start`."""
+        if not 0 <= start < stop <= len(self):
+            raise InvalidInput(
+                f"{self.source}: a part needs 0 <= start < stop <= {len(self)} frames, "
+                f"got {start} to {stop}"
+            )
+        rate_hz = self.recording.rate_hz
+        first = round(start / SEQUENCE_HZ * rate_hz)
+        last = min(round(stop / SEQUENCE_HZ * rate_hz), self.recording.n_frames)
+        return replace(
+            self,
+            packed=self.packed[start:stop],
+            known=self.known[start:stop],
+            recording=self.recording.part(first, last),
+        )
 
 
 def compute_features(
@@ -38,7 +132,7 @@ def compute_features(
     skeleton: str | Sequence[str] | None = None,
     feature_set: FeatureSet = FULL_BODY,
 ) -> FeatureSequence:
-    """Words of a motion, or of an array of joint positions.
+    """Features of a motion, or of an array of joint positions.
 
     Parameters
     ----------
@@ -47,7 +141,7 @@ def compute_features(
     skeleton : for arrays: name of a known skeleton with a usual order of joints ("smpl"),
         or the joints' names in the order of the array; left out, the array holds the 24
         generic joints in their order
-    feature_set : relations to compute
+    feature_set : features to compute
 
     Returns
     -------
@@ -99,7 +193,7 @@ def describe_reference_lengths(motion: Motion) -> tuple[str, ...]:
     if sides["right"] and sides["right"] == sides["left"]:
         sides = {"": sides["right"]}
     return tuple(
-        f"no {f'{side} ' if side else ''}upper arm: {substitute} stands in for it as the measure "
+        f"no {f'{side} ' if side else ''}upper arm: {substitute} takes its place as the measure "
         "of distances and speeds"
         for side, substitute in sides.items()
         if substitute
@@ -109,13 +203,13 @@ def describe_reference_lengths(motion: Motion) -> tuple[str, ...]:
 def feature_matrix(
     positions: Floats, feature_set: FeatureSet, *, before: Bools | None = None
 ) -> tuple[Bools, Bools]:
-    """Relations at 120 Hz and which of them are known.
+    """Features at 120 Hz and which of them are known.
 
     Parameters
     ----------
     positions : array, shape (frames, 24, 3), generic joints, metres, y up, at 120 Hz
-    feature_set : relations to compute
-    before : array, shape (features,): relations that hold before the first frame, for a
+    feature_set : features to compute
+    before : array, shape (features,): features that hold before the first frame, for a
         piece of a longer recording; none if left out
 
     Returns
@@ -125,13 +219,13 @@ def feature_matrix(
     n_frames, n_features = positions.shape[0], len(feature_set)
     if positions.shape[1:] != (len(GENERIC_JOINTS), 3) or n_frames == 0:
         raise InvalidInput(
-            f"relations need positions of shape (frames, {len(GENERIC_JOINTS)} generic joints, "
+            f"features need positions of shape (frames, {len(GENERIC_JOINTS)} generic joints, "
             f"3), at least one frame, got {positions.shape}"
         )
     if before is None:
         before = np.zeros(n_features, dtype=np.bool_)
     if np.shape(before) != (n_features,):
-        raise InvalidInput(f"before needs one state a relation, {n_features}, got {len(before)}")
+        raise InvalidInput(f"before needs one state a feature, {n_features}, got {len(before)}")
     body = Body.from_positions(positions, rate_hz=MEASURE_HZ)
     features = np.empty((n_features, n_frames), dtype=np.bool_)
     known = np.empty_like(features)
@@ -142,6 +236,32 @@ def feature_matrix(
         weak = holds(value, feature.test, feature.weak)
         features[i] = hysteresis(strong, weak, known[i], before=bool(before[i]))
     return features.T, known.T
+
+
+def hysteresis(strong: Bools, weak: Bools, known: Bools, *, before: bool = False) -> Bools:
+    """State of a two-threshold switch.
+
+    As what passes the strong test passes the weak one too, the switch is on after a
+    strong frame until the weak test fails.
+
+    Parameters
+    ----------
+    strong, weak, known : arrays, shape (frames,)
+    before : state before the first frame; of a stream, the last state so far
+
+    Returns
+    -------
+    array, shape (frames,), bool; False where not known
+    """
+    on = strong & known
+    off = ~(weak & known)
+    # The last event decides: odd = on, even = off; 1 and 0 come before the first frame.
+    order = np.arange(2, 2 * len(strong) + 2, 2, dtype=np.int32)
+    event = np.where(on | off, order, np.int32(0))
+    event += on & ~off
+    event[:1] = np.maximum(event[:1], np.int32(before))
+    np.maximum.accumulate(event, out=event)
+    return (event & 1).astype(np.bool_)
 
 
 def _motion_from_array(
@@ -178,7 +298,7 @@ def _joints_of_array(
     names = tuple(skeleton)
     found = find_mapping(names)
     if found is None:
-        raise InvalidInput(
+        raise UnknownSkeleton(
             f"no known skeleton has the joints {', '.join(names[:6])}, ...; "
             f"known are {', '.join(known_mappings())}"
         )

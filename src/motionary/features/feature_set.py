@@ -1,20 +1,25 @@
-"""What is a relation, and what is a set of them?
+"""Features, sets of them, how they are found by name and written down.
 
-A `Relation` turns a measured quantity into yes or no with two thresholds: it becomes
+A `Feature` turns a measured quantity into yes or no with two thresholds: it becomes
 true where the strong test becomes true and stays so until the weak test fails.
+
+A feature is data but for its quantity; quantities of this package go by their names, so that
+another program has the same: rows of strings, numbers and lists, as TOML and JSON have them.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import difflib
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features.body import LENGTHS, Body
-from motionary.features.vectors import Floats
+from motionary.features import quantities
+from motionary.features.body import LENGTHS, Body, Floats
 from motionary.motion import GENERIC_JOINTS
 
 Comparison = Literal[">", ">=", "<", "<=", "within"]
@@ -23,15 +28,26 @@ Threshold = float | tuple[float, float]
 DEGREE = "degree"
 UNITS = (*LENGTHS, DEGREE)
 
+#: Fields that later files have; left out where a feature has none.
+_OPTIONAL = ("no",)
+_KINDS: dict[str, tuple[type, ...]] = {
+    "joints": (list,),
+    "weak": (int, float, list),
+    "strong": (int, float, list),
+    "window_s": (int, float),
+}
+_TESTS = (">", ">=", "<", "<=", "within")
+_MOST_HINTS = 3
+
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """One yes/no relation of the body.
+    """One yes/no feature of the body.
 
     Attributes
     ----------
     id : short name, unique in its set ("F13")
-    name : phrase that holds when the relation does ("right hand fast")
+    name : phrase that holds when the feature does ("right hand fast")
     group : part of the body ("upper", "lower", "mix")
     quantity : function (body, window_s, *joints) -> (frames,), see `quantities`
     joints : generic joints, in the order that the quantity takes them
@@ -40,7 +56,7 @@ class Feature:
     unit : a length of the body, or degree; per second where the quantity is a velocity
     sentence : what is tested, in words
     window_s : velocities are averaged over so many seconds; 0 = one frame
-    mirror : `id` of the relation with left and right exchanged; its own if symmetric
+    mirror : `id` of the feature with left and right exchanged; its own if symmetric
     no : phrase that holds when the feature does not ("right hand slow"); see `phrase`
     """
 
@@ -74,7 +90,7 @@ class Feature:
         return self.name if holds else self.no or f"not {self.name}"
 
     def measure(self, body: Body) -> Floats:
-        """The quantity in units of the relation, shape (frames,); NaN = unknown."""
+        """The quantity in units of the feature, shape (frames,); NaN = unknown."""
         value = self.quantity(body, self.window_s, *self.joints)
         if np.shape(value) != (body.n_frames,):
             raise InvalidInput(
@@ -82,6 +98,140 @@ class Feature:
                 f"({body.n_frames},), got {np.shape(value)}"
             )
         return value if self.unit == DEGREE else value / body.length(self.unit)
+
+
+_FIELDS = tuple(field.name for field in fields(Feature))
+
+
+def holds(value: Floats, test: Comparison, threshold: Threshold) -> NDArray[np.bool_]:
+    """Where a quantity passes a test; NaN passes none."""
+    if isinstance(threshold, tuple):
+        return np.asarray((value >= threshold[0]) & (value <= threshold[1]))
+    if test == ">":
+        return np.asarray(value > threshold)
+    if test == ">=":
+        return np.asarray(value >= threshold)
+    if test == "<":
+        return np.asarray(value < threshold)
+    return np.asarray(value <= threshold)
+
+
+@dataclass(frozen=True)
+class FeatureSet:
+    """A named, ordered set of features, of any number.
+
+    Attributes
+    ----------
+    name : written into every file, so that sets are never mixed
+    features : in the order of the bits
+    """
+
+    name: str
+    features: tuple[Feature, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "features", tuple(self.features))
+        if not self.name or not self.features:
+            raise InvalidInput("a feature set needs a name and at least one feature")
+        for feature in self.features:
+            _check_joints(feature)
+        mirrors = {feature.id: feature.mirror for feature in self.features}
+        if len(mirrors) != len(self):
+            raise InvalidInput(f"feature set {self.name!r}: ids must be unique")
+        stray = [i for i, mirror in mirrors.items() if mirrors.get(mirror) != i]
+        if stray:
+            raise InvalidInput(
+                f"feature set {self.name!r}: the mirror of {stray[0]!r} must be a feature of the "
+                f"set that names {stray[0]!r} as its own mirror, got {mirrors[stray[0]]!r}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Short names, in the order of the bits."""
+        return tuple(r.id for r in self.features)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Phrases, in the order of the bits."""
+        return tuple(r.name for r in self.features)
+
+    @cached_property
+    def mirror_order(self) -> NDArray[np.intp]:
+        """Where each feature comes from when left and right are exchanged."""
+        index = {r.id: i for i, r in enumerate(self.features)}
+        return np.array([index[r.mirror] for r in self.features], dtype=np.intp)
+
+    def select(self, ids: Sequence[str], *, name: str) -> "FeatureSet":
+        """The named features as a set of their own.
+
+        Raises
+        ------
+        InvalidInput
+            If an id is unknown, or a feature is chosen without its mirror image.
+        """
+        index = {r.id: r for r in self.features}
+        unknown = [i for i in ids if i not in index]
+        if unknown:
+            raise InvalidInput(
+                f"no feature {unknown[0]!r} in {self.name!r}; it has {', '.join(self.ids)}"
+            )
+        return FeatureSet(name, tuple(index[i] for i in ids))
+
+
+def find_feature(name: str, feature_set: FeatureSet) -> int:
+    """Number of a feature by its id or its phrase.
+
+    Raises
+    ------
+    InvalidInput
+        If the set has none of that name, or several; says which come nearest.
+    """
+    wanted = _even(name)
+    for known in (feature_set.ids, feature_set.names):
+        places = [i for i, other in enumerate(known) if _even(other) == wanted]
+        if len(places) > 1:
+            ids = ", ".join(feature_set.ids[i] for i in places)
+            raise InvalidInput(f"{name!r} may be each of {ids}; write the id")
+        if places:
+            return places[0]
+    raise InvalidInput(f"{feature_set.name} has no feature {name!r}; {_hint(wanted, feature_set)}")
+
+
+def needs_travel(feature: Feature) -> bool:
+    """Whether a feature asks how fast a joint moves through the room.
+
+    Where a body is kept in place, such features are lost. Of the 40 these are F25, F26 and
+    F39, and F13 and F14: a hand that is fast because its body walks is slow on the spot.
+    """
+    return feature.quantity is quantities.speed
+
+
+def describe_set(feature_set: FeatureSet) -> list[dict[str, Any]] | None:
+    """Rows that `set_from_rows` reads; None if a quantity is not of this package."""
+    named = {function: name for name, function in _quantities().items()}
+    if any(feature.quantity not in named for feature in feature_set.features):
+        return None
+    rows = []
+    for feature in feature_set.features:
+        row = {name: getattr(feature, name) for name in _FIELDS}
+        row = {key: v for key, v in row.items() if v or key not in _OPTIONAL}
+        row |= {key: list(v) for key, v in row.items() if isinstance(v, tuple)}
+        rows.append(row | {"quantity": named[feature.quantity]})
+    return rows
+
+
+def set_from_rows(name: str, rows: Sequence[Mapping[str, Any]]) -> FeatureSet:
+    """Set of features that rows describe.
+
+    Raises
+    ------
+    InvalidInput
+        If a row lacks something or says something impossible; names feature and field.
+    """
+    return FeatureSet(name, tuple(_feature(i, row) for i, row in enumerate(rows)))
 
 
 def _check_thresholds(feature: Feature) -> None:
@@ -109,79 +259,68 @@ def _check_joints(feature: Feature) -> None:
         )
 
 
-def holds(value: Floats, test: Comparison, threshold: Threshold) -> NDArray[np.bool_]:
-    """Where a quantity passes a test; NaN passes none."""
-    if isinstance(threshold, tuple):
-        return np.asarray((value >= threshold[0]) & (value <= threshold[1]))
-    if test == ">":
-        return np.asarray(value > threshold)
-    if test == ">=":
-        return np.asarray(value >= threshold)
-    if test == "<":
-        return np.asarray(value < threshold)
-    return np.asarray(value <= threshold)
+def _hint(wanted: str, feature_set: FeatureSet) -> str:
+    """The names that come nearest: by their letters, else by their words."""
+    names = {_even(name): name for name in feature_set.names}
+    near = difflib.get_close_matches(wanted, names, n=_MOST_HINTS, cutoff=0.6)
+    if not near:
+        parts = set(wanted.split())
+        shared = {name: len(parts & set(name.split())) for name in names}
+        near = [name for name in sorted(names, key=lambda n: -shared[n]) if shared[name]]
+    if near:
+        return "did you mean " + " or ".join(repr(names[n]) for n in near[:_MOST_HINTS]) + "?"
+    return f"it has {', '.join(feature_set.names)}"
 
 
-@dataclass(frozen=True)
-class FeatureSet:
-    """A named, ordered set of relations, of any number.
+def _even(name: str) -> str:
+    return " ".join(name.split()).casefold()
 
-    Attributes
-    ----------
-    name : written into every file, so that sets are never mixed
-    relations : in the order of the bits
-    """
 
-    name: str
-    features: tuple[Feature, ...]
+def _feature(number: int, row: Mapping[str, Any]) -> Feature:
+    where = f"feature {row.get('id', number + 1)!r}"
+    missing = [name for name in _FIELDS if name not in row and name not in _OPTIONAL]
+    if missing:
+        raise InvalidInput(f"{where}: {missing[0]} is missing")
+    values = {name: row[name] for name in _FIELDS if name in row}
+    for name, value in values.items():
+        if not isinstance(value, _KINDS.get(name, (str,))) or isinstance(value, bool):
+            raise InvalidInput(f"{where}: {name} has no meaning as {value!r}")
+    known = _quantities()
+    if values["quantity"] not in known:
+        raise InvalidInput(
+            f"{where}: no quantity {values['quantity']!r}; known: {', '.join(known)}"
+        )
+    if values["test"] not in _TESTS:
+        raise InvalidInput(f"{where}: test must be one of {', '.join(_TESTS)}")
+    values["quantity"] = known[values["quantity"]]
+    values["joints"] = tuple(values["joints"])
+    for name in ("weak", "strong"):
+        values[name] = _threshold(where, name, values[name])
+    _check_arguments(where, values["quantity"], values["joints"])
+    return Feature(**values)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "features", tuple(self.features))
-        if not self.name or not self.features:
-            raise InvalidInput("a feature set needs a name and at least one relation")
-        for feature in self.features:
-            _check_joints(feature)
-        mirrors = {feature.id: feature.mirror for feature in self.features}
-        if len(mirrors) != len(self):
-            raise InvalidInput(f"feature set {self.name!r}: ids must be unique")
-        stray = [i for i, mirror in mirrors.items() if mirrors.get(mirror) != i]
-        if stray:
-            raise InvalidInput(
-                f"feature set {self.name!r}: the mirror of {stray[0]!r} must be a relation of the "
-                f"set that names {stray[0]!r} as its own mirror, got {mirrors[stray[0]]!r}"
-            )
 
-    def __len__(self) -> int:
-        return len(self.features)
+def _threshold(where: str, name: str, value: Any) -> float | tuple[float, float]:
+    if not isinstance(value, list):
+        return float(value)
+    if len(value) != 2 or not all(isinstance(v, int | float) for v in value):
+        raise InvalidInput(f"{where}: {name} must be a number, or a pair [least, most]")
+    return float(value[0]), float(value[1])
 
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Short names, in the order of the bits."""
-        return tuple(r.id for r in self.features)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Phrases, in the order of the bits."""
-        return tuple(r.name for r in self.features)
+def _check_arguments(where: str, quantity: Any, joints: tuple[Any, ...]) -> None:
+    try:
+        inspect.signature(quantity).bind(None, 0.0, *joints)
+    except TypeError as error:
+        raise InvalidInput(f"{where}: its quantity takes other joints ({error})") from error
 
-    @cached_property
-    def mirror_order(self) -> NDArray[np.intp]:
-        """Where each relation comes from when left and right are exchanged."""
-        index = {r.id: i for i, r in enumerate(self.features)}
-        return np.array([index[r.mirror] for r in self.features], dtype=np.intp)
 
-    def select(self, ids: Sequence[str], *, name: str) -> "FeatureSet":
-        """The named relations as a set of their own.
-
-        Raises
-        ------
-        InvalidInput
-            If an id is unknown, or a relation is chosen without its mirror image.
-        """
-        index = {r.id: r for r in self.features}
-        unknown = [i for i in ids if i not in index]
-        if unknown:
-            raise InvalidInput(
-                f"no relation {unknown[0]!r} in {self.name!r}; it has {', '.join(self.ids)}"
-            )
-        return FeatureSet(name, tuple(index[i] for i in ids))
+def _quantities() -> dict[str, Any]:
+    """Quantities of the package by name: public functions of a body."""
+    return {
+        name: function
+        for name, function in vars(quantities).items()
+        if inspect.isfunction(function)
+        and function.__module__ == quantities.__name__
+        and not name.startswith("_")
+    }

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from motionary.batch import Failure, map_ordered
 from motionary.features.catalogue import FULL_BODY
-from motionary.features.computing import compute_features
+from motionary.features.computing import FeatureSequence, compute_features
 from motionary.features.feature_set import FeatureSet
-from motionary.features.sequence import FeatureSequence
 from motionary.io import ReadOptions, read
 
 #: A recording's name and its path.

@@ -1,4 +1,4 @@
-"""Which measured quantities stand behind the relations?
+"""The measured quantities behind the features.
 
 The generic features of Müller and Röder (2006), appendix A: signed distances from planes,
 angles, and velocities of joints, as functions of the joints they need.
@@ -13,8 +13,7 @@ from functools import reduce
 
 import numpy as np
 
-from motionary.features.body import Body
-from motionary.features.vectors import Floats, angle_between, dot, norm
+from motionary.features.body import Body, Floats, angle_between, dot, norm
 from motionary.motion import GENERIC_JOINTS
 
 FEET = ("lankle", "rankle", "ltoes", "rtoes")

@@ -162,7 +162,7 @@ def _note_mapping(motion: Motion, table: SkeletonTable | None) -> Motion:
             motion = replace(motion, notes=(*motion.notes, *_misnamed(table, motion.names)))
     if motion.unmapped is None:
         return motion
-    return replace(motion, notes=(*motion.notes, f"no relations: {motion.unmapped.reason}"))
+    return replace(motion, notes=(*motion.notes, f"no features: {motion.unmapped.reason}"))
 
 
 def _misnamed(table: SkeletonTable, names: Sequence[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Is what a file holds one person: not several, and no animal?"""
+"""Whether a file holds one person: not several, and no animal."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""How do joints that no table knows give the 24 generic joints?
+"""Guessed mappings of joints that no table knows to the 24 generic joints.
 
 With a tree, by its shape first: two symmetric chains with two long bones each are legs or
 arms, what leads from one pair to the other is the spine, what goes on is neck and head. Names

@@ -1,4 +1,4 @@
-"""Which known skeleton do these joint names belong to, or how else are they mapped?
+"""Mapping of a file's joint names to the generic joints: by known skeletons, else guessed.
 
 The known skeletons are tables in `tables/*.toml`, one a file, for people to read and extend;
 how they are written stands in `table_files`. Joints that no table knows are mapped by the
@@ -131,7 +131,7 @@ def map_joints(
             "them: a prop, or a rig whose joints you must map: --skeleton RIG.toml (skeleton=...)"
         )
     if mapping is None or (some is not None and is_four_legged(mapping, names, some)):
-        return Unmapped(f"{AN_ANIMAL}: the relations are those of people", is_human=False)
+        return Unmapped(f"{AN_ANIMAL}: the features are those of people", is_human=False)
     return mapping
 
 

@@ -1,4 +1,4 @@
-"""How is a table of a skeleton written and read?
+"""Tables of skeletons, as text that people write and read.
 
 TOML, for people to read and change. `[joints]` gives for a generic joint the name in the file,
 a weighted sum of names (`{ Spine = 0.4, Neck = 0.6 }`), or a list of alternatives of which the
@@ -234,7 +234,7 @@ def _checked(joints: dict[str, Any]) -> list[tuple[str, Any]]:
     wrong = sorted(set(joints) - set(GENERIC_JOINTS))
     if wrong:
         raise ValueError(
-            f"{wrong[0]!r} is none of the joints that relations need: {', '.join(GENERIC_JOINTS)}"
+            f"{wrong[0]!r} is none of the joints that features need: {', '.join(GENERIC_JOINTS)}"
         )
     return list(joints.items())
 

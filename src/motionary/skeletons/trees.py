@@ -1,4 +1,4 @@
-"""Which chains of a tree of joints are legs and arms, and which side are they on?
+"""Legs and arms in a tree of joints, and which side they are on.
 
 A limb is one of a pair of chains of like length that leave the trunk together. What hangs on
 a body (props, hair, eyes, twist bones, handles of the rig) is left out before one looks.

@@ -1,4 +1,4 @@
-"""What does the name of a joint say: which side, which part of the body?
+"""Sides and parts of the body in the names of joints.
 
 People write `LeftUpLeg`, `thigh_l`, `Bip01 L Thigh`, `lShin`, `arm.L`, `LTHIGH`, or the words of
 their language. A side counts only where the same name with the other side is there too.

@@ -79,12 +79,12 @@ def test_a_set_must_not_pretend_to_be_a_known_one(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('test = ">="', 'test = "about"', "relations: relation 'F13': test must be one of"),
-        ('quantity = "speed"', 'quantity = "joy"', "relation 'F13': no quantity 'joy'"),
-        ("weak = 2.0", 'weak = "low"', "relation 'F13': weak has no meaning as 'low'"),
+        ('test = ">="', 'test = "about"', "relations: feature 'F13': test must be one of"),
+        ('quantity = "speed"', 'quantity = "joy"', "feature 'F13': no quantity 'joy'"),
+        ("weak = 2.0", 'weak = "low"', "feature 'F13': weak has no meaning as 'low'"),
         ("weak = 2.0", "weak = 3.0", "F13: the strong threshold must lie at or beyond"),
-        ('unit = "humerus"\n', "", "relation 'F13': unit is missing"),
-        ('id = "F13"', 'id = "F99"', "must be a relation of the set"),
+        ('unit = "humerus"\n', "", "feature 'F13': unit is missing"),
+        ('id = "F13"', 'id = "F99"', "must be a feature of the set"),
     ],
 )
 def test_relations_edited_into_nonsense_are_named(tmp_path, old, new, message):

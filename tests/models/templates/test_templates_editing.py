@@ -172,7 +172,7 @@ def other_features():
         (lambda t: concatenate([t, Pause(0.0, 1.0)]), "0 < least <= most"),
         (lambda t: concatenate([t, Pause(0.1, 1.0)]), "too wide"),
         (lambda t: restrict(t, []), "at least one feature to keep"),
-        (lambda t: restrict(t, ["F41"]), "no relation 'F41'; did you mean|it has"),
+        (lambda t: restrict(t, ["F41"]), "no feature 'F41'; did you mean|it has"),
         (lambda t: restrict(t, ["F1"], feature_set=LEGS), "not those of 'legs-14'"),
         (lambda t: free(t, ["right hand quick"]), "did you mean"),
         (lambda t: free(t, start_s=5.0), "lie in the template, 0 to 1 s, got 5 s to the end"),

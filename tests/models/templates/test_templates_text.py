@@ -246,14 +246,14 @@ def test_a_text_of_another_length_replaces_all():
         ("for 1 s: body low,", "line 1: ends in a comma, and nothing follows"),
         ("for 1 s: body low,\nfor 1 s: F13", "line 1: ends in a comma, and a new line begins"),
         ("for 1 s: body low, anything", "line 1: 'anything' stands alone"),
-        ("for 1 s: not anything", "line 1: full-body-40 has no relation 'anything'"),
+        ("for 1 s: not anything", "line 1: full-body-40 has no feature 'anything'"),
         (
             "for 1 s: F1\nfor 1 s: right hand quick,\n   right hnad fast",
-            "line 2: .* no relation 'right hand quick'; did you mean .*'right hand fast'",
+            "line 2: .* no feature 'right hand quick'; did you mean .*'right hand fast'",
         ),
         (
             "for 1 s: F1,\n\n   right hnad fast",
-            "line 3: .* no relation 'right hnad fast'; did you mean 'right hand fast'",
+            "line 3: .* no feature 'right hnad fast'; did you mean 'right hand fast'",
         ),
         (
             "for 1 s: right hand fast, not right hand fast",

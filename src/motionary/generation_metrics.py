@@ -1,7 +1,11 @@
-"""Which 32 numbers does the code that is widespread in dance generation take of a motion?
+"""Measures of generated motion on features of its poses: FID_g and diversity.
+
+`published` gives the 32 numbers of the code that is widespread in dance generation, faults
+included; `corrected` the 40 features of this package, measured at 120 Hz whatever the rate of
+the motion, with the lengths of the body that moves, averaged velocities and two thresholds.
 
 The "manual" or "geometric" features behind FID_g and Dist_g, published with AIST++ (Li,
-Yang, Ross and Kanazawa, 2021) and copied since: shares of the frames in which relations
+Yang, Ross and Kanazawa, 2021) and copied since: fractions of the frames in which features
 after Müller and Röder (2006) hold. Computed here as that code does, with its faults:
 
 - a velocity is the difference to the frame before times 120, whatever the rate, so that
@@ -14,23 +18,43 @@ after Müller and Röder (2006) hold. Computed here as that code does, with its 
   directions: 1 counts a right hand that moves *backward*, 2 a left hand that moves forward,
   15 a right foot *in front of* the left leg, 16 a left foot behind the right leg;
 - lengths are those of the body model at rest, whoever moves;
-- one threshold and no average over frames, so that noise switches relations.
+- one threshold and no average over frames, so that noise switches features.
 
 Conventions: metres, y up, joints (frames, 24, 3) in the order of SMPL bodies.
+
+FID_g and Dist_g of dance generation (Li, Yang, Ross and Kanazawa, 2021), as the code that
+is widespread since computes them: the features of both sets are first normalised by mean
+and standard deviation (of the population) of the *real* set. FID is the Fréchet distance
+of two normal distributions, covariances with n - 1; diversity the mean Euclidean distance
+of all pairs of a set. Neither has a unit, and numbers compare only between sets that were
+normalised by the same real one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
+from motionary.features import FeatureSequence, compute_features
+from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.rotations import unit_vectors
+
+__all__ = [
+    "PUBLISHED_COLUMNS",
+    "Mode",
+    "diversity",
+    "frechet_distance",
+    "motion_features",
+    "published_features",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Mode = Literal["published", "corrected"]
 
-#: The 24 joints in the order of SMPL bodies, by the names that the relations use.
+#: The 24 joints in the order of SMPL bodies, by the names that the features use.
 JOINTS = (
     "root", "lhip", "rhip", "belly", "lknee", "rknee", "spine", "lankle", "rankle", "chest",
     "ltoes", "rtoes", "neck", "lclavicle", "rclavicle", "head", "lshoulder", "rshoulder",
@@ -68,6 +92,46 @@ _REST = {
 }
 # The rate that velocities pretend.
 _HZ = 120.0
+# What the widespread code adds to each deviation.
+_FLOOR = 1e-10
+_SMPL = "smpl"
+
+
+def motion_features(
+    motion: Motion | ArrayLike,
+    *,
+    mode: Mode = "corrected",
+    rate_hz: float | None = None,
+    skeleton: str | Sequence[str] = _SMPL,
+) -> Floats:
+    """Fractions of the frames of one motion in which each feature holds.
+
+    Parameters
+    ----------
+    motion : Motion, or array, shape (frames, joints, 3), metres, y up
+    mode : "corrected", or "published" for numbers that are equal to those in print
+    rate_hz : frames per second, for arrays; the published mode pays no heed to any rate
+    skeleton : for arrays, as `compute_features` takes it
+
+    Returns
+    -------
+    array, shape (40,) corrected or (32,) published
+        Corrected, a feature that the skeleton never shows is NaN; published, all joints
+        must be seen. Of a Motion whose skeleton has no second spine joint, the published
+        mode puts it halfway between its neighbours, where it is never the lowest joint.
+
+    Raises
+    ------
+    InvalidInput
+        If the mode is unknown, or joints, rate or shape do not do for it.
+    """
+    if mode not in ("published", "corrected"):
+        raise InvalidInput(f"mode must be 'published' or 'corrected', got {mode!r}")
+    if mode == "published":
+        return published_features(_smpl_positions(motion, skeleton))
+    if isinstance(motion, Motion):
+        return _fractions(compute_features(motion))
+    return _fractions(compute_features(motion, rate_hz=rate_hz, skeleton=skeleton))
 
 
 def published_features(positions: ArrayLike) -> Floats:
@@ -81,7 +145,7 @@ def published_features(positions: ArrayLike) -> Floats:
     Returns
     -------
     array, shape (32,)
-        Shares of the frames from the second on, in the order of `PUBLISHED_COLUMNS`.
+        Fractions of the frames from the second on, in the order of `PUBLISHED_COLUMNS`.
 
     Raises
     ------
@@ -100,6 +164,118 @@ def published_features(positions: ArrayLike) -> Floats:
             "seen (NaN); mode='corrected' takes them"
         )
     return np.array([held.mean() for held in _features(_Body(array))])
+
+
+def frechet_distance(generated: ArrayLike, real: ArrayLike, *, mode: Mode = "corrected") -> float:
+    """FID_g: Fréchet distance between two sets of motions, normalised by the real one.
+
+    With fewer motions than features the covariances are singular: the distance is defined
+    but depends on the number of motions, so compare sets of one size only.
+
+    Parameters
+    ----------
+    generated, real : arrays, shape (motions, features), from `motion_features`
+        At least two motions each.
+    mode : "published" divides by deviation + 1e-10, so that a feature that no real motion
+        varies decides everything as soon as a generated one does; "corrected" leaves such
+        a feature as it is, a fraction, and leaves out features that are unknown (NaN) in
+        any motion
+
+    Raises
+    ------
+    InvalidInput
+        If the sets do not fit together, are too small, or have no known feature in common.
+    """
+    first, second = _normalised(generated, real, mode)
+    difference = first.mean(axis=0) - second.mean(axis=0)
+    one, two = np.cov(first, rowvar=False), np.cov(second, rowvar=False)
+    one, two = np.atleast_2d(one), np.atleast_2d(two)
+    spread = np.trace(one) + np.trace(two) - 2 * _trace_of_root(one, two)
+    # Rounding may leave a hair below zero for equal sets.
+    return float(max(difference @ difference + spread, 0.0))
+
+
+def diversity(
+    generated: ArrayLike, real: ArrayLike | None = None, *, mode: Mode = "corrected"
+) -> float:
+    """Dist_g: mean distance of all pairs of motions of a set.
+
+    Parameters
+    ----------
+    generated : array, shape (motions, features), at least two motions
+    real : array, shape (motions, features)
+        What normalises; the set itself if left out.
+    mode : as in `frechet_distance`
+
+    Raises
+    ------
+    InvalidInput
+        As in `frechet_distance`.
+    """
+    features, _ = _normalised(generated, generated if real is None else real, mode)
+    n = len(features)
+    total = sum(
+        float(np.linalg.norm(features[i + 1 :] - features[i], axis=1).sum()) for i in range(n - 1)
+    )
+    return total / (n * (n - 1) / 2)
+
+
+def _fractions(packed: FeatureSequence) -> Floats:
+    known = packed.known_features.sum(axis=0, dtype=np.float64)
+    held = (packed.features & packed.known_features).sum(axis=0, dtype=np.float64)
+    fractions = np.full(len(known), np.nan)
+    np.divide(held, known, out=fractions, where=known > 0)
+    return fractions
+
+
+def _smpl_positions(motion: Motion | ArrayLike, skeleton: str | Sequence[str]) -> ArrayLike:
+    if not isinstance(motion, Motion):
+        if skeleton != _SMPL:
+            raise InvalidInput(
+                "published features take arrays in the order of SMPL's 24 joints only, got "
+                f"skeleton={skeleton!r}; pass a Motion, or mode='corrected'"
+            )
+        return motion
+    generic = motion.generic_positions()
+    belly, chest = (generic[:, GENERIC_JOINTS.index(joint)] for joint in ("belly", "chest"))
+    result = np.empty((motion.n_frames, len(JOINTS), 3))
+    for i, joint in enumerate(JOINTS):
+        if joint in GENERIC_JOINTS:
+            result[:, i] = generic[:, GENERIC_JOINTS.index(joint)]
+        elif "spine2" in motion.names:
+            result[:, i] = motion.positions[:, motion.names.index("spine2")]
+        else:
+            result[:, i] = (belly + chest) / 2
+    return result
+
+
+def _normalised(generated: ArrayLike, real: ArrayLike, mode: Mode) -> tuple[Floats, Floats]:
+    ours, theirs = (np.asarray(one, dtype=np.float64) for one in (generated, real))
+    for name, one in (("generated", ours), ("real", theirs)):
+        if one.ndim != 2 or len(one) < 2 or one.shape[1:] != theirs.shape[1:]:
+            raise InvalidInput(
+                "sets need shape (motions, features), the same features and at least two "
+                f"motions, got {name} of shape {one.shape} beside {theirs.shape}"
+            )
+    known = np.isfinite(ours).all(axis=0) & np.isfinite(theirs).all(axis=0)
+    if mode == "published" and not known.all():
+        raise InvalidInput("published features are never NaN or infinite; use mode='corrected'")
+    if mode not in ("published", "corrected"):
+        raise InvalidInput(f"mode must be 'published' or 'corrected', got {mode!r}")
+    if not known.any():
+        raise InvalidInput("no feature is known in every motion; leave motions out, or look at NaN")
+    ours, theirs = ours[:, known], theirs[:, known]
+    mean, scale = theirs.mean(axis=0), theirs.std(axis=0)
+    scale = scale + _FLOOR if mode == "published" else np.where(scale > _FLOOR, scale, 1.0)
+    return (ours - mean) / scale, (theirs - mean) / scale
+
+
+def _trace_of_root(one: Floats, two: Floats) -> float:
+    """Trace of the square root of a product of covariances, also of singular ones."""
+    values, vectors = np.linalg.eigh(one)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    inner = np.linalg.eigvalsh(root @ two @ root)
+    return float(np.sqrt(np.maximum(inner, 0.0)).sum())
 
 
 class _Body:
@@ -132,7 +308,7 @@ class _Body:
         return _degrees(_dot(self.line(a, b), self.line(c, d)))
 
     def beyond(self, direction: Floats, joint: str, corner: str) -> Floats:
-        """How far a joint lies beyond another one in a direction."""
+        """Distance of a joint beyond another one in a direction."""
         return _dot(direction, self.at(joint) - self.at(corner))
 
 
@@ -155,7 +331,7 @@ def _length(a: str, b: str) -> float:
 
 
 def _both(feature: Callable[[str, str], Bools]) -> list[Bools]:
-    """A relation of the right side, called with ("r", "l"), and of the left."""
+    """A feature of the right side, called with ("r", "l"), and of the left."""
     return [feature("r", "l"), feature("l", "r")]
 
 
