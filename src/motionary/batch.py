@@ -1,4 +1,4 @@
-"""How is the same done to many files, and a result written whole or not at all?
+"""The same work for many files, in order, and results written whole or not at all.
 
 Results come in the order of the items, whatever the number of processes. One broken
 file is a result among others, so that a batch finishes the rest.

@@ -4,7 +4,7 @@ Each is also the built-in error that people catch. Nothing decides by an error's
 a program must tell apart has a class of its own.
 """
 
-#: Words in the error of a file that can be read and holds something else.
+#: Text in the error of a file that can be read and holds something else.
 NO_MOTION = "holds no motion"
 
 

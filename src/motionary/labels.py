@@ -1,4 +1,4 @@
-"""What is a label, and what is a track of labels?
+"""Labels, and the track of all labels of a recording.
 
 Conventions: times in seconds from the recording's first frame, half-open; frames as the
 file counts them, inclusive, as people look them up.
@@ -14,7 +14,7 @@ from motionary.recording import Recording, Segment
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """A named stretch of a recording.
+    """A named segment of a recording.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class Label:
     start_s, end_s : seconds, half-open
     start_frame, end_frame : the file's own frame numbers, inclusive; None if unknown
     cost : smallest matching cost within; None for labels made by hand
-    known : share of the relations that were seen, in [0, 1]
+    known : fraction of the features that were seen, in [0, 1]
     evidence : what `explain` needs; None for labels that were read from a table
     extra : further columns of the table it was read from, as text
     """

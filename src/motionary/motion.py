@@ -1,7 +1,7 @@
-"""What is a recording once it is read?
+"""Motions: the poses of a recording, its joint tree, and how they are posed and resampled.
 
 A `Motion` holds joint positions in metres, y up, right-handed, by the file's own names,
-and how those names give the 24 generic joints that relations are defined on.
+and how those names give the 24 generic joints that features are defined on.
 NaN = not seen.
 """
 
@@ -60,7 +60,7 @@ class Skeleton:
 class Normal(NamedTuple):
     """A step away from the plane of three points a, b, c, as markers on the skin need it.
 
-    It is `share` times the unit vector of (b - a) x (b - c), times the mean distance of a
+    It is `fraction` times the unit vector of (b - a) x (b - c), times the mean distance of a
     and b over all frames.
     """
 
@@ -77,7 +77,7 @@ class Normal(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class JointMapping:
-    """How the names of a file give the generic joints.
+    """Weights with which the names of a file give the generic joints.
 
     A generic joint is a weighted sum of the file's points, and where `normals` has it a
     step away from three of them; a joint without weights is not to be had from this file.

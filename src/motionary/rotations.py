@@ -1,4 +1,4 @@
-"""How are rotations written, joined and applied?
+"""Rotations: quaternions, matrices and angles, joined and applied.
 
 Conventions: right-handed, angles in radians, matrices act on column vectors from the
 left, quaternions are unit and `wxyz`; leading axes of arrays are free. Components are
