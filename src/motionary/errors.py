@@ -4,6 +4,8 @@ Each is also the built-in error that people catch. Nothing decides by an error's
 a program must tell apart has a class of its own.
 """
 
+from collections.abc import Sequence
+
 #: Text in the error of a file that can be read and holds something else.
 NO_MOTION = "holds no motion"
 
@@ -32,6 +34,27 @@ class UnknownSkeleton(InvalidInput):
 
 class NotHuman(InvalidInput):
     """A motion is not one of a person: an animal on four legs."""
+
+
+class SeveralRecordings(InvalidInput):
+    """A file holds several recordings, and none of them is named.
+
+    Attributes
+    ----------
+    takes : their names, in their sequence
+    """
+
+    def __init__(self, source: str, takes: Sequence[str]) -> None:
+        some = ", ".join(takes[:5]) + (f", ... {takes[-1]}" if len(takes) > 5 else "")
+        super().__init__(
+            f"{source}: holds {len(takes)} recordings ({some}); name one with --take "
+            f"{takes[0]} (take=...), or read all with motionary.io.read_all, or convert the file "
+            "to a folder of recordings: --to .npz"
+        )
+        self.takes = tuple(takes)
+
+    def __reduce__(self) -> tuple[type[InvalidInput], tuple[object, ...]]:
+        return InvalidInput, self.args
 
 
 class UnreadableFile(MotionaryError, OSError):

@@ -376,3 +376,129 @@ def test_text_that_unpacks_a_thousandfold_is_refused(tmp_path):
     peak, message = peak_of_reading(tmp_path / "a.bvh.gz")
     assert "unpacks to more than 64 MB" in message
     assert peak < 100_000_000
+
+
+# ---- ways to write turns
+
+
+def walk_turns(n_frames=40, n_joints=24, seed=3):
+    """Rotation vectors of a body that bends its knees, (frames, joints, 3)."""
+    rng = np.random.default_rng(seed)
+    phase = np.linspace(0, 6, n_frames)[:, None, None]
+    turns = 0.3 * np.sin(phase + rng.uniform(0, 6, (n_joints, 3)))
+    turns[:, 4:6] = [0.1, 0.0, 0.0]
+    turns[:, 4, 0] += 0.5 * (1 + np.sin(phase[:, 0, 0]))
+    turns[:, 16:18, 2] -= 1.2
+    return turns
+
+
+def ways(turns):
+    r = Rotation.from_rotvec(turns.reshape(-1, 3))
+    shape, m = turns.shape[:2], r.as_matrix()
+    return {
+        "vectors": turns,
+        "degrees": np.degrees(turns),
+        "matrices": m.reshape(*shape, 9),
+        "square matrices": m.reshape(*shape, 3, 3),
+        "wxyz": r.as_quat(scalar_first=True).reshape(*shape, 4),
+        "xyzw": r.as_quat().reshape(*shape, 4),
+        "columns": m[:, :, :2].swapaxes(1, 2).reshape(*shape, 6),
+        "columns in turn": m[:, :, :2].reshape(*shape, 6),
+        "rows": m[:, :2].reshape(*shape, 6),
+    }
+
+
+WAYS = list(ways(walk_turns(1)))
+SAID = {"degrees": "in degrees", "wxyz": "w first", "xyzw": "w last", "rows": "two rows"}
+
+
+@pytest.mark.parametrize("flat", [False, True])
+@pytest.mark.parametrize("n_joints", [22, 24, 52, 55])
+@pytest.mark.parametrize("way", WAYS)
+def test_every_way_to_write_turns_gives_the_same_motion(tmp_path, way, n_joints, flat):
+    turns = walk_turns(n_joints=n_joints)
+    trans = np.linspace(0, 2, 40)[:, None] * [1, 0, 0]
+    np.savez(tmp_path / "a.npz", poses=turns.reshape(40, -1), trans=trans, fps=30)
+    expected = read(tmp_path / "a.npz").positions
+    written = ways(turns)[way].astype(np.float32)
+    np.savez(tmp_path / "a.npz", poses=written.reshape(40, -1) if flat else written, trans=trans,
+             fps=30)  # fmt: skip
+    motion = read(tmp_path / "a.npz")
+    np.testing.assert_allclose(motion.positions, expected, atol=2e-6)
+    assert (way == "vectors") == (not any("turns are" in note for note in motion.notes))
+    assert any(SAID.get(way, "") in note for note in motion.notes)
+
+
+def test_turns_of_no_known_way_are_refused(tmp_path):
+    turns = np.random.default_rng(0).normal(size=(5, 24, 4))
+    np.savez(tmp_path / "a.npz", poses=turns, trans=np.zeros((5, 3)), fps=30)
+    with pytest.raises(UnreadableFile, match=r"neither rotation vectors .* nor matrices"):
+        read(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"root_orient": (5, 3), "pose_body": (4, 63), "trans": (5, 3)},
+        {"root_orient": (5, 3), "pose_body": (5, 63), "trans": (4, 3)},
+        {"root_orient": (5, 3), "pose_body": (5,), "trans": (5, 3)},
+        {"poses": (5, 66), "trans": (5, 2)},
+        {"poses": (), "trans": (5, 3)},
+        {"poses": (5, 66), "trans": ()},
+        {"global_orient": (5, 3), "body_pose": (5, 23), "transl": (5, 3)},
+        {"poses": (0, 66), "trans": (0, 3)},
+    ],
+)
+def test_shapes_that_do_not_go_together_are_named(tmp_path, arrays):
+    zeros = {name: np.zeros(shape) for name, shape in arrays.items()}
+    np.savez(tmp_path / "a.npz", **zeros, fps=30)
+    with pytest.raises(UnreadableFile, match=r"expected poses .*got \("):
+        read(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1000, "mm"), (100, "cm")])
+def test_places_in_other_units_are_doubted(tmp_path, factor, unit):
+    trans = np.tile([0.0, 0.0, 0.95], (5, 1)) * factor
+    np.savez(tmp_path / "a.npz", poses=np.zeros((5, 66)), trans=trans, fps=30)
+    assert any(f"pelvis at {0.95 * factor:.0f} m" in n for n in read(tmp_path / "a.npz").notes)
+    motion = read(tmp_path / "a.npz", unit=unit)
+    assert not any("pelvis at" in note for note in motion.notes)
+    assert motion.positions[0, 0, 1] == pytest.approx(0.95, abs=1e-6)
+
+
+# Names and shapes as the programs' own documentation has them; their files are not at hand.
+def video_tools(turns, trans):
+    matrices = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(-1, 24, 3, 3)
+    flat = turns.reshape(len(turns), -1)
+    return {
+        "GVHMR": {"global_orient": flat[:, :3], "body_pose": flat[:, 3:66], "transl": trans,
+                  "betas": np.zeros((len(turns), 10))},
+        "ROMP": {"smpl_thetas": flat, "cam_trans": trans},
+        "4D-Humans": {"global_orient": matrices[:, :1], "body_pose": matrices[:, 1:],
+                      "pred_cam_t": trans},
+        "PHC": {"pose_aa": turns, "trans": trans},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("packed", ["npz", "pkl", "nested pkl"])
+@pytest.mark.parametrize("tool", ["GVHMR", "ROMP", "4D-Humans", "PHC"])
+def test_parameters_of_video_tools(tmp_path, tool, packed):
+    turns, trans = walk_turns(), np.linspace(0, 2, 40)[:, None] * [1.0, 0, 0]
+    np.savez(tmp_path / "a.npz", poses=turns.reshape(40, -1), trans=trans, fps=30)
+    expected = read(tmp_path / "a.npz")
+    content = video_tools(turns, trans)[tool]
+    if packed == "npz":
+        np.savez(tmp_path / "b.npz", **content)
+    else:
+        outer = {"walk": content} if packed == "nested pkl" else content
+        (tmp_path / "b.pkl").write_bytes(pickle.dumps(outer))
+    motion = read(tmp_path / f"b.{packed[-3:]}", rate_hz=30)
+    own = motion.positions - motion.positions[:, :1]
+    for frame in (0, 20, 39):
+        wanted = expected.positions[frame] - expected.positions[frame, 0]
+        # The same body; which axis points up is another for each tool.
+        assert (
+            np.abs(np.linalg.norm(own[frame], axis=1) - np.linalg.norm(wanted, axis=1)).max() < 1e-6
+        )
+    assert motion.rate_hz == 30
+    assert any("camera" in note for note in motion.notes) == (tool in ("ROMP", "4D-Humans"))

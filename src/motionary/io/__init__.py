@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from motionary.io.keyframe_collections import QueryRecord, read_query_collections
     from motionary.io.labels import read_labels, write_labels
     from motionary.io.options import ReadOptions, find_skeleton, save_skeleton
-    from motionary.io.recordings import read, what_is_lost, write
+    from motionary.io.recordings import read, read_all, what_is_lost, write
     from motionary.io.text import Cell, format_suffix, read_text, stem_of, write_table, write_text
 
 __all__ = [
@@ -47,6 +47,7 @@ __all__ = [
     "options_of",
     "plan_clips",
     "read",
+    "read_all",
     "read_labels",
     "read_query_collections",
     "read_text",
@@ -77,7 +78,7 @@ _CONTENTS = {
     "keyframe_collections": ("QueryRecord", "read_query_collections"),
     "labels": ("read_labels", "write_labels"),
     "options": ("ReadOptions", "find_skeleton", "save_skeleton"),
-    "recordings": ("read", "what_is_lost", "write"),
+    "recordings": ("read", "read_all", "what_is_lost", "write"),
     "text": ("Cell", "format_suffix", "read_text", "stem_of", "write_table", "write_text"),
 }
 _HOME = {name: module for module, names in _CONTENTS.items() for name in names}

@@ -52,6 +52,7 @@ class ReadOptions:
     fill_by : "cubic", with the velocities on either side, or "linear"
     trust_points : read points that are marked unseen (in C3D by a negative residual) where the
         file has places of them
+    take : which recording of a file that holds several: its name, or its number from 1
 
     Raises
     ------
@@ -130,6 +131,13 @@ class ReadOptions:
             "--trust-points",
             "",
             "Read points that C3D marks unseen, though places are there.",
+        ),
+    )
+
+    take: str | int | None = field(
+        default=None,
+        metadata=_flag(
+            "--take", "NAME|N", "Which recording of files that hold several, by name or number."
         ),
     )
 

@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile
 from motionary.io.formats import FORMATS, WRITTEN_SUFFIXES, Format, find_format, load_function
 from motionary.io.formats.content import FileContent
 from motionary.io.normalise.gaps import fill_gaps
@@ -14,13 +14,14 @@ from motionary.io.normalise.quality import check_quality
 from motionary.io.normalise.sides import normalise_sides
 from motionary.io.normalise.units_axes import normalise
 from motionary.io.options import ReadOptions
-from motionary.io.text import format_suffix
+from motionary.io.text import format_suffix, stem_of
 from motionary.motion import JointMapping, Motion, Unmapped
 from motionary.recording import Recording
 from motionary.skeletons import SkeletonTable, known_mappings, map_joints
 
 _REFUSALS = {
     "asf": "has its own skeleton; leave out asf=",
+    "take": "holds one recording; leave out take=",
     "trust_points": "marks no points unseen; leave out trust_points=",
     "body_model": "is no motion of a body model; leave out body_model=",
 }
@@ -63,6 +64,32 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
     if options.fill_gaps_s is not None:
         motion = fill_gaps(motion, longest_s=options.fill_gaps_s, fill_by=options.fill_by)
     return check_quality(motion)
+
+
+def read_all(path: str | Path, options: ReadOptions | None = None, **fields: Any) -> list[Motion]:
+    """All recordings of a file: one, or those of a batch, named `batch-001.npy` and so on.
+
+    Parameters
+    ----------
+    path, options, fields : as of `read`
+
+    Raises
+    ------
+    UnreadableFile, InvalidInput
+        As of `read`.
+    """
+    path = Path(path)
+    options = ReadOptions(**fields) if options is None else replace(options, **fields)
+    try:
+        return [read(path, options)]
+    except SeveralRecordings as several:
+        takes = several.takes
+    motions = []
+    for number, take in enumerate(takes, start=1):
+        motion = read(path, options, take=take)
+        name = f"{stem_of(path)}-{number:03d}{format_suffix(path)}"
+        motions.append(replace(motion, recording=replace(motion.recording, name=name)))
+    return motions
 
 
 def write(

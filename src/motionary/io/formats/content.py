@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import UnreadableFile
+from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.motion import Event, JointMapping, Skeleton, forward_kinematics
 from motionary.rotations import quaternions_to_matrices
@@ -115,6 +115,28 @@ def place_joints(
         frame = 1 + int(np.flatnonzero(~possible)[0])
         raise UnreadableFile(f"{source}: frame {frame} from the start has impossibly large numbers")
     return positions
+
+
+def choose_take(names: Sequence[str], take: str | int | None, source: str) -> int:
+    """Which of several recordings in a file is meant: by its name, or by its number from 1.
+
+    Raises
+    ------
+    SeveralRecordings
+        If there are several and none is named.
+    InvalidInput
+        If none is called so.
+    """
+    if take is None:
+        if len(names) > 1:
+            raise SeveralRecordings(source, names)
+        return 0
+    if str(take) in names:
+        return list(names).index(str(take))
+    if str(take).isascii() and str(take).isdigit() and 1 <= int(take) <= len(names):
+        return int(take) - 1
+    some = ", ".join(names[:20]) + (f", ... {names[-1]}" if len(names) > 20 else "")
+    raise InvalidInput(f"{source}: has no take {str(take)[:40]!r}; it has {some}")
 
 
 def hide_sentinels(positions: Floats, names: Sequence[str]) -> tuple[str, ...]:

@@ -1,60 +1,94 @@
-"""Motions in .pkl files of AIST++.
+"""Motions in .pkl files of AIST++ and of video tools.
 
 A pickle is a program, so it is not run: `unpickling` takes arrays out of it. Keypoints
 (`keypoints3d`, 17 of COCO, centimetres) and pose parameters (`smpl_poses`, `smpl_trans`,
-`smpl_scaling`) are read; both have y up and 60 Hz.
+`smpl_scaling`) are read; both have y up and 60 Hz. So are parameters of SMPL bodies of other
+programs, and dicts of several such motions by name.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from motionary.errors import NO_MOTION, InvalidInput, NotAMotion, UnreadableFile
-from motionary.io.formats.arrays import array_content, check_positions, name_joints
-from motionary.io.formats.content import FileContent
+from motionary.io.formats.arrays import (
+    array_content,
+    check_positions,
+    find_rate,
+    name_joints,
+)
+from motionary.io.formats.content import FileContent, choose_take
 from motionary.io.formats.npz import Array
-from motionary.io.formats.smpl import check_pose, pose_content
+from motionary.io.formats.smpl import check_pose, find_source, pose_content, read_smpl_arrays
 from motionary.io.formats.unpickling import PickleRefusedError, plain_dict, read_pickled
 from motionary.io.normalise.units_axes import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 
 RATE_HZ = 60.0
 _AIST = FileMetadata("m", by_definition=True, origin="AIST++", noted=("up",), takes_unit=False)
+# GVHMR keeps the same motion in the world and as the camera sees it.
+_GLOBAL = "smpl_params_global"
 _KEYPOINTS = ("keypoints3d_optim", "keypoints3d")
 
 
 def read_pickle(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a .pkl file of AIST++; without a rate that is given at 60 Hz.
+    """Content of a .pkl file of AIST++ (without a rate that is given at 60 Hz), or of SMPL bodies.
 
     Raises
     ------
     UnreadableFile
         If the file is missing, damaged, holds anything but arrays, or no motion.
     InvalidInput
-        If a skeleton is given and the file has an SMPL body.
+        If a skeleton is given and the file has an SMPL body, or it holds several recordings.
     """
-    content = _load(path)
-    notes: tuple[str, ...] = ()
-    rate = options.rate_hz
+    content = _choose_recording(_load(path), options, path.name)
+    is_aist = {"smpl_poses", "smpl_trans"} <= set(content)
+    key = next((key for key in _KEYPOINTS if key in content), None)
+    if key is None and not is_aist and find_source(content) is None:
+        raise NotAMotion(
+            f"{path.name}: {NO_MOTION}; expected keypoints3d or smpl_poses and smpl_trans (AIST++) "
+            f"or turns and places of a body, got {', '.join(sorted(content))[:80] or 'no arrays'}"
+        )
+    if key is None and options.skeleton is not None:
+        raise InvalidInput(f"{path.name}: has an SMPL body; leave out skeleton=")
+    if key is None and not is_aist:
+        rate = find_rate(content) if options.rate_hz is None else options.rate_hz
+        return read_smpl_arrays(content, path.name, rate_hz=rate, options=options)
+    rate, notes = options.rate_hz, ()
     if rate is None:
         rate, notes = RATE_HZ, (f"rate assumed {RATE_HZ:g} Hz, as AIST++ has",)
-    for key in _KEYPOINTS:
-        if key in content:
-            positions = check_positions(content[key], path.name)
-            joints = name_joints(positions, path.name, options.skeleton_table())
-            joints = joints._replace(notes=(*joints.notes, *notes))
-            return array_content(positions, joints, path.name, rate_hz=rate)
-    if not {"smpl_poses", "smpl_trans"} <= set(content):
-        raise NotAMotion(
-            f"{path.name}: {NO_MOTION}; expected keypoints3d or smpl_poses and smpl_trans, "
-            f"got {', '.join(sorted(content))[:80] or 'no arrays'}"
-        )
-    if options.skeleton is not None:
-        raise InvalidInput(f"{path.name}: has an SMPL body; leave out skeleton=")
-    pose = check_pose(content["smpl_poses"], content["smpl_trans"], path.name)
+    if key is not None:
+        positions = check_positions(content[key], path.name)
+        joints = name_joints(positions, path.name, options.skeleton_table())
+        joints = joints._replace(notes=(*joints.notes, *notes))
+        return array_content(positions, joints, path.name, rate_hz=rate)
+    pose = check_pose([content["smpl_poses"]], content["smpl_trans"], path.name)
     metres = _metres(content) if options.unit is None else metres_per_unit(options.unit)
     pose = pose._replace(root=pose.root * metres)
     return pose_content(pose, path.name, rate_hz=rate, metadata=_AIST, notes=notes)
+
+
+def _choose_recording(
+    content: dict[str, Any], options: ReadOptions, source: str
+) -> dict[str, Array]:
+    """The arrays of a dict, or of the one that is meant of the dicts in it."""
+    inner = {key: plain_dict(value) for key, value in content.items() if isinstance(value, dict)}
+    if _GLOBAL in inner:
+        return to_arrays(inner[_GLOBAL])
+    motions = {
+        key: arrays for key, value in inner.items() if _is_motion(arrays := to_arrays(value))
+    }
+    if not motions:
+        if options.take is not None:
+            choose_take(["1"], options.take, source)
+        return to_arrays(content)
+    names = list(motions)
+    return motions[names[choose_take(names, options.take, source)]]
+
+
+def _is_motion(arrays: dict[str, Array]) -> bool:
+    return any(key in arrays for key in _KEYPOINTS) or find_source(arrays) is not None
 
 
 def _metres(content: dict[str, Array]) -> float:
@@ -65,8 +99,8 @@ def _metres(content: dict[str, Array]) -> float:
     return 1.0 / float(scaling.reshape(()))
 
 
-def _load(path: Path) -> dict[str, Array]:
-    """The arrays of a pickled dict."""
+def _load(path: Path) -> dict[str, Any]:
+    """A pickled dict."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -80,8 +114,10 @@ def _load(path: Path) -> dict[str, Array]:
         ) from error
     if not isinstance(loaded, dict):
         raise NotAMotion(f"{path.name}: {NO_MOTION}; expected a dict of arrays")
-    return {
-        key: np.asarray(value)
-        for key, value in plain_dict(loaded).items()
-        if isinstance(value, np.ndarray | np.number | float)
-    }
+    return plain_dict(loaded)
+
+
+def to_arrays(content: dict[str, Any]) -> dict[str, Array]:
+    """The arrays and numbers of a dict, as arrays."""
+    kinds = (np.ndarray, np.number, float, int)
+    return {key: np.asarray(value) for key, value in content.items() if isinstance(value, kinds)}

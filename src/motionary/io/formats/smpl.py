@@ -8,7 +8,7 @@ person's own joints are used. AMASS has z up and metres.
 Conventions: in the rest pose the body stands in a T, y up, looking along z, its left at +x.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.content import RATE_HINT, FileContent, place_joints
 from motionary.io.formats.npz import Array, read_npz
+from motionary.io.formats.smpl_turns import read_turns
 from motionary.io.normalise.units_axes import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
-from motionary.rotations import rotation_vectors_to_quaternions
 from motionary.skeletons import named_mapping
 
 Floats = NDArray[np.float64]
@@ -62,16 +62,59 @@ _AMASS = FileMetadata(
 )
 
 
+# Farther away from the origin, at their median, walks none who is recorded in metres.
+_FAR_M = 50.0
+
+
 class Pose(NamedTuple):
-    """Parameters of a motion: turns (frames, 22, 3) as rotation vectors, root (frames, 3)."""
+    """Parameters of a motion, and notes on how they are written.
+
+    Turns are unit quaternions wxyz, (frames, 22, 4); the root has shape (frames, 3).
+    """
 
     turns: Floats
     root: Floats
+    notes: tuple[str, ...] = ()
+
+
+class _Source(NamedTuple):
+    """Names under which programs keep turns (in sequence) and places, and how they stand."""
+
+    turns: tuple[str, ...]
+    root: tuple[str, ...]
+    metadata: FileMetadata
+    note: str = ""
+
+
+# Video tools see a person from the camera: y points down, and so does the body.
+_CAMERA = FileMetadata(
+    "m", usual_up="-y", by_definition=True, origin="the camera", noted=("up",), takes_unit=False
+)
+_VIDEO = FileMetadata("m", usual_up="y", origin="the tool", noted=("up",), takes_unit=False)
+_SEEN = "places are as the camera sees them; it may move"
+_SOURCES = (
+    _Source(("poses",), ("trans",), _AMASS),
+    _Source(("root_orient", "pose_body"), ("trans",), _AMASS),
+    _Source(("pose_aa",), ("trans", "root_trans_offset", "root_trans"), _AMASS),
+    _Source(("smpl_thetas",), ("cam_trans",), _CAMERA, _SEEN),
+    _Source(("global_orient", "body_pose"), ("pred_cam_t", "cam_trans"), _CAMERA, _SEEN),
+    _Source(("global_orient", "body_pose"), ("transl", "trans"), _VIDEO),
+    _Source(("global_orient", "body_pose"), (), _CAMERA, "holds no places: the pelvis rests"),
+)
+
+
+def find_source(arrays: Mapping[str, Array]) -> _Source | None:
+    """How arrays hold a motion of an SMPL body; None if they hold none."""
+    for source in _SOURCES:
+        root = next((name for name in source.root if name in arrays), None)
+        if all(name in arrays for name in source.turns) and (root or not source.root):
+            return source._replace(root=(root,) if root else ())
+    return None
 
 
 def is_smpl(arrays: Mapping[str, Array]) -> bool:
     """Whether arrays are a motion of an SMPL body."""
-    return "trans" in arrays and ("poses" in arrays or {"root_orient", "pose_body"} <= set(arrays))
+    return find_source(arrays) is not None
 
 
 def read_smpl_arrays(
@@ -88,43 +131,69 @@ def read_smpl_arrays(
     """
     if rate_hz is None:
         raise InvalidInput(f"{source}: holds no frame rate; {RATE_HINT}")
-    if "poses" in arrays:
-        poses = arrays["poses"]
-    else:
-        poses = np.concatenate((arrays["root_orient"], arrays["pose_body"]), axis=-1)
-    pose = check_pose(poses, arrays["trans"], source)
+    found = find_source(arrays)
+    if found is None:
+        raise UnreadableFile(f"{source}: expected poses and trans, got {', '.join(arrays)}")
+    turns = [arrays[name] for name in found.turns]
+    root = arrays[found.root[0]] if found.root else np.zeros((len(turns[0]), 3))
+    pose = check_pose(turns, root, source)
     metres = 1.0 if options.unit is None else metres_per_unit(options.unit)
     pose = pose._replace(root=pose.root * metres)
     skeleton = None
     if options.body_model is not None:
         betas = arrays.get("betas", np.zeros(0)).astype(np.float64).ravel()
         skeleton = read_body_model(options.body_model, betas)
-    return pose_content(pose, source, rate_hz=rate_hz, metadata=_AMASS, skeleton=skeleton)
+    notes = (found.note,) if found.note else ()
+    return pose_content(
+        pose, source, rate_hz=rate_hz, metadata=found.metadata, skeleton=skeleton, notes=notes
+    )
 
 
-def check_pose(poses: Array, trans: Array, source: str) -> Pose:
+def check_pose(parts: Sequence[Array], trans: Array, source: str) -> Pose:
     """The turns of the body's joints and the places of its root.
+
+    Parameters
+    ----------
+    parts : turns of the root and of further joints, in the sequence of the joints
+    trans : places of the root
+    source : name of the file
 
     Raises
     ------
     UnreadableFile
-        If the shapes are others.
+        If shapes or numbers are no pose.
     """
-    poses = poses.reshape(len(poses), -1) if poses.ndim == 3 else poses
-    fits = poses.ndim == 2 and poses.shape[1] >= 3 * N_BODY and poses.shape[1] % 3 == 0
-    if not fits or trans.shape != (len(poses), 3) or not len(poses):
+    shapes = f"{', '.join(str(part.shape) for part in parts)} and {trans.shape}"
+    trans = trans.reshape(-1, 3) if trans.ndim == 3 and trans.shape[1] == 1 else trans
+    n_frames = len(trans) if trans.ndim == 2 and trans.shape[1] == 3 else 0
+    fits = all(part.ndim in (2, 3, 4) and len(part) == n_frames for part in parts)
+    if not fits or not n_frames:
         raise UnreadableFile(
-            f"{source}: expected poses (frames, {3 * N_BODY} or more) and trans (frames, 3), got "
-            f"{poses.shape} and {trans.shape}"
+            f"{source}: expected poses (frames, {3 * N_BODY} or more) and trans (frames, 3) of the "
+            f"same frames, got {shapes}"
         )
-    if poses.dtype.kind not in "fiu" or trans.dtype.kind not in "fiu":
+    if any(array.dtype.kind not in "fiu" for array in (*parts, trans)):
         raise UnreadableFile(f"{source}: poses and trans must be numbers")
-    turns = poses[:, : 3 * N_BODY].astype(np.float64).reshape(-1, N_BODY, 3)
-    root = trans.astype(np.float64)
+    sizes = {_numbers_per_joint(part) for part in parts}
+    numbers = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+    numbers, root = numbers.astype(np.float64), trans.astype(np.float64)
+    if numbers.shape[1] < 3 * N_BODY:
+        raise UnreadableFile(
+            f"{source}: expected poses (frames, {3 * N_BODY} or more), got {shapes}"
+        )
     # NaN compares as False.
-    if not ((np.abs(turns) < _MOST).all() and (np.abs(root) < _MOST).all()):
+    if not ((np.abs(numbers) < _MOST).all() and (np.abs(root) < _MOST).all()):
         raise UnreadableFile(f"{source}: poses and trans must be finite, and of possible size")
-    return Pose(turns, root)
+    turns = read_turns(numbers, sizes.pop() if len(sizes) == 1 else None, N_BODY, source)
+    return Pose(turns.quaternions, root, turns.notes)
+
+
+def _numbers_per_joint(part: Array) -> int | None:
+    """As the shape says, such as (frames, joints, 3, 3); None if numbers of all joints follow."""
+    if part.ndim == 4 and part.shape[2:] == (3, 3):
+        return 9
+    known = part.ndim == 3 and part.shape[2] in (3, 4, 6, 9) and part.shape[1] != 1
+    return int(part.shape[2]) if known else None
 
 
 def pose_content(
@@ -143,12 +212,19 @@ def pose_content(
     pose : turns, and places in metres
     skeleton : by default the one of average proportions
     """
+    notes = (*notes, *pose.notes)
+    far = float(np.abs(np.median(pose.root, axis=0)).max())
+    if far > _FAR_M:
+        notes = (
+            *notes,
+            f"pelvis at {far:.0f} m: are the places in mm or cm? --unit mm (unit='mm') reads them",
+        )
     if skeleton is None:
         skeleton = average_skeleton()
         notes = (*notes, f"proportions of an average body of {STATURE_M:.2f} m")
     rotations = np.zeros((len(pose.turns), len(NAMES), 4))
     rotations[..., 0] = 1.0
-    rotations[:, :N_BODY] = rotation_vectors_to_quaternions(pose.turns)
+    rotations[:, :N_BODY] = pose.turns
     return FileContent(
         names=NAMES,
         positions=place_joints(skeleton, rotations, pose.root, translations={}, source=source),
