@@ -55,7 +55,8 @@ def read_pickle(path: Path, options: ReadOptions) -> FileContent:
     if key is None and not is_aist:
         rate = find_rate(content) if options.rate_hz is None else options.rate_hz
         return read_smpl_arrays(content, path.name, rate_hz=rate, options=options)
-    rate, notes = options.rate_hz, ()
+    notes: tuple[str, ...] = ()
+    rate = options.rate_hz
     if rate is None:
         rate, notes = RATE_HZ, (f"rate assumed {RATE_HZ:g} Hz, as AIST++ has",)
     if key is not None:
