@@ -24,8 +24,6 @@ SHORTEST_S = 0.3
 
 # A duration is read off a table or a player, rounded.
 _ROUNDING_S = 0.05
-#: So many names are given of a collection.
-_MOST_NAMES = 5
 #: No keyframe ends like these.
 _QUERY_FILES = (".json", ".txt")
 
@@ -288,43 +286,24 @@ def _read_keyframes(
     given = options.query
     if given is None:
         return ()
-    from motionary.io import read_text
-    from motionary.models.keyframes import parse_queries
+    from motionary.io import read_query_record, read_text
+    from motionary.models.keyframes import from_patterns, parse_queries
 
     is_file = _is_file(given)
     try:
         if _is_collection(given):
-            return (_query_of(Path(given), options.query_name, feature_set),)
-        text = read_text(Path(given)) if is_file else given
-        return parse_queries(text, vocabulary=feature_set)
+            record = read_query_record(given, options.query_name)
+            query = from_patterns(
+                record.keyframes, record.groups, distances=record.distances,
+                stiffness=record.stiffness, positions=record.positions, feature_set=feature_set,
+            )  # fmt: skip
+            return (query,)
+        return parse_queries(read_text(Path(given)) if is_file else given, vocabulary=feature_set)
     except InvalidInput as error:
+        if error.key == "name":
+            raise wrong("--query-name", str(error)) from error
         where = f"{Path(given).name}, " if is_file else ""
         raise wrong("--query", f"{where}{error}") from error
-
-
-def _query_of(path: Path, name: str | None, feature_set: "FeatureSet") -> "KeyframeQuery":
-    """One query of a collection, by its name or as COLLECTION/NAME."""
-    from motionary.io import read_query_collections
-    from motionary.models.keyframes import from_patterns
-
-    records = {
-        f"{collection}/{query}": record
-        for collection, queries in read_query_collections(path).items()
-        for query, record in queries.items()
-    }
-    found = [full for full in records if name in (None, full, full.split("/", 1)[1])]
-    if len(found) != 1:
-        near = found or [full for full in records if name and name.lower() in full.lower()]
-        names = near or list(records)
-        some = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
-        what = f"{len(found)} queries" + (f" called {name!r}" if name else "")
-        what = what if found else f"no query {name!r}"
-        raise wrong("--query-name", f"{path.name} has {what}; choose one by its name: {some}")
-    record = records[found[0]]
-    return from_patterns(
-        record.keyframes, record.groups, distances=record.distances,
-        stiffness=record.stiffness, positions=record.positions, feature_set=feature_set,
-    )  # fmt: skip
 
 
 def _is_collection(given: str | None) -> bool:

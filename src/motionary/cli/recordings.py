@@ -12,7 +12,7 @@ import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.options import AsJson, Jobs
-from motionary.errors import NO_MOTION, NotAMotion, NotHuman, UnreadableFile, UnwritableFile
+from motionary.errors import NotAMotion, NotHuman, UnreadableFile, UnwritableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -139,12 +139,8 @@ def warn_of_all(
 
 def is_passed_over(failure: "Failure[NamedFile]", given: Collection[str]) -> bool:
     """Whether a file is no motion of a person, and was not named but found."""
-    from motionary.skeletons import AN_ANIMAL
-
-    # Of an index only the words of an error are left.
-    text = str(failure.error)
-    is_other = isinstance(failure.error, (NotAMotion, NotHuman)) or NO_MOTION in text
-    return str(failure.item[1]) not in given and (is_other or AN_ANIMAL in text)
+    is_other = isinstance(failure.error, (NotAMotion, NotHuman))
+    return is_other and str(failure.item[1]) not in given
 
 
 def describe_failure(failure: "Failure[NamedFile]") -> str:

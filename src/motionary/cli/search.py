@@ -29,20 +29,17 @@ from motionary.cli.query import (
     read_ranks,
 )
 from motionary.cli.recordings import IndexOptions, Opened, Opener, cut_frames, read_recording
-from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
+    from motionary.features import FeatureSet
     from motionary.labels import LabelTrack
-    from motionary.models.keyframes import KeyframeQuery
+    from motionary.models.library import MotionClass
     from motionary.motion import Motion
     from motionary.retrieval.index import Collection
     from motionary.retrieval.search import Hit, QueryExpansion, SearchResult
 
 _KEYS = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
-#: Fractions of the frames that keyframes may leave: in a small collection of a few classes,
-#: a class is not rare.
-_MAY_BE_LEFT = (0.12, 0.25, 0.5, 1.0)
 _COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">known")
 
 
@@ -225,50 +222,26 @@ def _save(
     if results.save_query:
         from motionary.io import write_text
         from motionary.models.keyframes import format_queries
+        from motionary.retrieval.search import suggest_queries
 
-        queries = result.queries or _derive(result, collection)
+        queries = result.queries or suggest_queries(result.templates, collection)
         write_text(results.save_query, format_queries(queries, vocabulary=collection.feature_set))
     if results.save_class:
-        _save_class(results.save_class, result, collection, query.name, expansion)
+        from motionary.retrieval.search import class_of_result
+
+        learned = class_of_result(result, query.name, collection, expansion)
+        _save_class(results.save_class, learned, collection.feature_set)
 
 
-def _derive(result: "SearchResult", collection: "Collection") -> "tuple[KeyframeQuery, ...]":
-    """Keyframes that the templates of a search suggest."""
-    from motionary.retrieval.search import Deriving, derive_queries
+def _save_class(folder: str, motion_class: "MotionClass", feature_set: "FeatureSet") -> None:
+    """Add a class to a library, in place of one of its name; a new library if there is none."""
+    from motionary.models.library import ClassLibrary, load_library
 
-    for fraction in _MAY_BE_LEFT:
-        deriving = Deriving(frames_left=fraction)
-        derived = [derive_queries(one, collection, deriving) for one in result.templates]
-        if any(derived):
-            return tuple(query for queries in derived for query in queries)
-    raise InvalidInput("nothing in the template is rare enough to be a keyframe")
-
-
-def _save_class(
-    folder: str,
-    result: "SearchResult",
-    collection: "Collection",
-    name: str,
-    expansion: "QueryExpansion",
-) -> None:
-    """Add what was learned of an example to a library, in place of a class of that name.
-
-    It is found at the same costs as here, and around the same keyframes if there were any.
-    """
-    from motionary.models.library import ClassLibrary, MotionClass, Prototype, load_library
-
-    library = ClassLibrary((), collection.feature_set)
+    library = ClassLibrary((), feature_set)
     if (Path(folder) / "library.toml").exists():
         library = load_library(folder)
-    fractions = collection.feature_prior if expansion.by_self_information else ()
-    expanded = MotionClass(
-        name,
-        (Prototype(name, result.templates[0], result.queries),),
-        tolerance=expansion.tolerance,
-        background=tuple(float(fraction) for fraction in fractions),
-    )
-    others = tuple(one for one in library if one.name != name)
-    replace(library, classes=(*others, expanded)).save(folder)
+    others = tuple(one for one in library if one.name != motion_class.name)
+    replace(library, classes=(*others, motion_class)).save(folder)
 
 
 def _draw_sheet(
@@ -315,7 +288,7 @@ def _say(
     has_feedback: bool,
 ) -> None:
     if expansion:
-        from motionary.cli.described import describe_template
+        from motionary.retrieval.explanation import describe_template
 
         lines = describe_template(
             result.templates[0], tolerance=expansion.tolerance, feature_set=collection.feature_set

@@ -20,7 +20,11 @@ if TYPE_CHECKING:
         scan_folder,
     )
     from motionary.io.formats import MOTION_SUFFIXES, WRITTEN_SUFFIXES, options_of
-    from motionary.io.keyframe_collections import QueryRecord, read_query_collections
+    from motionary.io.keyframe_collections import (
+        QueryRecord,
+        read_query_collections,
+        read_query_record,
+    )
     from motionary.io.labels import read_labels, write_labels
     from motionary.io.options import ReadOptions, find_skeleton, save_skeleton
     from motionary.io.recordings import read, read_all, what_is_lost, write
@@ -50,6 +54,7 @@ __all__ = [
     "read_all",
     "read_labels",
     "read_query_collections",
+    "read_query_record",
     "read_text",
     "recording_name",
     "save_skeleton",
@@ -75,7 +80,7 @@ _CONTENTS = {
         "scan_folder",
     ),
     "formats": ("MOTION_SUFFIXES", "WRITTEN_SUFFIXES", "options_of"),
-    "keyframe_collections": ("QueryRecord", "read_query_collections"),
+    "keyframe_collections": ("QueryRecord", "read_query_collections", "read_query_record"),
     "labels": ("read_labels", "write_labels"),
     "options": ("ReadOptions", "find_skeleton", "save_skeleton"),
     "recordings": ("read", "read_all", "what_is_lost", "write"),

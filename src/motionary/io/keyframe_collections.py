@@ -13,8 +13,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from motionary.errors import UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.text import read_text
+
+_MOST_NAMES = 5
 
 
 class QueryRecord(NamedTuple):
@@ -61,6 +63,34 @@ def read_query_collections(path: str | Path) -> dict[str, dict[str, QueryRecord]
         }
         for collection, part in content.items()
     }
+
+
+def read_query_record(path: str | Path, name: str | None = None) -> QueryRecord:
+    """One query of a file, by its name or as COLLECTION/NAME; the only one without a name.
+
+    Raises
+    ------
+    UnreadableFile
+        As of `read_query_collections`.
+    InvalidInput
+        If there is no such query, or more than one.
+    """
+    path = Path(path)
+    records = {
+        f"{collection}/{query}": record
+        for collection, queries in read_query_collections(path).items()
+        for query, record in queries.items()
+    }
+    found = [full for full in records if name in (None, full, full.split("/", 1)[1])]
+    if len(found) == 1:
+        return records[found[0]]
+    what = f"{len(found)} queries" + (f" called {name!r}" if name else "")
+    if not found:
+        what = f"no query {name!r}"
+    near = found or [full for full in records if name and name.lower() in full.lower()]
+    names = near or list(records)
+    some = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
+    raise InvalidInput(f"{path.name} has {what}; choose one by its name: {some}", key="name")
 
 
 def _read_record(path: Path, name: str, entry: Any) -> QueryRecord:

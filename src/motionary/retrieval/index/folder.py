@@ -16,7 +16,13 @@ import numpy as np
 
 from motionary import __version__
 from motionary.batch import Failure
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import (
+    InvalidInput,
+    NotAMotion,
+    NotHuman,
+    UnknownSkeleton,
+    UnreadableFile,
+)
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
 from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder
 from motionary.retrieval.index.collection import Collection
@@ -41,6 +47,12 @@ _PORTION_FRAMES = 1 << 18
 # Shards are joined until they have so many frames; so many smaller ones may stay.
 _LARGE = 1 << 20
 _SMALL_ONES = 8
+
+# Of a file that could not be read, an index keeps the class of the error by its name.
+_KINDS = {
+    kind.__name__: kind
+    for kind in (InvalidInput, NotAMotion, NotHuman, UnknownSkeleton, UnreadableFile)
+}
 
 _ATTEMPTS = 3
 _LEFT_ALONE_S = 3600.0
@@ -157,7 +169,10 @@ class Index:
     def failures(self) -> tuple[Failure[NamedFile], ...]:
         """Files that could not be read, and why."""
         return tuple(
-            Failure((name, self.folder / name), UnreadableFile(f"{Path(name).name}{f.problem}"))
+            Failure(
+                (name, self.folder / name),
+                _KINDS.get(f.kind, UnreadableFile)(f"{Path(name).name}{f.problem}"),
+            )
             for name, f in sorted(self._manifest.failures.items())
         )
 
@@ -183,6 +198,9 @@ class Index:
             name: _Seen(f.state.mtime_ns, f.state.size, f.sidecar, f.state.ctime_ns)
             for name, f in self._manifest.failures.items()
         }
+        # Indexes of before do not say what kind a failure is of: those files are tried again.
+        again = (name for name, f in self._manifest.failures.items() if not f.kind)
+        seen |= dict.fromkeys(again, _Seen(-1, -1, 0))
         for shard in self._shards.values():
             columns = (shard.table[key].tolist() for key in ("mtime_ns", "size", "companion"))
             seen.update(zip(shard.names, map(_Seen, *columns), strict=True))
@@ -282,7 +300,9 @@ class Index:
         for name, item in portion:
             state, sidecar = changes.states[name], changes.sidecars[name]
             if isinstance(item, Failure):
-                failures[name] = FailedFile(state, sidecar, _problem(item))
+                failures[name] = FailedFile(
+                    state, sidecar, _problem(item), type(item.error).__name__
+                )
             else:
                 read.append(item)
                 states.append((0, 0, 0, 0.0, state.mtime_ns, state.size, sidecar))

@@ -51,11 +51,18 @@ _ARRAYS = {name: f"{name}.array" for name in ("table", "words", "masks", "planes
 
 
 class FailedFile(NamedTuple):
-    """Why a file could not be read, and the state in which it could not."""
+    """Why a file could not be read, and the state in which it could not.
+
+    Attributes
+    ----------
+    problem : what the error says after the name of the file
+    kind : class of the error; empty in indexes written before kinds were kept
+    """
 
     state: FileState
     sidecar: int
     problem: str
+    kind: str = ""
 
 
 class Recipe(NamedTuple):
@@ -142,7 +149,7 @@ def write_manifest(manifest: Manifest, folder: Path) -> None:
         **manifest.recipe._asdict(),
         "shards": manifest.shards,
         "failures": {
-            name: [*f.state, f.sidecar, f.problem] for name, f in manifest.failures.items()
+            name: [*f.state, f.sidecar, f.problem, f.kind] for name, f in manifest.failures.items()
         },
         "surroundings": manifest.dependency_digest,
     }
@@ -277,9 +284,10 @@ def remove_shard(folder: Path, name: str) -> None:
 
 def _parse(content: dict[str, Any]) -> Manifest:
     failures = {}
-    for name, (mtime_ns, size, ctime_ns, sidecar, problem) in content["failures"].items():
+    for name, (mtime_ns, size, ctime_ns, sidecar, *told) in content["failures"].items():
         state = FileState(int(mtime_ns), int(size), int(ctime_ns))
-        failures[name] = FailedFile(state, int(sidecar), str(problem))
+        problem, kind = told if len(told) == 2 else (*told, "")
+        failures[name] = FailedFile(state, int(sidecar), str(problem), str(kind))
     shards = tuple(content["shards"])
     if not all(isinstance(name, str) and _SHARD_NAME.fullmatch(name) for name in shards):
         raise ValueError("a shard has a name that no index gives")

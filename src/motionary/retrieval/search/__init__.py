@@ -1,8 +1,13 @@
 """Search in a collection by example, class, template or keyframes."""
 
-from motionary.retrieval.search.keyframes import Deriving, derive_queries
+from motionary.retrieval.search.keyframes import Deriving, derive_queries, suggest_queries
 from motionary.retrieval.search.ranking import Hit, SearchResult
-from motionary.retrieval.search.searching import QueryExpansion, RelevanceFeedback, search
+from motionary.retrieval.search.searching import (
+    QueryExpansion,
+    RelevanceFeedback,
+    class_of_result,
+    search,
+)
 
 __all__ = [
     "Deriving",
@@ -10,6 +15,8 @@ __all__ = [
     "QueryExpansion",
     "RelevanceFeedback",
     "SearchResult",
+    "class_of_result",
     "derive_queries",
     "search",
+    "suggest_queries",
 ]

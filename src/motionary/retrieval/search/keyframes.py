@@ -51,6 +51,9 @@ _LEAST_WORTH = 0.05
 _FULL_WORTH_AT = 5
 #: A query that no segment completes is of use if it leaves at most so many times as much.
 _STILL_OF_USE = 2.0
+# Fractions of the frames that keyframes may leave: in a small collection of a few classes,
+# a class is not rare.
+_MAY_BE_LEFT = (0.12, 0.25, 0.5, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +189,24 @@ def derive_queries(
         queries.append(query)
         left = [run for run in left if run not in used]
     return tuple(queries)
+
+
+def suggest_queries(
+    templates: Sequence[MotionTemplate], collection: Collection
+) -> tuple[KeyframeQuery, ...]:
+    """Queries derived from templates, as selective as they can be.
+
+    Raises
+    ------
+    InvalidInput
+        If nothing in the templates is rare.
+    """
+    for fraction in _MAY_BE_LEFT:
+        deriving = Deriving(frames_left=fraction)
+        derived = [derive_queries(template, collection, deriving) for template in templates]
+        if any(derived):
+            return tuple(query for queries in derived for query in queries)
+    raise InvalidInput("nothing in the template is rare enough to be a keyframe")
 
 
 class _Piece(NamedTuple):

@@ -22,7 +22,7 @@ from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
 from motionary.io import ReadOptions
 from motionary.matching import Pattern, align, distance_function
 from motionary.models.keyframes import KeyframeQuery
-from motionary.models.library import MotionClass
+from motionary.models.library import MotionClass, Prototype
 from motionary.models.templates import MotionTemplate, learn_template, pattern_of, quantise
 from motionary.motion import Motion
 from motionary.packing import unpack
@@ -194,6 +194,26 @@ def expand(
             most, is_first = max(expansion.reach * others[0].cost, _NEAR), False
         template = _learn(example, [_features_of(hit) for hit in others])
     return template, _to_pattern(example, template, expansion, ones)
+
+
+def class_of_result(
+    result: SearchResult, name: str, collection: Collection, expansion: QueryExpansion
+) -> MotionClass:
+    """Class that finds what an example found: at the same costs, around the same keyframes.
+
+    Parameters
+    ----------
+    result : of a search by example
+    name : of the class
+    collection, expansion : as in the search
+    """
+    background = collection.feature_prior.tolist() if expansion.by_self_information else ()
+    return MotionClass(
+        name,
+        (Prototype(name, result.templates[0], result.queries),),
+        tolerance=expansion.tolerance,
+        background=tuple(background),
+    )
 
 
 def _patterns_of(
