@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cli_cases import write_bvh
-from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.errors import InvalidInput, NotAMotion, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY_2006
 from motionary.io import ReadOptions
 from motionary.retrieval.index import CACHE_VARIABLE, Index, collect
@@ -166,6 +166,20 @@ def test_failures_are_told_and_not_tried_again(folder, place):
     assert read == []
     assert [f.item for f in index.failures] == [failure.item]
     assert index.collection().failures[0].item == failure.item
+
+
+def test_an_index_keeps_the_kind_of_a_failure(folder, place):
+    np.save(folder / "image.npy", np.ones((4, 4)))
+    update(folder, place)
+    (failure,) = Index.open(folder, at=place).failures
+    assert type(failure.error) is NotAMotion
+    # An index that was written before kinds were kept: the file is tried again.
+    manifest = json.loads((place / "index.json").read_text())
+    manifest["failures"] = {name: told[:-1] for name, told in manifest["failures"].items()}
+    (place / "index.json").write_text(json.dumps(manifest))
+    index, read = update(folder, place)
+    assert read == ["image.npy"]
+    assert type(index.failures[0].error) is NotAMotion
 
 
 def test_a_failure_is_tried_again_when_the_file_has_changed(folder, place, tmp_path):
