@@ -9,9 +9,8 @@ import typer
 from motionary.cli import screen
 from motionary.cli.options import (
     AsJson,
-    Excel,
     Jobs,
-    check_excel,
+    TableOptions,
     check_target,
     picture_path,
     wrong,
@@ -28,8 +27,8 @@ _COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
 
 
 @dataclass(frozen=True, kw_only=True)
-class LabelOptions:
-    """What counts as a label, and where labels go."""
+class LabelOptions(TableOptions):
+    """What counts as a label, and what is shown of it."""
 
     library: Annotated[
         str | None, typer.Option(metavar="LIB", help="A folder that `motionary learn` wrote.")
@@ -40,10 +39,6 @@ class LabelOptions:
             min=0.0, metavar="COST", help="Largest cost of a match; by default each class's own."
         ),
     ] = None
-    output: Annotated[
-        str | None, typer.Option("--output", "-o", metavar="CSV", help="Write a table of labels.")
-    ] = None
-    excel: Excel = False
     plot: Annotated[
         str | None,
         typer.Option(metavar="FOLDER", help="Draw each recording's labels and distances."),
@@ -76,7 +71,7 @@ def annotate(
     from motionary.batch import Failure
     from motionary.io import write_labels
 
-    check_excel(options.excel, options.output)
+    options.check()
     library = _library(options)
     found = find_files(files)
     failures, tracks = [], []
@@ -108,7 +103,6 @@ def _library(options: LabelOptions) -> "ClassLibrary":
         )
     from motionary.models.library import load_library
 
-    check_target(options.output)
     check_target(options.plot, is_folder=True)
     return load_library(options.library)
 

@@ -11,9 +11,8 @@ import typer
 from motionary.cli import screen
 from motionary.cli.options import (
     AsJson,
-    Excel,
     Jobs,
-    check_excel,
+    TableOptions,
     check_picture,
     check_target,
 )
@@ -43,7 +42,7 @@ _WRITTEN = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class InfoOptions:
+class InfoOptions(TableOptions):
     """Where else to write what is said."""
 
     save_mapping: Annotated[
@@ -57,10 +56,6 @@ class InfoOptions:
         str | None,
         typer.Option(metavar="PNG", help="Draw the first pose of each recording in its axes."),
     ] = None
-    output: Annotated[
-        str | None, typer.Option("--output", "-o", metavar="CSV", help="Write the table.")
-    ] = None
-    excel: Excel = False
 
 
 def info(
@@ -79,10 +74,9 @@ def info(
     """
     from motionary.batch import Failure
 
-    for target in (options.save_mapping, options.output):
-        check_target(target)
+    check_target(options.save_mapping)
     check_picture("--plot", options.plot)
-    check_excel(options.excel, options.output)
+    options.check()
     found = find_files(files)
     rows: list[dict[str, Any]] = []
     failed = bool(found.missing)

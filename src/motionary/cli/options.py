@@ -9,7 +9,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
@@ -70,6 +70,28 @@ Excel = Annotated[
 ]
 
 
+@dataclass(frozen=True, kw_only=True)
+class TableOptions:
+    """A table that results are written to."""
+
+    output: Annotated[
+        str | None,
+        typer.Option("--output", "-o", metavar="CSV", help="Write the results as a table, too."),
+    ] = None
+    excel: Excel = False
+
+    def check(self) -> None:
+        """Fail before the work where there is no table, or it cannot be written.
+
+        Raises
+        ------
+        BadParameter, UnwritableFile
+        """
+        if self.excel and self.output is None:
+            raise wrong("--excel", "goes with --output CSV")
+        check_target(self.output)
+
+
 def _check_feature_set(value: str | None) -> str | None:
     if value is not None:
         find_feature_set(value)
@@ -119,12 +141,6 @@ def picture_path(folder: str, name: str) -> Path:
     """The path of a picture, its name as file systems like it; folders in it become part of it."""
     called = re.sub(r"[^\w.+-]+", "_", name).strip("._") or "picture"
     return Path(folder, f"{called}.png")
-
-
-def check_excel(excel: bool, output: str | None) -> None:
-    """Fail where there is no table to write as Excel opens it."""
-    if excel and output is None:
-        raise wrong("--excel", "goes with --output CSV")
 
 
 def check_target(path: str | None, *, is_folder: bool = False) -> None:

@@ -12,10 +12,9 @@ from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.convert import cut_labels
 from motionary.cli.options import (
     AsJson,
-    Excel,
     Jobs,
     LibraryDefault,
-    check_excel,
+    TableOptions,
     check_picture,
     check_target,
     wrong,
@@ -75,13 +74,9 @@ class HitOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResultOptions:
+class ResultOptions(TableOptions):
     """What becomes of the hits, and of what they were found with."""
 
-    output: Annotated[
-        str | None, typer.Option("--output", "-o", metavar="CSV", help="Write a table of hits.")
-    ] = None
-    excel: Excel = False
     cut: Annotated[
         str | None, typer.Option(metavar="FOLDER", help="Write each hit as a clip (BVH, AMC).")
     ] = None
@@ -126,10 +121,12 @@ def search(
     motionary search recordings/ --class squat --library my-classes
     motionary search recordings/ --query "right hand fast, then within 0.5 s right hand low"
     """
+    from motionary.io import write_labels
     from motionary.retrieval.search import QueryExpansion
     from motionary.retrieval.search import search as search_for
 
     _check_use(options, results)
+    results.check()
     ranks = read_ranks(options)
     query = read_query(options, reading)
     opener = Opener(reading=reading, feature_set=query.feature_set, jobs=jobs)
@@ -148,6 +145,8 @@ def search(
         result = find(feedback, limit=which.limit or None)
     else:
         result = find(query.what, limit=which.limit or None)
+    if results.output:
+        write_labels(_to_tracks(result, query.name), results.output, excel=results.excel)
     _save(result, results, query, opened, expansion, reading=reading)
     if as_json:
         _say_json(result)
@@ -172,9 +171,7 @@ def _check_use(options: QueryOptions, results: ResultOptions) -> None:
             raise wrong(option, "goes with --like FILE")
     check_picture("--sheet", results.sheet)
     check_picture("--template", results.template)
-    check_excel(results.excel, results.output)
-    for path in (results.output, results.save_query):
-        check_target(path)
+    check_target(results.save_query)
     for path in (results.cut, results.save_class):
         check_target(path, is_folder=True)
 
@@ -215,10 +212,6 @@ def _save(
 
         figure = plot_template(result.templates[0], tolerance=expansion.tolerance)
         save(figure, results.template)
-    if results.output:
-        from motionary.io import write_labels
-
-        write_labels(_to_tracks(result, query.name), results.output, excel=results.excel)
     if results.save_query:
         from motionary.io import write_text
         from motionary.models.keyframes import format_queries

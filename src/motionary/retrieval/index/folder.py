@@ -16,13 +16,7 @@ import numpy as np
 
 from motionary import __version__
 from motionary.batch import Failure
-from motionary.errors import (
-    InvalidInput,
-    NotAMotion,
-    NotHuman,
-    UnknownSkeleton,
-    UnreadableFile,
-)
+from motionary.errors import InvalidInput, MotionaryError, NotAMotion, NotHuman, UnreadableFile
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
 from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder
 from motionary.retrieval.index.collection import Collection
@@ -48,11 +42,8 @@ _PORTION_FRAMES = 1 << 18
 _LARGE = 1 << 20
 _SMALL_ONES = 8
 
-# Of a file that could not be read, an index keeps the class of the error by its name.
-_KINDS = {
-    kind.__name__: kind
-    for kind in (InvalidInput, NotAMotion, NotHuman, UnknownSkeleton, UnreadableFile)
-}
+# Errors that callers tell from others; an index keeps their class by its name.
+_KINDS: dict[str, type[MotionaryError]] = {"NotAMotion": NotAMotion, "NotHuman": NotHuman}
 
 _ATTEMPTS = 3
 _LEFT_ALONE_S = 3600.0
@@ -169,10 +160,7 @@ class Index:
     def failures(self) -> tuple[Failure[NamedFile], ...]:
         """Files that could not be read, and why."""
         return tuple(
-            Failure(
-                (name, self.folder / name),
-                _KINDS.get(f.kind, UnreadableFile)(f"{Path(name).name}{f.problem}"),
-            )
+            Failure((name, self.folder / name), _error(Path(name).name, f))
             for name, f in sorted(self._manifest.failures.items())
         )
 
@@ -401,6 +389,10 @@ def _problem(failure: Failure[NamedFile]) -> str:
         if text.startswith(name):
             return text.removeprefix(name)
     return f": {text}"
+
+
+def _error(name: str, failed: FailedFile) -> MotionaryError:
+    return _KINDS.get(failed.kind, UnreadableFile)(f"{name}{failed.problem}")
 
 
 def _count_frames(portion: Sequence[tuple[str, FeatureSequence | Failure[NamedFile]]]) -> int:
