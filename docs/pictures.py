@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import motionary as mo
-from motionary.batch import write_atomically
 from motionary.features import FULL_BODY
+from motionary.files import write_atomically
 from motionary.matching import distance_function
 from motionary.models.library import TrainingOptions, learn_classes
 from motionary.plots import (

@@ -1,16 +1,14 @@
-"""Do batches keep their order and finish, and are results written whole or not at all?"""
+"""Batches keep their order, and finish whatever goes wrong with one item."""
 
 import os
-import stat
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
-from motionary.batch import Failure, map_ordered, write_atomically
-from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.batch import Failure, map_ordered
+from motionary.errors import InvalidInput, ProgramFault, UnreadableFile
 
 
 def slow_square(n):
@@ -28,10 +26,39 @@ def divide_by_zero(n):
     return 1 // (n - 2)
 
 
-def begin_to_write(path, text, error):
-    with write_atomically(path) as beside:
-        beside.write_text(text)
-        raise error
+def recurse(n):
+    return recurse(n) if n == 2 else n
+
+
+def need_too_much(n):
+    if n == 2:
+        raise MemoryError
+    return n
+
+
+class Unsendable(Exception):
+    def __init__(self, first, second):
+        super().__init__(first)
+
+
+def raise_what_cannot_be_sent(n):
+    if n == 2:
+        raise Unsendable("one line\nand another", second=lambda: n)
+    return n
+
+
+def return_what_cannot_be_sent(n):
+    return (lambda: n) if n == 2 else n
+
+
+def end_process(n):
+    if n == 2:
+        os._exit(9)
+    return n
+
+
+def stop(n):
+    raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -49,10 +76,77 @@ def test_results_come_in_order_and_failures_among_them(jobs):
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_fault_of_the_program_is_raised(jobs):
-    results = map_ordered(divide_by_zero, range(9), jobs=jobs)
-    with pytest.raises(ZeroDivisionError):
-        list(results)
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (divide_by_zero, "ZeroDivisionError: integer division or modulo by zero"),
+        (recurse, "RecursionError"),
+        (need_too_much, "MemoryError"),
+        (raise_what_cannot_be_sent, "Unsendable: one line"),
+    ],
+)
+def test_a_fault_of_the_program_is_the_failure_of_one_item(function, words, jobs):
+    results = list(map_ordered(function, range(5), jobs=jobs))
+    (failure,) = (result for result in results if isinstance(result, Failure))
+    assert results[3:] + results[:2] == [function(n) for n in (3, 4, 0, 1)]
+    assert failure.item == 2
+    assert isinstance(failure.error, ProgramFault)
+    assert words in str(failure.error)
+    assert "please report" in str(failure.error)
+    assert len(str(failure.error).splitlines()) == 1
+
+
+def test_a_result_that_cannot_be_sent_is_the_failure_of_its_item():
+    results = list(map_ordered(return_what_cannot_be_sent, range(4), jobs=2))
+    assert [isinstance(result, Failure) for result in results] == [False, False, True, False]
+
+
+def test_a_process_that_is_ended_costs_its_item_only():
+    results = list(map_ordered(end_process, range(12), jobs=2))
+    failure = results.pop(2)
+    assert results == [n for n in range(12) if n != 2]
+    assert isinstance(failure, Failure)
+    assert "its process was ended" in str(failure.error)
+
+
+def test_the_keyboard_still_stops_a_batch():
+    with pytest.raises(KeyboardInterrupt):
+        list(map_ordered(stop, range(3)))
+
+
+FOREIGN = """
+from pathlib import Path
+Path("ran").touch()
+raise ImportError("code of a folder of recordings was run")
+"""
+
+
+@pytest.mark.parametrize("name", ["pickle", "numpy", "secrets", "socket"])
+def test_processes_run_no_code_of_the_current_folder(tmp_path, name):
+    (tmp_path / f"{name}.py").write_text(FOREIGN)
+    # The program starts like an installed script, whose own folder is searched first.
+    script = tmp_path / "bin" / "program.py"
+    script.parent.mkdir()
+    script.write_text(PROGRAM)
+    done = subprocess.run(
+        [sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.returncode) == ("[3, 3]\n", 0), done.stderr
+    assert not (tmp_path / "ran").exists()
+
+
+PROGRAM = """
+from motionary.batch import map_ordered
+
+if __name__ == "__main__":
+    print(list(map_ordered(len, ["abc", "def"], jobs=2)))
+"""
+
+
+def test_the_environment_is_left_as_it_was(monkeypatch):
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    assert list(map_ordered(slow_square, [2], jobs=2)) == [4]
+    assert "PYTHONSAFEPATH" not in os.environ
 
 
 def test_nothing_to_do_is_done():
@@ -99,59 +193,3 @@ def test_workers_end_with_a_program_that_is_killed(tmp_path):
 def test_the_number_of_processes_is_checked_at_once():
     with pytest.raises(InvalidInput, match="jobs"):
         map_ordered(slow_square, [1], jobs=0)
-
-
-def test_a_file_is_written_whole(tmp_path):
-    path = tmp_path / "new" / "résult one.csv"
-    with write_atomically(path) as beside:
-        assert (beside.suffix, beside.parent) == (".csv", path.parent)
-        assert not path.exists()
-        beside.write_text("all")
-    assert path.read_text() == "all"
-    assert [p.name for p in path.parent.iterdir()] == [path.name]
-
-
-@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, MemoryError])
-def test_after_an_exception_the_old_file_stands_and_nothing_else(tmp_path, error):
-    path = tmp_path / "labels.csv"
-    path.write_text("old")
-    with pytest.raises(error):
-        begin_to_write(path, "ne", error())
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_failed_first_write_leaves_nothing(tmp_path):
-    full = OSError(28, "No space left on device")
-    with pytest.raises(UnwritableFile, match=r"a\.npz: cannot be written: No space"):
-        begin_to_write(tmp_path / "a.npz", "ne", full)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("place", ["file/a.csv", "folder"])
-def test_places_that_cannot_be_written(tmp_path, place):
-    (tmp_path / "file").touch()
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(UnwritableFile, match=r"cannot be written.*choose a folder"):
-        begin_to_write(tmp_path / place, "ne", AssertionError("there is nothing to write to"))
-
-
-@pytest.mark.skipif(
-    os.name != "posix" or os.geteuid() == 0, reason="this user may write to every folder"
-)
-def test_a_read_only_folder(tmp_path):
-    tmp_path.chmod(0o555)
-    try:
-        with pytest.raises(UnwritableFile, match="cannot be written"):
-            begin_to_write(tmp_path / "a.csv", "ne", AssertionError("there is nothing to write to"))
-    finally:
-        tmp_path.chmod(0o755)
-
-
-@pytest.mark.skipif(os.name != "posix", reason="rights of files are POSIX's here")
-def test_results_have_the_rights_of_any_new_file(tmp_path):
-    with write_atomically(tmp_path / "a.csv") as beside:
-        beside.write_text("x")
-    Path(tmp_path / "b.csv").write_text("x")
-    rights = [stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("a.csv", "b.csv")]
-    assert rights[0] == rights[1]

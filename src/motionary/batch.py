@@ -1,27 +1,30 @@
-"""The same work for many files, in order, and results written whole or not at all.
+"""One function for many items, in one process or several.
 
-Results come in the order of the items, whatever the number of processes. One broken
-file is a result among others, so that a batch finishes the rest.
+Results come in the order of the items, whatever the number of processes. Whatever goes wrong
+with one item is a result among others, so that a batch finishes the rest.
 """
 
 import os
 import signal
-import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from motionary.errors import InvalidInput, MotionaryError, UnwritableFile
+from motionary.errors import InvalidInput, MotionaryError, ProgramFault
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
+    from concurrent.futures import Future, ProcessPoolExecutor
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+#: Variable by which Python leaves the current folder out of where it imports from.
+SAFE_PATH = "PYTHONSAFEPATH"
+
+_LONGEST_REASON = 200
 
 # Items handed out per process ahead of the one whose result is awaited.
 _AHEAD = 4
@@ -60,8 +63,8 @@ def map_ordered(
 
     Yields
     ------
-    The result, or a `Failure` if the function raised a `MotionaryError`. Any other
-    exception is a fault of the program and is raised.
+    The result, or a `Failure`. Of an exception that is no `MotionaryError`, or where a
+    process was ended, its error is a `ProgramFault`.
 
     Raises
     ------
@@ -93,24 +96,101 @@ def _map_here(
 def _map_in_pool(
     function: Callable[[Item], Result], items: Iterable[Item], jobs: int
 ) -> Iterator[tuple[Item, Result | Failure[Item]]]:
+    workers = _Workers(function, jobs)
+    waiting: deque[tuple[Item, Future[Result | Failure[Item]]]] = deque()
+    try:
+        for item in items:
+            waiting.append((item, workers.submit(item)))
+            if len(waiting) >= _AHEAD * jobs:
+                yield workers.wait_for(*waiting.popleft())
+        while waiting:
+            yield workers.wait_for(*waiting.popleft())
+    finally:
+        for _, future in waiting:
+            future.cancel()
+        workers.end()
+
+
+class _Workers(Generic[Item, Result]):
+    """Processes that do one function; new ones where one was ended from outside."""
+
+    def __init__(self, function: Callable[[Item], Result], jobs: int) -> None:
+        self._function, self._jobs = function, jobs
+        self._pool = _make_pool(jobs)
+
+    def submit(self, item: Item) -> "Future[Result | Failure[Item]]":
+        from concurrent.futures.process import BrokenProcessPool
+
+        with _safe_path():
+            try:
+                return self._pool.submit(_attempt, self._function, item)
+            except BrokenProcessPool:
+                self.end()
+                self._pool = _make_pool(self._jobs)
+                return self._pool.submit(_attempt, self._function, item)
+
+    def wait_for(
+        self, item: Item, future: "Future[Result | Failure[Item]]"
+    ) -> tuple[Item, Result | Failure[Item]]:
+        from concurrent.futures.process import BrokenProcessPool
+
+        try:
+            return item, future.result()
+        except BrokenProcessPool:
+            # Which of the items ended the process is found by doing each alone.
+            return item, _do_alone(self._function, item)
+        except Exception as error:
+            # The result could not be handed over.
+            return item, _fault(item, error)
+
+    def end(self) -> None:
+        self._pool.shutdown()
+
+
+def _do_alone(function: Callable[[Item], Result], item: Item) -> Result | Failure[Item]:
+    """The result of an item in a process of its own."""
+    from concurrent.futures.process import BrokenProcessPool
+
+    with _safe_path(), _make_pool(1) as pool:
+        try:
+            return pool.submit(_attempt, function, item).result()
+        except BrokenProcessPool:
+            return Failure(
+                item,
+                ProgramFault(
+                    "its process was ended from outside, or crashed; it may need more memory "
+                    "than there is"
+                ),
+            )
+
+
+def _make_pool(jobs: int) -> "ProcessPoolExecutor":
     # Imported late: most runs need no pool, and it costs a fifth of their start.
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
     # Spawned everywhere, so that what works on one system works on the others.
-    context = get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, _follow_parent) as pool:
-        waiting: deque[tuple[Item, Future[Result | Failure[Item]]]] = deque()
-        try:
-            for item in items:
-                waiting.append((item, pool.submit(_attempt, function, item)))
-                if len(waiting) >= _AHEAD * jobs:
-                    yield _await(waiting)
-            while waiting:
-                yield _await(waiting)
-        finally:
-            for _, future in waiting:
-                future.cancel()
+    with _safe_path():
+        return ProcessPoolExecutor(jobs, get_context("spawn"), _follow_parent)
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Let processes that are started meanwhile import nothing from the current folder.
+
+    Each begins as `python -c`, with the current folder first on its path: a `pickle.py`
+    among the recordings would be run. What the program itself imports from is handed over
+    afterwards.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(SAFE_PATH, None)
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 def _follow_parent() -> None:
@@ -128,68 +208,21 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _await(
-    waiting: "deque[tuple[Item, Future[Result | Failure[Item]]]]",
-) -> tuple[Item, Result | Failure[Item]]:
-    item, future = waiting.popleft()
-    return item, future.result()
-
-
 def _attempt(function: Callable[[Item], Result], item: Item) -> Result | Failure[Item]:
     try:
         return function(item)
     except MotionaryError as error:
         return Failure(item, error)
+    except Exception as error:
+        return _fault(item, error)
 
 
-@contextmanager
-def write_atomically(path: str | Path) -> Iterator[Path]:
-    """A path beside `path` to write to; on success it takes the place of `path`.
-
-    After an exception, or if the program is killed, `path` is what it was before. The
-    path beside has the same suffix. Folders above `path` are made.
-
-    Raises
-    ------
-    UnwritableFile
-        If the folder or the file cannot be written.
-    """
-    path = Path(path)
-    with _as_unwritable(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise IsADirectoryError("a folder of this name exists")
-        handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.stem[:40]}-", suffix=path.suffix
-        )
-        os.close(handle)
-    beside = Path(name)
-    try:
-        with _as_unwritable(path):
-            _give_usual_rights(beside)
-            yield beside
-            beside.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            beside.unlink()
-        raise
-
-
-@contextmanager
-def _as_unwritable(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except MotionaryError:
-        raise
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise UnwritableFile(
-            f"{path}: cannot be written: {reason}; choose a folder that you may write to"
-        ) from error
-
-
-def _give_usual_rights(path: Path) -> None:
-    # Temporary files are for their owner only; results are made like any other file.
-    mask = os.umask(0)
-    os.umask(mask)
-    path.chmod(0o666 & ~mask)
+def _fault(item: Item, error: Exception) -> Failure[Item]:
+    """What nobody foresaw, as the failure of one item among others."""
+    lines = str(error).splitlines()
+    text = (
+        f"{type(error).__name__}: {lines[0][:_LONGEST_REASON]}" if lines else type(error).__name__
+    )
+    fault = ProgramFault(f"could not be done: {text}; please report this with the file")
+    fault.__cause__ = error
+    return Failure(item, fault)

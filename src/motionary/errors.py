@@ -61,9 +61,17 @@ class UnreadableFile(MotionaryError, OSError):
     """A file cannot be read: missing, broken, or of an unknown format."""
 
 
+class NotAFile(UnreadableFile):
+    """A path leads to a folder, a named pipe, a device or a socket."""
+
+
 class NotAMotion(UnreadableFile):
     """A file can be read and holds something else than a motion."""
 
 
 class UnwritableFile(MotionaryError, OSError):
     """A result cannot be written where it was asked for."""
+
+
+class ProgramFault(MotionaryError, RuntimeError):
+    """Something went wrong in the program, not by its input, while one of many was done."""

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 
@@ -314,17 +313,22 @@ def test_a_reader_that_leaves_ends_the_command_quietly(world):
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
 def test_the_keyboard_stops_a_command_quietly(world, tmp_path):
-    fifo = tmp_path / "endless.bvh"
-    os.mkfifo(fifo)
+    n_takes = 2000
+    for number in range(n_takes):
+        (tmp_path / f"{number}.bvh").hardlink_to(world / "take.bvh")
     process = subprocess.Popen(
-        [*COMMAND, "info", str(fifo)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*COMMAND, "info", str(tmp_path), "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
-    # It is reading once the other end of the pipe can be opened.
-    with fifo.open("w"):
-        time.sleep(0.1)
-        process.send_signal(signal.SIGINT)
-        out, errors = process.communicate(timeout=60)
-    assert (process.returncode, out, errors) == (130, "", "")
+    # It is at work once the first answers come.
+    first = process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    out, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (130, "")
+    assert json.loads(first)
+    assert out.count("\n") < n_takes - 1
 
 
 def on_terminal(*arguments, stream, columns=80):

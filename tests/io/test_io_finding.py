@@ -12,6 +12,7 @@ from motionary.io import (
     name_recordings,
     read,
     recording_name,
+    scan_folder,
 )
 
 FILES = ("b.bvh", "a.AMC", "sub/c.amc", "sub/deep er/d.bvh", "sub/notes.txt", "body.asf")
@@ -32,6 +33,31 @@ def test_a_folder_is_searched_to_the_bottom_hidden_files_are_not(folder):
     found = find_recordings([folder])
     assert found == sorted(folder / name for name in FILES if name[-4:].lower() in MOTION_SUFFIXES)
     assert find_recordings(folder) == find_recordings(str(folder)) == found
+
+
+def test_linked_folders_are_searched_once_and_cycles_told(folder):
+    away = folder.parent / "away"
+    away.mkdir()
+    (away / "z.bvh").touch()
+    (folder / "first").symlink_to(away)
+    (folder / "sub" / "up").symlink_to(folder)
+    (away / "back").symlink_to(folder / "sub")
+    skipped = []
+    found = name_recordings(folder, on_skip=skipped.append)
+    assert "first/z.bvh" in found
+    assert [name for name in found if name.startswith(("sub/up", "first/back"))] == []
+    assert len(skipped) == 2
+    for name in ("up", "back"):
+        assert any(f"{name}: leads to a folder that is searched already" in s for s in skipped)
+    assert list(scan_folder(folder)) == list(found)
+
+
+def test_a_link_to_itself_hides_no_other_file(folder):
+    (folder / "self.bvh").symlink_to("self.bvh")
+    assert {"a.AMC", "self.bvh"} <= name_recordings(folder).keys()
+    assert "self.bvh" in scan_folder(folder)
+    with pytest.raises(UnreadableFile, match="Too many levels"):
+        read(folder / "self.bvh")
 
 
 def test_names_are_paths_below_the_folder(folder):

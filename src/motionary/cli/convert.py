@@ -279,7 +279,7 @@ def features(
 def _write_npz(sequence: "FeatureSequence", path: str) -> None:
     import numpy as np
 
-    from motionary.batch import write_atomically
+    from motionary.files import write_atomically
 
     with write_atomically(path) as beside:
         np.savez_compressed(

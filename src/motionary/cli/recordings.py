@@ -12,7 +12,7 @@ import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.options import AsJson, Jobs
-from motionary.errors import NotAMotion, NotHuman, UnreadableFile, UnwritableFile
+from motionary.errors import NotAFile, NotAMotion, NotHuman, UnreadableFile, UnwritableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def find_files(paths: Iterable[str]) -> Found:
     missing: dict[str, UnreadableFile] = {}
     for path in paths:
         try:
-            name_recordings(path)
+            name_recordings(path, on_skip=screen.warn)
         except UnreadableFile as error:
             missing[path] = error
         else:
@@ -139,7 +139,7 @@ def warn_of_all(
 
 def is_passed_over(failure: "Failure[NamedFile]", given: Collection[str]) -> bool:
     """Whether a file is no motion of a person, and was not named but found."""
-    is_other = isinstance(failure.error, (NotAMotion, NotHuman))
+    is_other = isinstance(failure.error, (NotAFile, NotAMotion, NotHuman))
     return is_other and str(failure.item[1]) not in given
 
 
@@ -313,6 +313,8 @@ def list_missing(index: "Index") -> list[UnreadableFile]:
 
 def update_index(index: "Index", changes: "Changes", *, jobs: int) -> bool:
     """Read what changed; whether that was stopped from the keyboard."""
+    for reason in changes.skipped:
+        screen.warn(reason)
     try:
         with screen.progress("reading", len(changes.to_read)) as done:
             index.update(changes, jobs=jobs, on_done=done)

@@ -6,9 +6,11 @@ as wide as their widest cell, so that each row stays one line.
 """
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -19,7 +21,12 @@ _MOST_NAMES = 5
 
 
 def prepare_streams() -> None:
-    """Let no letter that the terminal cannot show end a command."""
+    """Let no letter that the terminal cannot show end a command, and no closed stream."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            # Its number must not become that of the next file that is opened.
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
+            warn(f"{name} is closed: what would be shown there is lost")
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")

@@ -18,8 +18,9 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-from motionary.batch import Failure, map_ordered, write_atomically
+from motionary.batch import Failure, map_ordered
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.files import read_bytes, write_atomically
 from motionary.io.finding import match_recording
 from motionary.io.formats import FORMATS, find_format, load_function
 from motionary.io.options import ReadOptions
@@ -226,11 +227,7 @@ def _read(path: Path) -> _Text:
     """Lines of a file; of a plain one byte for byte, whatever its encoding."""
     if path.suffix.lower() == PACKED:
         return _Text(_split(read_text(path)), is_raw=False)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise UnreadableFile(f"{path}: cannot be read: {reason}") from error
+    content = read_bytes(path)
     if content.startswith(_MARKS):
         return _Text(_split(read_text(path)), is_raw=False)
     return _Text(_split(content.decode("latin-1")), is_raw=True)

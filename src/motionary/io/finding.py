@@ -11,8 +11,8 @@ import glob
 import hashlib
 import itertools
 import os
-from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
@@ -21,6 +21,10 @@ from motionary.io.formats import MOTION_SUFFIXES
 from motionary.io.text import format_suffix, stem_of
 
 NO_SIDECAR = 0
+
+#: Takes why a folder is passed over, in one line.
+OnSkip = Callable[[str], None]
+
 _READ_WITH_SKELETON = (".amc", ".amc.gz")
 
 
@@ -43,16 +47,23 @@ def find_recordings(
 
 
 def name_recordings(
-    paths: str | Path | Iterable[str | Path], *, suffixes: Collection[str] = MOTION_SUFFIXES
+    paths: str | Path | Iterable[str | Path],
+    *,
+    suffixes: Collection[str] = MOTION_SUFFIXES,
+    on_skip: OnSkip | None = None,
 ) -> dict[str, Path]:
     """The same with their names, sorted by name.
 
     Two files of one name, from two folders, are called by their folders too.
+
+    Parameters
+    ----------
+    on_skip : called with the reason where a link leads to a folder that is searched already
     """
     given = [paths] if isinstance(paths, str | Path) else list(paths)
     found: dict[Path, tuple[Path, str]] = {}
     for path in given:
-        for file, name in _find(Path(path), suffixes):
+        for file, name in _find(Path(path), suffixes, on_skip):
             found.setdefault(file.absolute(), (file, name))
     return dict(sorted(_tell_apart(list(found.values())).items()))
 
@@ -66,7 +77,10 @@ class FileState(NamedTuple):
 
 
 def scan_folder(
-    folder: str | Path, *, suffixes: Collection[str] = MOTION_SUFFIXES
+    folder: str | Path,
+    *,
+    suffixes: Collection[str] = MOTION_SUFFIXES,
+    on_skip: OnSkip | None = None,
 ) -> dict[str, FileState]:
     """Recordings below a folder by name, sorted, with the state of their files.
 
@@ -85,7 +99,10 @@ def scan_folder(
         reason = error.strerror or str(error)
         raise UnreadableFile(f"{folder}: cannot be searched: {reason}") from error
     cut = len(str(folder).rstrip(os.sep)) + 1
-    found = ((entry.path[cut:].replace(os.sep, "/"), entry) for entry in _entries(folder, suffixes))
+    found = (
+        (entry.path[cut:].replace(os.sep, "/"), entry)
+        for entry in _entries(folder, suffixes, on_skip)
+    )
     return {name: _state(entry) for name, entry in sorted(found, key=lambda pair: pair[0])}
 
 
@@ -124,9 +141,9 @@ def _without_suffix(path: PurePosixPath) -> PurePosixPath:
     return path.with_name(stem_of(path)) if format_suffix(path) in MOTION_SUFFIXES else path
 
 
-def _find(path: Path, suffixes: Collection[str]) -> list[tuple[Path, str]]:
+def _find(path: Path, suffixes: Collection[str], on_skip: OnSkip | None) -> list[tuple[Path, str]]:
     if path.is_dir():
-        files = _walk(path, suffixes)
+        files = sorted(Path(entry.path) for entry in _entries(path, suffixes, on_skip))
         if not files:
             known = ", ".join(sorted(suffixes))
             raise UnreadableFile(f"{path}: no recordings in this folder; looked for {known}")
@@ -153,26 +170,43 @@ def _match(pattern: Path) -> list[Path]:
     )
 
 
-def _walk(folder: Path, suffixes: Collection[str]) -> list[Path]:
-    return sorted(Path(entry.path) for entry in _entries(folder, suffixes))
+def _entries(
+    folder: str | Path, suffixes: Collection[str], on_skip: OnSkip | None = None
+) -> Iterator[os.DirEntry[str]]:
+    """Recordings below a folder, hidden folders left out; each folder is searched once.
 
-
-def _entries(folder: str | Path, suffixes: Collection[str]) -> Iterator[os.DirEntry[str]]:
-    """Recordings below a folder; links to folders are not followed, nor hidden ones."""
-    waiting = [str(folder)]
-    while waiting:
+    A link to a folder is followed after all folders that are no links.
+    """
+    waiting, linked = [str(folder)], deque[str]()
+    searched: set[tuple[int, int]] = set()
+    while waiting or linked:
+        path = waiting.pop() if waiting else linked.popleft()
         try:
-            with os.scandir(waiting.pop()) as entries:
+            status = Path(path).stat()
+            if (status.st_dev, status.st_ino) in searched:
+                if on_skip is not None:
+                    on_skip(f"{path}: leads to a folder that is searched already; passed over")
+                continue
+            searched.add((status.st_dev, status.st_ino))
+            with os.scandir(path) as entries:
                 listed = list(entries)
         except OSError:
             # A folder below that may not be read hides its own files, not the others.
             continue
         for entry in listed:
-            if not entry.is_dir():
+            if not _is_folder(entry):
                 if _is_recording(entry.name, suffixes):
                     yield entry
-            elif not entry.name.startswith(".") and not entry.is_symlink():
-                waiting.append(entry.path)
+            elif not entry.name.startswith("."):
+                (linked if entry.is_symlink() else waiting).append(entry.path)
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:
+        # A link to itself; reading it tells so.
+        return False
 
 
 def _state(entry: os.DirEntry[str]) -> FileState:

@@ -11,8 +11,8 @@ import zlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
 
-from motionary.batch import write_atomically
 from motionary.errors import UnreadableFile
+from motionary.files import read_bytes, write_atomically
 
 #: A text that is packed keeps its own suffix before this one: `take.bvh.gz`.
 PACKED = ".gz"
@@ -50,11 +50,7 @@ def read_text(path: Path) -> str:
     UnreadableFile
         If the file is missing, a folder, may not be read, or is packed and damaged.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise UnreadableFile(f"{path}: cannot be read: {reason}") from error
+    content = read_bytes(path)
     if path.suffix.lower() == PACKED:
         content = _unpack(content, path.name)
     text = _decode(content)

@@ -12,8 +12,8 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from motionary.batch import write_atomically
 from motionary.errors import InvalidInput
+from motionary.files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

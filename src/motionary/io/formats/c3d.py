@@ -17,8 +17,8 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.files import open_regular, write_atomically
 from motionary.io.formats.c3d_head import (
     BLOCK,
     MOST_COUNTED,
@@ -73,7 +73,7 @@ def read_c3d(path: Path, options: ReadOptions) -> FileContent:
         If the file is missing, damaged or cut off, or holds no labelled point.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = parse_head(file.read(_LONGEST_HEAD), path.name)
             content = _read_content(file, head, path.name, options)
     except OSError as error:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import UnreadableFile
+from motionary.files import open_regular
 from motionary.io.formats.content import FileContent, number_doubles
 from motionary.io.formats.npz import Array, read_npz
 from motionary.io.normalise.units_axes import FileMetadata
@@ -61,8 +62,7 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
         If the file is missing or damaged, crashes its reader, holds no bones, or ufbx is not
         installed; the message then has the line that converts the file with Blender.
     """
-    if not path.is_file():
-        raise UnreadableFile(f"{path}: cannot be read: no such file")
+    open_regular(path).close()
     if importlib.util.find_spec("ufbx") is None:
         recipe = _RECIPE.format(name=path.name, stem=path.stem)
         raise UnreadableFile(
@@ -80,10 +80,13 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
 def _read_in_child(path: Path) -> dict[str, Array]:
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "bones.npz"
-        command = [sys.executable, "-m", _CHILD, str(path.absolute()), str(target)]
+        # Safe path: nothing is imported from where the program happens to be run.
+        command = [sys.executable, "-P", "-m", _CHILD, str(path.absolute()), str(target)]
+        known = [str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]
+        env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, known))}
         try:
             done = subprocess.run(
-                command, capture_output=True, timeout=_PATIENCE_S, check=False, cwd=folder
+                command, capture_output=True, timeout=_PATIENCE_S, check=False, cwd=folder, env=env
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             raise UnreadableFile(f"{path.name}: its reader did not finish: {error}") from error

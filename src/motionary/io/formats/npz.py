@@ -18,8 +18,8 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from motionary.batch import write_atomically
 from motionary.errors import UnreadableFile
+from motionary.files import open_regular, write_atomically
 from motionary.io.formats.content import FileContent
 from motionary.io.formats.unpickling import plain_dict, read_pickled
 from motionary.io.normalise.units_axes import FileMetadata
@@ -51,7 +51,7 @@ def read_npy(path: Path) -> Array:
         If the file is missing, damaged, or holds Python objects.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             size = file.seek(0, 2)
             file.seek(0)
             return _read_array(file, size)
@@ -69,7 +69,7 @@ def read_npy_dict(path: Path) -> dict[str, Any]:
         If the file is missing, or the dict holds more than arrays and texts.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return _read_dict(file)
     except Exception as error:
         raise _unreadable(path, error) from error
@@ -89,7 +89,7 @@ class ArchivedArrays(Mapping[str, Array]):
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            with zipfile.ZipFile(path) as archive:
+            with open_regular(path) as opened, zipfile.ZipFile(opened) as archive:
                 members = [m for m in archive.infolist() if m.filename.endswith(".npy")]
         except Exception as error:
             raise _unreadable(path, error) from error
@@ -130,7 +130,11 @@ class ArchivedArrays(Mapping[str, Array]):
         try:
             if member.compress_type not in _METHODS:
                 raise ValueError(f"{name} is packed in another way than NumPy packs")
-            with zipfile.ZipFile(self._path) as archive, archive.open(member) as file:
+            with (
+                open_regular(self._path) as opened,
+                zipfile.ZipFile(opened) as archive,
+                archive.open(member) as file,
+            ):
                 return read(file)
         except Exception as error:
             raise _unreadable(self._path, error) from error

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from motionary.errors import NO_MOTION, InvalidInput, NotAMotion, UnreadableFile
+from motionary.files import read_bytes
 from motionary.io.formats.arrays import (
     array_content,
     check_positions,
@@ -103,11 +104,7 @@ def _metres(content: dict[str, Array]) -> float:
 def _load(path: Path) -> dict[str, Any]:
     """A pickled dict."""
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise UnreadableFile(f"{path}: cannot be read: {error.strerror or error}") from error
-    try:
-        loaded = read_pickled(content)
+        loaded = read_pickled(read_bytes(path))
     except PickleRefusedError as error:
         raise UnreadableFile(
             f"{path.name}: pickle is damaged, or holds more than arrays of NumPy, which is not "

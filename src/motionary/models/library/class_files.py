@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FeatureSequence, FeatureSet
+from motionary.files import read_bytes, write_atomically
 from motionary.models.keyframes import KeyframeQuery, format_queries, parse_queries
 from motionary.models.library.classes import MotionClass, Prototype
 from motionary.models.templates import MotionTemplate
@@ -268,7 +268,7 @@ def _read_values(path: Path, name: str) -> Arrays:
         raise refuse(path, ("values",), f"means {name}, which is missing")
     try:
         # Not the path: after an error NumPy would leave the file open.
-        loaded = np.load(io.BytesIO(file.read_bytes()), allow_pickle=False)
+        loaded = np.load(io.BytesIO(read_bytes(file)), allow_pickle=False)
         if isinstance(loaded, np.ndarray):
             raise ValueError("one array, no archive of arrays")
         with loaded:
@@ -289,8 +289,10 @@ def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
         If it cannot be read, is not TOML, or a key is missing or of another kind.
     """
     try:
-        content = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+        content = tomllib.loads(read_bytes(path).decode("utf-8"))
+    except UnreadableFile:
+        raise
+    except UnicodeDecodeError as error:
         raise UnreadableFile(f"{path}: cannot be read ({error})") from error
     except tomllib.TOMLDecodeError as error:
         raise UnreadableFile(f"{path}: is not valid TOML: {error}") from error
@@ -331,7 +333,7 @@ def format_line(path: Path, place: Place) -> str:
     from tomlkit.exceptions import TOMLKitError
 
     try:
-        document: Any = tomlkit.parse(path.read_text("utf-8"))
+        document: Any = tomlkit.parse(read_bytes(path).decode("utf-8"))
         table = document
         for step in place[:-1]:
             table = table[step]
@@ -350,7 +352,7 @@ def read_document(path: Path) -> "TOMLDocument":
     from tomlkit.exceptions import TOMLKitError
 
     try:
-        return tomlkit.parse(path.read_text("utf-8"))
+        return tomlkit.parse(read_bytes(path).decode("utf-8"))
     except (OSError, ValueError, TOMLKitError):
         return tomlkit.document()
 

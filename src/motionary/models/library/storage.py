@@ -24,6 +24,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, set_from_rows
+from motionary.files import read_bytes
 from motionary.models.library.class_files import (
     CLASS_KEYS,
     Keys,
@@ -185,7 +186,7 @@ def _stems_of_others(folder: Path) -> set[str]:
 
 def _is_class(path: Path) -> bool:
     try:
-        content = tomllib.loads(path.read_text("utf-8"))
+        content = tomllib.loads(read_bytes(path).decode("utf-8"))
     except (OSError, ValueError):
         return False
     return content.keys() >= CLASS_KEYS.keys()

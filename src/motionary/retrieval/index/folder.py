@@ -16,7 +16,14 @@ import numpy as np
 
 from motionary import __version__
 from motionary.batch import Failure
-from motionary.errors import InvalidInput, MotionaryError, NotAMotion, NotHuman, UnreadableFile
+from motionary.errors import (
+    InvalidInput,
+    MotionaryError,
+    NotAFile,
+    NotAMotion,
+    NotHuman,
+    UnreadableFile,
+)
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
 from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder
 from motionary.retrieval.index.collection import Collection
@@ -43,7 +50,9 @@ _LARGE = 1 << 20
 _SMALL_ONES = 8
 
 # Errors that callers tell from others; an index keeps their class by its name.
-_KINDS: dict[str, type[MotionaryError]] = {"NotAMotion": NotAMotion, "NotHuman": NotHuman}
+_KINDS: dict[str, type[MotionaryError]] = {
+    kind.__name__: kind for kind in (NotAFile, NotAMotion, NotHuman)
+}
 
 _ATTEMPTS = 3
 _LEFT_ALONE_S = 3600.0
@@ -59,6 +68,7 @@ class Changes(NamedTuple):
     states : of all recordings that are there
     sidecars : states of the sidecars of those to be read
     dependency_digest : by folder, state of what its recordings depend on
+    skipped : why links to folders are passed over, a line each
     """
 
     new: tuple[str, ...]
@@ -67,6 +77,7 @@ class Changes(NamedTuple):
     states: dict[str, FileState]
     sidecars: dict[str, int]
     dependency_digest: dict[str, int]
+    skipped: tuple[str, ...] = ()
 
     @property
     def to_read(self) -> list[str]:
@@ -347,7 +358,8 @@ def _find_changes(
     reading: ReadOptions,
 ) -> Changes:
     """Recordings of a folder that differ from what was seen of them."""
-    states = scan_folder(folder)
+    skipped: list[str] = []
+    states = scan_folder(folder, on_skip=skipped.append)
     sidecars = Sidecars(reading.acclaim_skeleton)
     around = {
         place: sidecars.dependency_digest(folder / place)
@@ -367,7 +379,9 @@ def _find_changes(
             continue
         read_with[name] = sidecars.state(folder / name)
     gone = sorted(seen.keys() - states.keys())
-    return Changes(tuple(new), tuple(changed), tuple(gone), states, read_with, around)
+    return Changes(
+        tuple(new), tuple(changed), tuple(gone), states, read_with, around, tuple(skipped)
+    )
 
 
 def _is_other(state: FileState, before: _Seen) -> bool:

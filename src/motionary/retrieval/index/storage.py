@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary import __version__
-from motionary.batch import write_atomically
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FeatureSet
+from motionary.files import open_regular, read_bytes, write_atomically
 from motionary.io import FileState, ReadOptions
 from motionary.io.text import read_text
 from motionary.retrieval.index.shard import ROW, Shard
@@ -166,10 +166,10 @@ def read_manifest(folder: Path) -> Manifest | None:
         If the folder holds something else, or an index that is damaged or newer.
     """
     path = folder / FILE
-    try:
-        content = json.loads(path.read_text("utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
+    if not os.path.lexists(path):
         return None
+    try:
+        content = json.loads(read_bytes(path))
     except (OSError, ValueError) as error:
         raise UnreadableFile(f"{path}: cannot be read as an index: {error}") from error
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
@@ -254,7 +254,7 @@ def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
     """
     path = folder / name
     try:
-        names = json.loads((path / _NAMES).read_text("utf-8"))
+        names = json.loads(read_bytes(path / _NAMES))
         table, packed, masks, planes = (_map(path / file) for file in _ARRAYS.values())
         if table.dtype != ROW:
             raise InvalidInput("its table has other columns")
@@ -302,5 +302,6 @@ def _parse(content: dict[str, Any]) -> Manifest:
 
 def _map(path: Path) -> NDArray[Any]:
     # A plain view of the same memory: slices of it need no class of their own.
-    mapped: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False).view(np.ndarray)
+    with open_regular(path):
+        mapped: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False).view(np.ndarray)
     return mapped

@@ -1,0 +1,174 @@
+"""Files: only regular ones are opened, and results are written whole or not at all.
+
+A recording may come from anybody. A name that leads to a named pipe or a device is refused
+before it is read, as reading it may never end. A result goes where a link leads, and takes
+over the rights of the file that it replaces.
+"""
+
+import os
+import shutil
+import stat
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from motionary.errors import MotionaryError, NotAFile, UnreadableFile, UnwritableFile
+
+#: The name of standard output, as commands of POSIX take it.
+STDOUT = "-"
+
+_KINDS = {
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFDIR: "a folder",
+}
+_WRITE_BITS = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
+
+
+def open_regular(path: str | Path) -> BinaryIO:
+    """A regular file, opened to read its bytes.
+
+    Raises
+    ------
+    NotAFile
+        If the path leads to a folder, a named pipe, a device or a socket.
+    UnreadableFile
+        If the file is missing or may not be read.
+    """
+    try:
+        # Opening alone can change some devices.
+        _check_regular(path, Path(path).stat())
+        # Without waiting: what was a file may be a pipe by now.
+        file = open(path, "rb", opener=_open_at_once)  # noqa: SIM115
+    except NotAFile:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UnreadableFile(f"{path}: cannot be read: {reason}") from error
+    try:
+        _check_regular(path, os.fstat(file.fileno()))
+    except NotAFile:
+        file.close()
+        raise
+    return file
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """The content of a regular file; errors as by `open_regular`."""
+    with open_regular(path) as file:
+        try:
+            return file.read()
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise UnreadableFile(f"{path}: cannot be read: {reason}") from error
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def _check_regular(path: str | Path, status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        raise NotAFile(
+            f"{path}: is no regular file but {kind}; give a file, or store its content in one"
+        )
+
+
+@contextmanager
+def write_atomically(path: str | Path) -> Iterator[Path]:
+    """A path beside `path` to write to; on success it takes the place of `path`.
+
+    After an exception, or if the program is killed, `path` is what it was before. The
+    path beside has the same suffix. Folders above `path` are made. A link stays, and the
+    file that it leads to is replaced; a file that is replaced keeps its rights. Devices and
+    named pipes are written to; "-" is standard output.
+
+    Raises
+    ------
+    UnwritableFile
+        If the folder or the file cannot be written, or the file is write-protected.
+    """
+    path = Path(path)
+    with _as_unwritable(path):
+        place = Path(os.path.realpath(path)) if path.is_symlink() else path
+        before = None if str(path) == STDOUT else _state_of(place)
+        is_stream = str(path) == STDOUT or (before is not None and not stat.S_ISREG(before.st_mode))
+        if not is_stream:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(
+            dir=None if is_stream else place.parent,
+            prefix=f".{place.stem[:40]}-",
+            suffix=place.suffix,
+        )
+        os.close(handle)
+    beside = Path(name)
+    try:
+        with _as_unwritable(path):
+            _give_rights(beside, before)
+            yield beside
+            if is_stream:
+                _send(beside, place)
+            else:
+                beside.replace(place)
+    finally:
+        with suppress(OSError):
+            beside.unlink()
+
+
+def _state_of(place: Path) -> os.stat_result | None:
+    """The state of what is to be replaced; None where there is nothing yet."""
+    try:
+        status = place.stat()
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError("a folder of this name exists")
+    # By the bits, too: whoever may write everywhere has protected it all the same.
+    if not status.st_mode & _WRITE_BITS or not os.access(place, os.W_OK):
+        raise PermissionError("it is write-protected")
+    return status
+
+
+def _send(written: Path, place: Path) -> None:
+    """Copy a file to a stream."""
+    with written.open("rb") as source:
+        if str(place) != STDOUT:
+            with place.open("wb", buffering=0) as target:
+                shutil.copyfileobj(source, target)
+            return
+        sys.stdout.flush()
+        shutil.copyfileobj(source, sys.stdout.buffer)
+        sys.stdout.flush()
+
+
+@contextmanager
+def _as_unwritable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (MotionaryError, BrokenPipeError):
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UnwritableFile(
+            f"{path}: cannot be written: {reason}; choose a folder that you may write to"
+        ) from error
+
+
+def _give_rights(beside: Path, before: os.stat_result | None) -> None:
+    """Those of the file that is replaced; else what any new file gets."""
+    if before is None or not stat.S_ISREG(before.st_mode):
+        # Temporary files are for their owner only.
+        mask = os.umask(0)
+        os.umask(mask)
+        beside.chmod(0o666 & ~mask)
+        return
+    if hasattr(os, "chown"):
+        with suppress(OSError):
+            os.chown(beside, before.st_uid, before.st_gid)
+    beside.chmod(stat.S_IMODE(before.st_mode))
