@@ -290,8 +290,6 @@ def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
     """
     try:
         content = tomllib.loads(read_bytes(path).decode("utf-8"))
-    except UnreadableFile:
-        raise
     except UnicodeDecodeError as error:
         raise UnreadableFile(f"{path}: cannot be read ({error})") from error
     except tomllib.TOMLDecodeError as error:
