@@ -76,7 +76,7 @@ def _check_regular(path: str | Path, status: os.stat_result) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
         raise NotAFile(
-            f"{path}: is no regular file but {kind}; give a file, or store its content in one"
+            f"{path}: is no regular file but {kind}; store its content in a file"
         )
 
 
