@@ -132,32 +132,32 @@ def hits(world: World) -> list[Figure]:
 
 
 def pose(world: World) -> list[Figure]:
-    """A pose, and its 40 relations."""
+    """A pose, and its 40 features."""
     motion = world.clip(EXAMPLE)
-    words = mo.compute_features(motion)
+    sequence = mo.compute_features(motion)
     lowest = int(np.argmin(motion.generic_positions()[:, 0, 1]))
-    frame = round(lowest / motion.rate_hz * words.rate_hz)
+    frame = round(lowest / motion.rate_hz * sequence.rate_hz)
     drawn = plot_pose(motion.generic_positions()[lowest], title="one pose")
-    return [drawn, _matrices("one word", {"": words.part(frame, frame + 1)}, width=0.4)]
+    return [drawn, _matrices("one pose", {"": sequence.part(frame, frame + 1)}, width=0.4)]
 
 
 def features(world: World) -> list[Figure]:
     """A motion as stick figures, and as a matrix."""
     motion = world.clip(EXAMPLE)
-    words = mo.compute_features(motion)
+    sequence = mo.compute_features(motion)
     sheet = plot_sheet((motion.source, motion.generic_positions()), [], n_figures=9)
-    return [_titled(sheet, "one motion"), _titled(plot_features(words), "its words, 30 a second")]
+    return [_titled(sheet, "one motion"), _titled(plot_features(sequence), "its features")]
 
 
 def examples(world: World) -> list[Figure]:
-    """Three performances, in the relations that tell most."""
-    words = {name: mo.compute_features(world.clip(name)) for name in PERFORMANCES}
-    panels = {f"{Path(name).stem}": one for name, one in words.items()}
+    """Three performances, in the features that say most."""
+    sequence = {name: mo.compute_features(world.clip(name)) for name in PERFORMANCES}
+    panels = {f"{Path(name).stem}": one for name, one in sequence.items()}
     return [_matrices("three squats by three actors", panels, ids=TELLING)]
 
 
 def template(world: World) -> list[Figure]:
-    """What four actors' squats have in common, in the same relations."""
+    """What four actors' squats have in common, in the same features."""
     learned = world.library["squat1Reps"].prototypes[0].template
     telling = FULL_BODY.select(TELLING, name="telling")
     shown = replace(
@@ -209,10 +209,10 @@ def session(world: World) -> list[Figure]:
     positions = motion.positions.copy()
     positions[264:300, motion.names.index("rwrist")] = np.nan
     positions[1140:1416] = np.nan
-    words = mo.compute_features(replace(motion, positions=positions)).renamed("synthetic session")
+    session = mo.compute_features(replace(motion, positions=positions)).renamed("synthetic session")
     plan = mo.LabelTrack(Recording("plan"), tuple(mo.Label(*segment) for segment in truth))
-    curves = {one.name: class_distance(words, one).modified for one in library}
-    figure = plot_annotation(mo.annotate(words, library), plan, distances=curves, classes=classes)
+    curves = {one.name: class_distance(session, one).modified for one in library}
+    figure = plot_annotation(mo.annotate(session, library), plan, distances=curves, classes=classes)
     return [figure]
 
 
@@ -226,12 +226,12 @@ def first_pose(world: World) -> list[Figure]:
 PICTURES = {
     "hits": (hits, False),
     "pose": (pose, True),
-    "relations": (features, False),
+    "features": (features, False),
     "examples": (examples, False),
     "template": (template, False),
     "distance": (distance, False),
     "annotation": (annotation, False),
-    "grown": (expanded, False),
+    "expanded": (expanded, False),
     "session": (session, False),
     "first_pose": (first_pose, False),
 }

@@ -1,7 +1,7 @@
 """How does the documentation show what the package itself says, so that it stays true?
 
 Directives: `command-help` (every command with its help), `contents-of MODULE` (its public
-names and their first lines), `relations` (the 40), `skeletons` and `formats` (the known ones).
+names and their first lines), `features` (the 40), `skeletons` and `formats` (the known ones).
 """
 
 import importlib
@@ -75,8 +75,8 @@ def _first_line(value: Any) -> str:
     return (inspect.getdoc(value) or "").split("\n")[0] if of_its_own else ""
 
 
-class Relations(SphinxDirective):
-    """The catalogue of the 40 relations."""
+class Features(SphinxDirective):
+    """The catalogue of the 40 features."""
 
     def run(self) -> list[nodes.Node]:
         """A table."""
@@ -84,7 +84,7 @@ class Relations(SphinxDirective):
             [nodes.Text(cell) for cell in (r.id, r.name, r.group, _thresholds(r), r.sentence)]
             for r in FULL_BODY.features
         ]
-        heads = ["", "relation", "group", "ends / starts", "in words"]
+        heads = ["", "feature", "group", "ends / starts", "in words"]
         return [_table(heads, rows, widths=[6, 28, 8, 22, 36])]
 
 
@@ -149,7 +149,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Tell Sphinx of the directives."""
     app.add_directive("command-help", CommandHelp)
     app.add_directive("contents-of", ContentsOf)
-    app.add_directive("relations", Relations)
+    app.add_directive("features", Features)
     app.add_directive("skeletons", Skeletons)
     app.add_directive("formats", Formats)
     return {"parallel_read_safe": True}

@@ -1,4 +1,4 @@
-"""How do docstrings look that are told in plain words?
+"""Sections of docstrings in plain text.
 
 The package writes `name : what it is`, goes on in further lines, and seldom names a type.
 Napoleon would set the first line in italics as a type, and take what stands before a colon
