@@ -45,8 +45,6 @@ NOT_YET = (
     "wild/_made/rate120.trc",
     "wild/_made/rate150.trc",
     "wild/_made/unlabelled.trc",
-    "wild/danielrmz18+threejs-3d-model-personalized/Flair.fbx",
-    "wild/keijiro+CMUMocap/Base.fbx",
     "wild/makehumancommunity+makehuman/tpose.bvh",
     "wild/makehumancommunity+makehuman/walk1.bvh",
     "wild/omimo+PyMO/AV_8Walk_Meredith_HVHA_Rep1.bvh",

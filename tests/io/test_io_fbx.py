@@ -1,11 +1,13 @@
 """Are bones of FBX files where they turn, and is a crash of their reader an error?"""
 
+import json
+import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-from motionary.errors import UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io import read, write
 from oracles.fbx_files import fbx_text
 
@@ -91,3 +93,103 @@ def test_without_its_reader_the_error_is_a_recipe(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ufbx", None)
     with pytest.raises(UnreadableFile, match=r"motionary\[fbx\].*blender --background .*a\.bvh"):
         read(path)
+
+
+# ---- takes
+
+
+def with_empty_takes(path, *names):
+    """The file with takes before its own, in which nothing moves."""
+    text = path.read_text()
+    for i, name in enumerate(names):
+        stack, layer = 910 + 2 * i, 911 + 2 * i
+        lines = [f'\tAnimationStack: {stack}, "AnimStack::{name}", "" {{', "\t\tProperties70:  {"]
+        lines += ['\t\t\tP: "LocalStop", "KTime", "Time", "",153953860000', "\t\t}", "\t}"]
+        lines += [f'\tAnimationLayer: {layer}, "AnimLayer::{name}", "" {{', "\t}", ""]
+        at = text.index("\tAnimationStack: 900")
+        text = text[:at] + "\n".join(lines) + text[at:]
+        text = text.replace("Connections:  {", f'Connections:  {{\n\tC: "OO",{layer},{stack}', 1)
+    path.write_text(text)
+
+
+def test_the_take_that_moves_is_read_and_all_are_listed(tmp_path):
+    pytest.importorskip("ufbx")
+    path, _ = make(tmp_path)
+    alone = read(path)
+    assert not any("take" in note for note in alone.notes)
+    with_empty_takes(path, "Take 001", "Take 002")
+    motion = read(path)
+    np.testing.assert_array_equal(motion.positions, alone.positions)
+    assert any(
+        note.startswith("take take, the first that moves, of 3 (Take 001, Take 002, take)")
+        for note in motion.notes
+    )
+
+
+@pytest.mark.parametrize(
+    ("take", "moves"), [("take", True), (3, True), ("3", True), ("Take 001", False), (2, False)]
+)
+def test_a_take_is_named_or_numbered(tmp_path, take, moves):
+    pytest.importorskip("ufbx")
+    path, _ = make(tmp_path)
+    with_empty_takes(path, "Take 001", "Take 002")
+    assert (np.ptp(read(path, take=take).positions, axis=0).max() > 0.1) == moves
+
+
+@pytest.mark.parametrize("take", ["walk", 4, 0, "take "])
+def test_a_take_that_is_not_there_is_refused_with_those_that_are(tmp_path, take):
+    pytest.importorskip("ufbx")
+    path, _ = make(tmp_path)
+    with_empty_takes(path, "Take 001")
+    with pytest.raises(InvalidInput, match=r"has no take .* its takes are Take 001, take$"):
+        read(path, take=take)
+
+
+# ---- the world as ufbx itself has it
+
+
+_WORLD = """
+import gc, json, os, sys
+gc.disable()
+import ufbx
+kept = []
+def keep(value):
+    kept.append(value)
+    return value
+scene = keep(ufbx.load_file(
+    sys.argv[1], ignore_geometry=True, ignore_embedded=True, load_external_files=False,
+    target_axes=ufbx.axes_right_handed_y_up, target_unit_meters=1.0,
+    space_conversion=ufbx.SpaceConversion.ADJUST_TRANSFORMS))
+stacks = keep(list(keep(scene.anim_stacks)))
+anims = [keep(s.anim) for s in stacks if s.name == sys.argv[2]] or [keep(scene.anim)]
+fps = scene.settings.frames_per_second
+poses = []
+for frame in map(int, sys.argv[3].split(",")):
+    at = anims[0].time_begin + frame / fps
+    nodes = keep(list(keep(keep(ufbx.evaluate_scene(scene, anims[0], at)).nodes)))
+    ends = [(n.name, keep(keep(n.node_to_world).c3)) for n in nodes]
+    poses.append({name: (c.x, c.y, c.z) for name, c in ends})
+print(json.dumps(poses))
+sys.stdout.flush()
+os._exit(0)
+"""
+# Scale is handed down in three ways: these files have all of them.
+RIGS = {
+    "danielrmz18+threejs-3d-model-personalized/Flair.fbx": "mixamo.com",
+    "JLPM22+MotionMatching/HipHopDancing.fbx": "mixamo.com",
+    "ufbx+ufbx/maya_character_7500_binary.fbx": "Take 001",
+    "keijiro+CMUMocap/Base.fbx": "",
+}
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_places_equal_ufbx_own_world(data, name):
+    pytest.importorskip("ufbx")
+    path = data / "wild" / name
+    motion = read(path)
+    frames = sorted({0, motion.n_frames // 2, motion.n_frames - 1})
+    command = [sys.executable, "-c", _WORLD, str(path), RIGS[name], ",".join(map(str, frames))]
+    done = subprocess.run(command, capture_output=True, check=True, text=True)
+    for frame, world in zip(frames, json.loads(done.stdout), strict=True):
+        expected = [world[joint] for joint in motion.names]
+        np.testing.assert_allclose(motion.positions[frame], expected, atol=1e-9)

@@ -1,11 +1,11 @@
 """FBX files: reading the bones.
 
 The format is read by ufbx (extra `fbx`) in a process of its own, so that a file on which it
-crashes is an error like any other. Bones of the first take become joints; axes and unit are
-those that the file states.
+crashes is an error like any other. Bones become joints; of several takes the first one that moves
+is read; axes and unit are those that the file states.
 
-`python -m motionary.io.formats.fbx IN.fbx OUT.npz` is that process: it writes names, parents, local
-turns and places of the bones in metres with y up, or one line on stderr.
+`python -m motionary.io.formats.fbx IN.fbx OUT.npz [TAKE]` is that process: it writes names,
+parents, local turns and places of the bones in metres with y up, or one line on stderr.
 """
 
 import gc
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import open_regular
 from motionary.io.formats.content import FileContent, number_doubles
 from motionary.io.formats.npz import Array, read_npz
@@ -42,6 +42,13 @@ _FARTHEST_M = 1e6
 # A day at 120 Hz.
 _MOST_FRAMES = 120 * 86400
 
+# How children inherit scale, as ufbx numbers it.
+_IGNORES_SCALE = 1
+
+# Exit code of the process where the take that is given is not there.
+_NO_SUCH_TAKE = 3
+_LOOKED_AT, _STILL, _FRAMES_HZ = 9, 1e-6, 30.0
+
 # Objects of ufbx 0.0.5 crash or hang when they are taken apart, or looked at by the search
 # for cycles: all are kept until the process ends.
 _kept: list[Any] = []
@@ -61,6 +68,8 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
     UnreadableFile
         If the file is missing or damaged, crashes its reader, holds no bones, or ufbx is not
         installed; the message then has the line that converts the file with Blender.
+    InvalidInput
+        If it has no take of the name that is given.
     """
     open_regular(path).close()
     if importlib.util.find_spec("ufbx") is None:
@@ -69,19 +78,28 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
             f"{path.name}: FBX needs ufbx: pip install 'motionary[fbx]'; or convert the file with "
             f"Blender: {recipe}"
         )
-    arrays = _read_in_child(path)
+    arrays = _read_in_child(path, options.take)
     is_given = options.unit is not None or options.up is not None
     notes = [] if is_given else ["axes and unit as the file says"]
-    if int(arrays["n_takes"]) > 1:
-        notes.append(f"the first of {int(arrays['n_takes'])} takes")
+    takes = [str(name) for name in arrays["takes"].tolist()]
+    if not takes:
+        notes.append("holds no take: one frame, the pose that the bones have")
+    elif len(takes) > 1:
+        others = ", ".join(takes[:10]) + (", ..." if len(takes) > 10 else "")
+        why = "the first that moves" if options.take is None else "as given"
+        notes.append(
+            f"take {takes[int(arrays['take'])]}, {why}, of {len(takes)} ({others}); --take NAME "
+            "(take=...) reads another"
+        )
     return _to_content(arrays, path.name, options.rate_hz, notes)
 
 
-def _read_in_child(path: Path) -> dict[str, Array]:
+def _read_in_child(path: Path, take: str | int | None) -> dict[str, Array]:
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "bones.npz"
         # Safe path: nothing is imported from where the program happens to be run.
         command = [sys.executable, "-P", "-m", _CHILD, str(path.absolute()), str(target)]
+        command += [] if take is None else [str(take)]
         known = [str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]
         env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, known))}
         try:
@@ -95,6 +113,8 @@ def _read_in_child(path: Path) -> dict[str, Array]:
         if done.returncode or not target.is_file():
             lines = done.stderr.decode(errors="replace").strip().splitlines()
             reason = lines[-1] if lines else "its reader says nothing"
+            if done.returncode == _NO_SUCH_TAKE:
+                raise InvalidInput(f"{path.name}: {reason}")
             raise UnreadableFile(f"{path.name}: cannot be read as FBX: {reason}")
         return dict(read_npz(target))
 
@@ -111,7 +131,7 @@ def _to_content(
     if not finite:
         raise UnreadableFile(f"{source}: its bones have impossible turns")
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
-    positions, world = _place(parents, turns, arrays["places"], arrays["scales"])
+    positions, world = _place(arrays, parents, turns)
     if not (np.abs(positions) < _FARTHEST_M).all():
         raise UnreadableFile(f"{source}: has impossibly large numbers")
     offsets = positions[0].copy()
@@ -133,9 +153,10 @@ def _to_content(
 
 
 def _place(
-    parents: NDArray[np.intp], turns: Floats, places: Floats, scales: Floats
+    arrays: dict[str, Array], parents: NDArray[np.intp], turns: Floats
 ) -> tuple[Floats, Floats]:
     """Positions (frames, joints, 3) and turns in the world (frames, joints, 4)."""
+    places, scales = arrays["places"], arrays["scales"]
     positions, world = np.empty_like(places), np.empty_like(turns)
     sizes = np.empty_like(scales)
     for joint, parent in enumerate(parents.tolist()):
@@ -146,7 +167,12 @@ def _place(
         away = rotate(world[:, parent], places[:, joint] * sizes[:, parent])
         positions[:, joint] = positions[:, parent] + away
         world[:, joint] = multiply_quaternions(world[:, parent], turns[:, joint])
-        sizes[:, joint] = sizes[:, parent] * scales[:, joint]
+        above = sizes[:, parent]
+        if arrays["ignores_scale"][joint]:
+            # The place is scaled with the parent, the bone is not (segment scale compensate).
+            own = scales[:, parent]
+            above = np.divide(above, own, out=np.ones_like(own), where=own != 0)
+        sizes[:, joint] = above * scales[:, joint]
     return positions, world
 
 
@@ -158,7 +184,7 @@ def main(arguments: list[str]) -> int:
     gc.disable()
     import ufbx
 
-    source, target = arguments
+    source, target = arguments[:2]
     try:
         scene = ufbx.load_file(
             source,
@@ -170,7 +196,10 @@ def main(arguments: list[str]) -> int:
             space_conversion=ufbx.SpaceConversion.ADJUST_TRANSFORMS,
         )
         _kept.append(scene)
-        arrays = _bake(scene)
+        arrays = _bake(scene, (*arguments[2:], None)[0])
+    except LookupError as error:
+        sys.stderr.write(f"{error.args[0] if error.args else error}\n")
+        return _NO_SUCH_TAKE if isinstance(error, _NoSuchTakeError) else 1
     except Exception as error:
         # Whatever it is, the parent tells it as one line.
         sys.stderr.write(f"{str(error) or type(error).__name__}\n")
@@ -179,37 +208,75 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _bake(scene: Any) -> dict[str, Any]:
-    """Names, parents and, for each frame of the first take, transforms of the bones."""
+class _NoSuchTakeError(LookupError):
+    """The file has no take of this name."""
+
+
+def _bake(scene: Any, wanted: str | None) -> dict[str, Any]:
+    """Names, parents and, for each frame of a take, transforms of the bones."""
     nodes = _keep(list(_keep([scene.nodes])[0]))
     above = _keep([node.parent for node in nodes])
     ids = [node.typed_id for node in nodes]
     parent_ids = [-1 if node is None else node.typed_id for node in above]
     parents = [ids.index(i) if i in ids else -1 for i in parent_ids]
     kept = _choose(nodes, parents)
-    (anim,) = _keep([scene.anim])
+    chosen = [nodes[i] for i in kept]
     (settings,) = _keep([scene.settings])
     fps = float(settings.frames_per_second)
-    start_s, n_frames = _extent(scene, anim, fps)
-    places = np.empty((n_frames, len(kept), 3))
-    turns, scales = np.empty((n_frames, len(kept), 4)), np.empty((n_frames, len(kept), 3))
-    chosen = [nodes[i] for i in kept]
+    stacks = _keep(list(_keep([scene.anim_stacks])[0]))
+    anims = _keep([stack.anim for stack in stacks] or [scene.anim])
+    takes = [str(stack.name) for stack in stacks]
+    take = (
+        _choose_take(takes, wanted)
+        if wanted is not None
+        else _first_that_moves(scene, chosen, anims)
+    )
+    start_s, n_frames = _extent(scene, anims[take], fps)
+    numbers = np.empty((n_frames, len(kept), 10))
     for i in range(n_frames):
-        for j, node in enumerate(chosen):
-            transform = node.evaluate_transform(anim, start_s + i / fps)
-            x, y, z, w = transform.rotation
-            places[i, j], scales[i, j] = transform.translation, transform.scale
-            turns[i, j] = w, x, y, z
+        numbers[i] = _transforms(chosen, anims[take], start_s + i / fps)
     index = {place: j for j, place in enumerate(kept)}
     return {
         "names": np.array([node.name for node in chosen], dtype=np.str_),
         "parents": np.array([index.get(parents[i], -1) for i in kept]),
-        "places": places,
-        "turns": turns,
-        "scales": scales,
+        "ignores_scale": np.array([int(n.inherit_mode) == _IGNORES_SCALE for n in chosen], bool),
+        "places": numbers[..., :3],
+        "turns": numbers[..., 3:7],
+        "scales": numbers[..., 7:],
         "rate_hz": np.array(fps),
-        "n_takes": np.array(len(_keep([scene.anim_stacks])[0])),
+        "takes": np.array(takes, dtype=np.str_),
+        "take": np.array(take),
     }
+
+
+def _transforms(nodes: list[Any], anim: Any, at_s: float) -> list[tuple[float, ...]]:
+    """Place, turn (wxyz) and scale of each bone at a time."""
+    rows = []
+    for node in nodes:
+        transform = node.evaluate_transform(anim, at_s)
+        x, y, z, w = transform.rotation
+        rows.append((*transform.translation, w, x, y, z, *transform.scale))
+    return rows
+
+
+def _choose_take(takes: list[str], wanted: str) -> int:
+    if wanted in takes:
+        return takes.index(wanted)
+    if wanted.isdecimal() and 1 <= int(wanted) <= len(takes):
+        return int(wanted) - 1
+    has = ", ".join(takes[:20]) or "none"
+    raise _NoSuchTakeError(f"has no take {wanted[:40]!r}; its takes are {has}")
+
+
+def _first_that_moves(scene: Any, nodes: list[Any], anims: list[Any]) -> int:
+    """Programs write an empty take before the one that was made."""
+    for number, anim in enumerate(anims if len(anims) > 1 else []):
+        start_s, n_frames = _extent(scene, anim, _FRAMES_HZ)
+        times = start_s + np.linspace(0, (n_frames - 1) / _FRAMES_HZ, _LOOKED_AT)
+        poses = np.array([_transforms(nodes, anim, float(at_s)) for at_s in times])
+        if poses.size and (np.ptp(poses, axis=0) > _STILL).any():
+            return number
+    return 0
 
 
 def _keep(objects: list[Any]) -> list[Any]:
