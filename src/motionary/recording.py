@@ -57,7 +57,7 @@ class FrameRange(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What a recording is called and how its frames lie in time.
+    """Identity of a recording: its name, and how its frames lie in time.
 
     Attributes
     ----------

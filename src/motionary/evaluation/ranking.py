@@ -349,7 +349,7 @@ def _compute_class(
 
 
 def _match(overlaps: NDArray[np.float64], ious: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which predictions, in their order, take a true segment, shape (predicted, ious)."""
+    """Whether predictions, in their order, take a true segment, shape (predicted, ious)."""
     right = np.zeros((len(overlaps), len(ious)), dtype=np.bool_)
     if overlaps.size == 0:
         return right

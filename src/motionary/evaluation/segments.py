@@ -267,7 +267,7 @@ def _have_equal_names(predicted: Segments, truth: Segments) -> NDArray[np.bool_]
 
 
 def _compute_savings(predicted: Segments, truth: Segments, tolerance: float) -> NDArray[np.int64]:
-    """What correcting each pair saves against deleting one and adding the other."""
+    """Corrections that each pair saves against deleting one and adding the other."""
     distances = np.abs(to_times(predicted)[:, None] - to_times(truth)[None])
     moves = (distances > tolerance + ROUNDING).sum(axis=2)
     corrections = moves + ~_have_equal_names(predicted, truth)

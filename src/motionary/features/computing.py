@@ -179,7 +179,7 @@ def compute_features(
 
 
 def describe_reference_lengths(motion: Motion) -> tuple[str, ...]:
-    """Which lengths of a partial body are measured by others, a sentence each.
+    """Lengths of a partial body that are measured by others, a sentence each.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ def plane_difference(body: Body, window_s: float, a: str, b: str, c: str, q: str
 
 
 def along(body: Body, window_s: float, a: str, b: str, c: str, q: str) -> Floats:
-    """How far q lies beyond c in the direction from a to b."""
+    """Distance of q beyond c in the direction from a to b."""
     return dot(body.direction(a, b), body[q] - body[c])
 
 

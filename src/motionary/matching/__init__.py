@@ -11,9 +11,11 @@ from motionary.matching.corpus import (
 )
 from motionary.matching.distance import (
     SKIP_WEIGHT,
+    Engine,
     MatchState,
     corpus_distance,
     distance_function,
+    load_twin,
 )
 from motionary.matching.hits import (
     ClassSegment,
@@ -56,6 +58,7 @@ __all__ = [
     "CellRatios",
     "ClassSegment",
     "Corpus",
+    "Engine",
     "Hit",
     "Intervals",
     "MatchState",
@@ -82,6 +85,7 @@ __all__ = [
     "find_paths_to",
     "intervals",
     "join_states",
+    "load_twin",
     "local_minima",
     "minima_ends",
     "modify",

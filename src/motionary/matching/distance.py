@@ -10,6 +10,7 @@ so that both give the same bits. Along time the kernels take a chunk and the las
 frames of what came before; a sequence is one chunk.
 """
 
+import importlib
 import sys
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -45,7 +46,7 @@ _COMPILED = "motionary.matching._compiled"
 
 @dataclass(slots=True, eq=False)
 class MatchState:
-    """What a stream remembers between chunks: the last two frames of every column."""
+    """State of a stream between chunks: the last two frames of every column."""
 
     last_two: Single
 
@@ -127,7 +128,8 @@ def march_pattern(
     result = np.empty(len(packed), dtype=np.float32)
     is_weighed = pattern.entry_weights is not None or packed.shape[1] > 1
     columns = prepare_weighed(pattern) if is_weighed else prepare(pattern)
-    kernels = compiled_kernels(engine, len(pattern) * len(packed))
+    pays = len(pattern) * len(packed) >= COMPILED_PAYS_AT
+    kernels = load_twin(_COMPILED, engine, pays=pays)
     if kernels is None:
         march(row_costs(columns, packed, known), blocked, again, state.last_two, result, steps)
     else:
@@ -148,17 +150,29 @@ def march_pattern(
     return result
 
 
-def compiled_kernels(engine: Engine, n_cells: int) -> Any:
-    """The compiled twin, where it is asked for or pays and numba is there; else None."""
-    pays = n_cells >= COMPILED_PAYS_AT or _COMPILED in sys.modules
-    if engine == "numpy" or (engine == "auto" and not pays):
+def load_twin(module: str, engine: Engine, *, pays: bool) -> Any:
+    """A module of compiled kernels where it is asked for, or pays and can be loaded; else None.
+
+    Parameters
+    ----------
+    module : its full name; numba is loaded with it
+    engine : "auto" takes it where it is loaded already, or `pays` loading
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such engine, or the compiled one is asked for and not installed.
+    """
+    if engine not in ("auto", "numpy", "compiled"):
+        raise InvalidInput(f"engine needs to be 'auto', 'numpy' or 'compiled', got {engine!r}")
+    if engine == "numpy" or (engine == "auto" and not pays and module not in sys.modules):
         return None
     try:
-        from motionary.matching import _compiled
-    except ImportError:
-        if engine == "compiled":
-            raise InvalidInput(
-                "the compiled engine needs numba; pip install 'motionary[fast]'"
-            ) from None
-        return None
-    return _compiled
+        return importlib.import_module(module)
+    except ImportError as error:
+        if engine == "auto":
+            return None
+        raise InvalidInput(
+            f"the compiled engine needs numba ({error}); "
+            "pip install 'motionary[fast]', or take engine='numpy'"
+        ) from error

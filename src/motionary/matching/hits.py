@@ -1,4 +1,4 @@
-"""Which ends of matches are hits, and label assignment where several patterns match.
+"""Hits from the ends of matches, and label assignment where several patterns match.
 
 Two readings of a distance function: every local minimum below a threshold (annotation), and
 ranked hits that exclude their neighbourhood (retrieval, after the authors' programs).

@@ -13,7 +13,6 @@ multiples of `GRAIN`, so that sums are exact in any order, in NumPy and compiled
 """
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.matching._paths import NumpyKernels, Observed, PathKernels, SumWeights
-from motionary.matching.distance import Engine
+from motionary.matching.distance import Engine, load_twin
 from motionary.matching.hits import local_minima
 from motionary.matching.pattern import Pattern, check_sequence
 from motionary.packing import PackedFeatures, count_integers
@@ -270,7 +269,9 @@ def score_patterns(
     if not patterns or not len(packed):
         return _join([])
     n_cells = len(packed) * sum(map(len, patterns))
-    kernels = _choose_kernels(engine, n_cells)(packed, known, blocked, n_features)
+    twin = load_twin(_COMPILED, engine, pays=n_cells >= COMPILED_PAYS_AT)
+    choice: KernelsOfRecording = NumpyKernels if twin is None else twin.CompiledKernels
+    kernels = choice(packed, known, blocked, n_features)
     found: list[ScoredPaths] = []
     for i, (pattern, ratio) in enumerate(zip(patterns, ratios, strict=True)):
         distance = kernels.march(pattern)
@@ -343,18 +344,3 @@ def _join(found: Sequence[ScoredPaths]) -> ScoredPaths:
         np.concatenate(scores),
         np.concatenate(costs),
     )
-
-
-def _choose_kernels(engine: Engine, n_cells: int) -> KernelsOfRecording:
-    pays = n_cells >= COMPILED_PAYS_AT or _COMPILED in sys.modules
-    if engine == "numpy" or (engine == "auto" and not pays):
-        return NumpyKernels
-    try:
-        from motionary.matching._paths_compiled import CompiledKernels
-    except ImportError:
-        if engine == "compiled":
-            raise InvalidInput(
-                "the compiled engine needs numba; pip install 'motionary[fast]'"
-            ) from None
-        return NumpyKernels
-    return CompiledKernels

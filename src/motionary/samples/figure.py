@@ -221,7 +221,7 @@ def _turns() -> dict[str, tuple[str, tuple[tuple[str, float], ...]]]:
 
 
 def _root_path(still: Floats, angles: dict[str, Floats]) -> Floats:
-    """Where the root must be so that the figure stands, walks or flies, (frames, 3)."""
+    """Places of the root so that the figure stands, walks or flies, (frames, 3)."""
     n_frames = len(still)
     none = np.zeros(n_frames)
     clearance = np.maximum(angles.get("root up", none), 0.0)

@@ -145,7 +145,7 @@ _JUMPING_JACK = """
 
 
 class Target(NamedTuple):
-    """Where a channel ("lknee bend", "root up") arrives: degrees, or metres of the root."""
+    """End of a channel ("lknee bend", "root up"): degrees, or metres of the root."""
 
     channel: str
     value: float
@@ -153,7 +153,7 @@ class Target(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Phrase:
-    """What a segment of time brings."""
+    """Targets that a segment of time arrives at."""
 
     start_s: float
     end_s: float
@@ -222,7 +222,7 @@ def shift(phrases: Sequence[Phrase], seconds: float) -> tuple[Phrase, ...]:
 
 
 def end_of(phrases: Sequence[Phrase]) -> float:
-    """When the last phrase ends, in seconds."""
+    """End of the last phrase, in seconds."""
     return max(phrase.end_s for phrase in phrases)
 
 

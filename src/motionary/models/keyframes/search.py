@@ -12,13 +12,13 @@ seen there. No hit crosses the border of a sequence.
 import itertools
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
-from motionary.matching import Corpus
+from motionary.matching import Corpus, Engine, load_twin
 from motionary.models.keyframes.index import HitRanges, PostingIndex, agree, extend, margins
 from motionary.models.keyframes.posting_lists import (
     FAR,
@@ -41,7 +41,7 @@ from motionary.recording import find_runs
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
-Engine = Literal["auto", "numpy", "compiled"]
+_COMPILED = "motionary.models.keyframes._compiled"
 
 #: Pairs of frames that are compared at a time.
 _MOST_PAIRS = 2_000_000
@@ -70,15 +70,16 @@ def search_query(
         If query and index are over different features.
     """
     check_features(query, index.feature_set, index.feature_ids)
-    kernel = _compiled_kernel(engine)
+    # A search takes less time than loading a compiler.
+    kernels = load_twin(_COMPILED, engine, pays="numba" in sys.modules)
     plan = plan_query(query)
     if plan is None:
         return HitRanges.none()
     rows = [index.rows(*keyframe) for keyframe in zip(plan.values, plan.fixed, strict=True)]
     n_frames = [index.counts[row[0]] for row in rows]
     order = reading_order(n_frames)
-    if kernel is not None:
-        return _search_compiled(kernel, index, rows, n_frames, order, plan.gaps)
+    if kernels is not None:
+        return _search_compiled(kernels.search_planes, index, rows, n_frames, order, plan.gaps)
     lists = read_posting_lists(index.planes, rows, order, plan.gaps)
     return HitRanges.none() if lists is None else _join(lists, plan, index.layout)
 
@@ -305,21 +306,6 @@ def _search_compiled(
         (layout.starts, layout.stops, layout.of_byte),
     )
     return _in_sequences(found[:, 0], found[:, 1], layout.number(found[:, 0]), layout)
-
-
-def _compiled_kernel(engine: Engine) -> Callable[..., Any] | None:
-    if engine == "numpy" or (engine == "auto" and "numba" not in sys.modules):
-        return None
-    try:
-        from motionary.models.keyframes._compiled import search_planes
-    except ImportError:
-        if engine == "compiled":
-            raise InvalidInput(
-                "the compiled engine needs numba; pip install 'motionary[fast]'"
-            ) from None
-        return None
-    kernel: Callable[..., Any] = search_planes
-    return kernel
 
 
 def _windows(

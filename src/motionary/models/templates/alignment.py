@@ -13,14 +13,13 @@ Conventions: a *stack* holds the columns of all examples below one another; exam
 rows `offsets[i]` to `offsets[i + 1]`.
 """
 
-import sys
 from collections.abc import Callable, Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.matching import load_twin
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -126,23 +125,10 @@ def choose_engine(name: EngineName, offsets: Indices) -> Engine:
     InvalidInput
         If there is no such engine, or it is not installed.
     """
-    if name not in ("auto", "numpy", "compiled"):
-        raise InvalidInput(f"engine needs to be 'auto', 'numpy' or 'compiled', got {name!r}")
     lengths = np.diff(offsets)
     n_cells = int(lengths.sum() ** 2 - (lengths**2).sum()) // 2
-    loaded = sys.modules.get("numba") is not None
-    if name == "numpy" or (name == "auto" and not loaded and n_cells < WORTH_LOADING):
-        return align_batched
-    try:
-        import numba  # noqa: F401
-    except ImportError as error:
-        if name == "auto":
-            return align_batched
-        raise InvalidInput(
-            f"the compiled engine needs numba ({error}); "
-            "pip install 'motionary[fast]', or take engine='numpy'"
-        ) from error
-    return align_compiled
+    compiler = load_twin("numba", name, pays=n_cells >= WORTH_LOADING)
+    return align_batched if compiler is None else align_compiled
 
 
 def _batches(pairs: Iterator[PairCost]) -> Iterator[list[PairCost]]:
