@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile
 from motionary.features import compute_features
-from motionary.io import read
+from motionary.io import read, read_all, write
 from motionary.io.formats.smpl import NAMES, PARENTS, STATURE_M, average_skeleton
 from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.samples import synthetic_motion
@@ -502,3 +502,145 @@ def test_parameters_of_video_tools(tmp_path, tool, packed):
         )
     assert motion.rate_hz == 30
     assert any("camera" in note for note in motion.notes) == (tool in ("ROMP", "4D-Humans"))
+
+
+# ---- layouts of data sets and generators
+
+
+def slow_humanml3d(positions):
+    """The numbers of HumanML3D of a motion, frame by frame: turn, way, height, places."""
+    n_frames, n_joints = positions.shape[:2]
+    right, left = (2, 1) if n_joints == 22 else (11, 16)
+    half, rows = [], []
+    for pose in positions:
+        across = pose[left] - pose[right]
+        # The body looks along z where its left is at +x.
+        half.append(np.arctan2(-across[2], across[0]) / 2)
+    half = np.unwrap(np.array(half) * 2) / 2
+    start = positions[0, 0] * [1, 0, 1]
+    for i, pose in enumerate(positions):
+        c, s = np.cos(-2 * half[i]), np.sin(-2 * half[i])
+        back = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        row = np.zeros(4 + 9 * (n_joints - 1) + 3 * n_joints + 4)
+        if i + 1 < n_frames:
+            c, s = np.cos(-2 * half[i + 1]), np.sin(-2 * half[i + 1])
+            back_next = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+            way = back_next @ (positions[i + 1, 0] - pose[0])
+            # Turns are counted the other way round.
+            row[0], row[1], row[2] = -(half[i + 1] - half[i]), way[0], way[2]
+        row[3] = pose[0, 1]
+        beside = (back @ (pose[1:] - pose[0] * [1, 0, 1]).T).T
+        row[4 : 4 + 3 * (n_joints - 1)] = beside.ravel()
+        rows.append(row)
+    turn = half[0] * 2
+    return np.array(rows), start, turn
+
+
+@pytest.mark.parametrize(("name", "width", "rate"), [("humanml3d", 263, 20), ("kit_ml", 251, 12.5)])
+def test_numbers_of_humanml3d_become_places(tmp_path, name, width, rate):
+    places = in_order(synthetic_motion("walk", seed=1, rate_hz=20), name)
+    angle = np.linspace(0.3, 2.5, len(places))
+    c, s, o = np.cos(angle), np.sin(angle), np.zeros(len(places))
+    around = np.stack((c, o, s, o, o + 1, o, -s, o, c), axis=-1).reshape(-1, 3, 3)
+    places = np.einsum("fij,fkj->fki", around, places)
+    numbers, start, turn = slow_humanml3d(places)
+    assert numbers.shape[1] == width
+    np.save(tmp_path / "a.npy", numbers.astype(np.float32))
+    motion = read(tmp_path / "a.npy", up="y", unit="m")
+    assert (motion.rate_hz, motion.mapping.name) == (rate, name)
+    # They begin at the origin and look along z.
+    c, s = np.cos(-turn), np.sin(-turn)
+    back = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    np.testing.assert_allclose(motion.positions, (places - start) @ back.T, atol=1e-4)
+    assert any(f"{width} numbers a frame" in note for note in motion.notes)
+
+
+def test_normalised_numbers_of_humanml3d_are_refused_with_what_to_do(tmp_path):
+    np.save(tmp_path / "a.npy", np.random.default_rng(0).normal(size=(60, 263)))
+    with pytest.raises(UnreadableFile, match=r"multiply by Std.npy and add Mean.npy"):
+        read(tmp_path / "a.npy")
+
+
+def test_joints_before_frames_are_read_and_told(tmp_path):
+    array = in_order(synthetic_motion("squat", seed=1, rate_hz=20), "humanml3d")
+    np.save(tmp_path / "a.npy", array.transpose(1, 2, 0))
+    motion = read(tmp_path / "a.npy")
+    np.testing.assert_allclose(motion.positions, array)
+    assert any(note.startswith("read as (joints, 3, frames): 22 joints") for note in motion.notes)
+    np.save(tmp_path / "a.npy", np.concatenate([array.transpose(0, 2, 1)] * 9))
+    assert any("read as (frames, 3, joints)" in note for note in read(tmp_path / "a.npy").notes)
+
+
+def results_of_a_generator(path):
+    """Three motions as MDM saves them: (motions, joints, 3, frames), filled up behind the end."""
+    motions = [
+        in_order(synthetic_motion(what, seed=1, rate_hz=20), "humanml3d")
+        for what in ("squat", "walk", "jump")
+    ]
+    longest = max(map(len, motions))
+    batch = np.zeros((3, 22, 3, longest))
+    for i, motion in enumerate(motions):
+        batch[i, ..., : len(motion)] = motion.transpose(1, 2, 0)
+    lengths = np.array([len(motion) for motion in motions])
+    np.save(path, {"motion": batch, "text": ["a", "b", "c"], "lengths": lengths, "num_samples": 3})
+    return motions
+
+
+def test_results_of_a_generator_are_several_recordings(tmp_path):
+    motions = results_of_a_generator(tmp_path / "results.npy")
+    with pytest.raises(SeveralRecordings, match=r"holds 3 recordings .* name one with --take") as e:
+        read(tmp_path / "results.npy")
+    assert e.value.takes == ("1", "2", "3")
+    motion = read(tmp_path / "results.npy", take=2)
+    np.testing.assert_allclose(motion.positions, motions[1])
+    assert motion.rate_hz == 20
+    with pytest.raises(InvalidInput, match=r"has no take '4'; it has 1, 2, 3"):
+        read(tmp_path / "results.npy", take=4)
+    everything = read_all(tmp_path / "results.npy")
+    assert [m.source for m in everything] == [f"results-00{i}.npy" for i in (1, 2, 3)]
+    for motion, expected in zip(everything, motions, strict=True):
+        np.testing.assert_allclose(motion.positions, expected)
+
+
+@pytest.mark.parametrize("suffix", ["npy", "npz"])
+def test_a_batch_is_several_recordings(tmp_path, suffix):
+    array = in_order(synthetic_motion("squat", seed=1, rate_hz=20), "smpl")
+    batch = np.stack([array, array + 1])
+    if suffix == "npy":
+        np.save(tmp_path / "a.npy", batch)
+    else:
+        np.savez(tmp_path / "a.npz", positions=batch)
+    with pytest.raises(SeveralRecordings, match="holds 2 recordings"):
+        read(tmp_path / f"a.{suffix}", rate_hz=20)
+    np.testing.assert_allclose(
+        read(tmp_path / f"a.{suffix}", rate_hz=20, take="2").positions, array + 1
+    )
+    # A file of one recording is what it is.
+    assert len(read_all(tmp_path / f"a.{suffix}", rate_hz=20, take=1)) == 1
+
+
+def test_parameters_of_motion_x(tmp_path):
+    turns, trans = walk_turns(n_joints=22), np.linspace(0, 2, 40)[:, None] * [1.0, 0, 0]
+    numbers = np.zeros((40, 322))
+    numbers[:, :66], numbers[:, 309:312] = turns.reshape(40, -1), trans
+    np.save(tmp_path / "a.npy", numbers)
+    motion = read(tmp_path / "a.npy", up="y")
+    np.savez(tmp_path / "b.npz", poses=turns.reshape(40, -1), trans=trans, fps=30)
+    np.testing.assert_allclose(motion.positions, read(tmp_path / "b.npz", up="y").positions)
+    assert motion.rate_hz == 30
+    assert any("as Motion-X has" in note for note in motion.notes)
+
+
+def test_results_of_romp_as_objects_in_a_npz(tmp_path):
+    turns, trans = walk_turns(), np.zeros((40, 3))
+    results = {"smpl_thetas": turns.reshape(40, -1), "cam_trans": trans}
+    np.savez(tmp_path / "a.npz", results=np.array(results, dtype=object))
+    motion = read(tmp_path / "a.npz", rate_hz=30)
+    assert motion.n_frames == 40
+    assert any("camera" in note for note in motion.notes)
+
+
+def test_a_format_of_one_recording_has_no_takes(tmp_path):
+    write(synthetic_motion("squat", seed=1), tmp_path / "a.trc")
+    with pytest.raises(InvalidInput, match="holds one recording; leave out take="):
+        read(tmp_path / "a.trc", take=1)

@@ -6,31 +6,45 @@ several orders have that number, by whose bones keep their length; every guess i
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import NO_MOTION, InvalidInput, NotAMotion, UnreadableFile
+from motionary.io.formats.array_layouts import (
+    HUMANML3D_HZ,
+    MOTION_X_HZ,
+    Layout,
+    split_array,
+)
 from motionary.io.formats.content import (
     FARTHEST,
     POINT_UNITS,
     RATE_HINT,
     FileContent,
+    choose_take,
     number_doubles,
 )
-from motionary.io.formats.npz import Array, is_own, read_npy, read_npz, read_own
+from motionary.io.formats.npz import (
+    Array,
+    is_own,
+    read_npy,
+    read_npy_dict,
+    read_npz,
+    read_own,
+)
 from motionary.io.formats.smpl import is_smpl, read_smpl_arrays
+from motionary.io.formats.unpickling import to_arrays
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
 from motionary.recording import Recording
-from motionary.skeletons import SkeletonTable, known_mappings, named_mapping
+from motionary.skeletons import SkeletonTable, known_mappings, named_mapping, named_table
 
 Floats = NDArray[np.float64]
-
-HUMANML3D_HZ = 20.0
 
 _POSITIONS = ("positions", "joints", "keypoints3d", "joints3d", "jtr", "xyz")
 _NAMES = ("names", "joint_names", "marker_names", "labels")
@@ -43,6 +57,8 @@ _BONES = tuple(
     for a, b in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 )
 _LOOKED_AT = 500
+# A hand has 21 joints too: only numbers of HumanML3D's layout are those of KIT.
+_BY_LAYOUT_ONLY = ("kit_ml",)
 
 
 class Joints(NamedTuple):
@@ -58,24 +74,69 @@ class Joints(NamedTuple):
 
 
 def read_array(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a .npy file.
+    """Content of a .npy file: an array, or the dict of results that a generator of motion saves.
 
-    A .npy file holds no rate, and 20 Hz is assumed for the 22 joints of HumanML3D only.
+    A .npy file holds no rate: that of HumanML3D and Motion-X is assumed for their layouts only.
 
     Raises
     ------
     UnreadableFile
         If the file is missing, damaged, or holds no such array.
     InvalidInput
-        If the rate or the order of the joints is neither known nor given.
+        If the rate or the order of the joints is neither known nor given, or the file holds
+        several recordings.
     """
-    positions = check_positions(read_npy(path), path.name)
-    joints = name_joints(positions, path.name, options.skeleton_table())
-    rate = options.rate_hz
+    results = read_npy_dict(path)
+    if results:
+        return _read_results(results, path.name, options)
+    return _read_layout(split_array(read_npy(path), path.name), path.name, options)
+
+
+def _read_layout(layout: Layout, source: str, options: ReadOptions) -> FileContent:
+    """Content of the one motion that is meant."""
+    numbers = [str(i + 1) for i in range(len(layout.motions))]
+    motion = layout.motions[choose_take(numbers, options.take, source)]
+    if motion.ndim == 2:
+        return _read_motion_x(motion, source, options)
+    positions = check_positions(motion, source)
+    table = options.skeleton_table()
+    if table is None and layout.skeleton:
+        table = named_table(layout.skeleton)
+    joints = name_joints(positions, source, table)
+    rate = options.rate_hz if options.rate_hz is not None else layout.rate_hz
+    notes = layout.notes if options.rate_hz is None else layout.notes[:1]
     if rate is None and joints.mapping is not None and joints.mapping.name == "humanml3d":
         rate = HUMANML3D_HZ
         joints = joints.with_note(f"rate assumed {HUMANML3D_HZ:g} Hz, as HumanML3D has")
-    return array_content(positions, joints, path.name, rate_hz=rate)
+    joints = joints._replace(notes=(*joints.notes, *notes))
+    return array_content(positions, joints, source, rate_hz=rate)
+
+
+def _read_motion_x(numbers: Array, source: str, options: ReadOptions) -> FileContent:
+    if options.skeleton is not None:
+        raise InvalidInput(f"{source}: has an SMPL body; leave out skeleton=")
+    arrays = {"global_orient": numbers[:, :3], "body_pose": numbers[:, 3:66]}
+    arrays["transl"] = numbers[:, 309:312]
+    rate = MOTION_X_HZ if options.rate_hz is None else options.rate_hz
+    content = read_smpl_arrays(arrays, source, rate_hz=rate, options=options)
+    return replace(content, notes=(*content.notes, "322 parameters a frame, as Motion-X has"))
+
+
+def _read_results(results: dict[str, Any], source: str, options: ReadOptions) -> FileContent:
+    """Content of `results.npy`: motion (motions, joints, 3, frames), lengths, text."""
+    motion = results.get("motion")
+    if not isinstance(motion, np.ndarray):
+        raise NotAMotion(
+            f"{source}: {NO_MOTION}; expected a dict with motion (motions, joints, 3, frames), got "
+            f"{', '.join(sorted(results))[:80]}"
+        )
+    layout = split_array(motion, source)
+    lengths = np.asarray(results.get("lengths", ()))
+    if lengths.shape == (len(layout.motions),) and lengths.dtype.kind in "iu":
+        # What is behind the end of a motion fills the batch up.
+        cut = [m[: max(1, int(n))] for m, n in zip(layout.motions, lengths, strict=True)]
+        layout = layout._replace(motions=cut)
+    return _read_layout(layout, source, options)
 
 
 def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
@@ -92,6 +153,10 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
     if is_own(arrays):
         return read_own(arrays, path.name, options)
     rate = options.rate_hz if options.rate_hz is not None else find_rate(arrays)
+    # Some programs keep their arrays in one object.
+    results = to_arrays(arrays.read_dict("results"))
+    if is_smpl(results):
+        return read_smpl_arrays(results, path.name, rate_hz=rate, options=options)
     if is_smpl(arrays):
         return read_smpl_arrays(arrays, path.name, rate_hz=rate, options=options)
     key = next((key for key in _POSITIONS if key in arrays), None)
@@ -100,9 +165,13 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
             f"{path.name}: {NO_MOTION}; expected poses and trans (AMASS) or positions "
             f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
         )
-    positions = check_positions(arrays[key], path.name)
+    layout = split_array(arrays[key], path.name)
+    numbers = [str(i + 1) for i in range(len(layout.motions))]
+    motion = layout.motions[choose_take(numbers, options.take, path.name)]
+    positions = check_positions(motion, path.name)
     table = options.skeleton_table()
     joints = name_joints(positions, path.name, table, names=_find_names(arrays))
+    joints = joints._replace(notes=(*joints.notes, *layout.notes))
     return array_content(positions, joints, path.name, rate_hz=rate)
 
 
@@ -207,7 +276,7 @@ def name_joints(
 
 
 def _guess_order(positions: Floats, source: str) -> Joints:
-    known = [named_mapping(name) for name in known_mappings()]
+    known = [named_mapping(name) for name in known_mappings() if name not in _BY_LAYOUT_ONLY]
     fitting = [m for m in known if len(m.order) == positions.shape[1]]
     if not fitting:
         counts = ", ".join(f"{len(m.order)} ({m.name})" for m in known if m.order)

@@ -9,6 +9,7 @@ A file of ours holds `positions` (frames, joints, 3) in metres with y up, `names
 """
 
 import math
+import weakref
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -88,9 +89,12 @@ class ArchivedArrays(Mapping[str, Array]):
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        opened = open_regular(path)
+        # Open until the last array is read, that is, as long as this object is in use.
+        weakref.finalize(self, opened.close)
         try:
-            with open_regular(path) as opened, zipfile.ZipFile(opened) as archive:
-                members = [m for m in archive.infolist() if m.filename.endswith(".npy")]
+            self._archive = zipfile.ZipFile(opened)
+            members = [m for m in self._archive.infolist() if m.filename.endswith(".npy")]
         except Exception as error:
             raise _unreadable(path, error) from error
         self._members = {m.filename.removesuffix(".npy"): m for m in members}
@@ -100,9 +104,9 @@ class ArchivedArrays(Mapping[str, Array]):
         return name in self._members and not self._holds_objects(str(name))
 
     def __getitem__(self, name: str) -> Array:
-        if name not in self:
-            raise KeyError(name)
         member = self._members[name]
+        if self._are_objects.get(name):
+            raise KeyError(name)
         return self._open(name, lambda file: _read_array(file, member.file_size, _most(member)))
 
     def __iter__(self) -> Iterator[str]:
@@ -130,11 +134,7 @@ class ArchivedArrays(Mapping[str, Array]):
         try:
             if member.compress_type not in _METHODS:
                 raise ValueError(f"{name} is packed in another way than NumPy packs")
-            with (
-                open_regular(self._path) as opened,
-                zipfile.ZipFile(opened) as archive,
-                archive.open(member) as file,
-            ):
+            with self._archive.open(member) as file:
                 return read(file)
         except Exception as error:
             raise _unreadable(self._path, error) from error

@@ -9,8 +9,6 @@ programs, and dicts of several such motions by name.
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from motionary.errors import NO_MOTION, InvalidInput, NotAMotion, UnreadableFile
 from motionary.files import read_bytes
 from motionary.io.formats.arrays import (
@@ -22,7 +20,7 @@ from motionary.io.formats.arrays import (
 from motionary.io.formats.content import FileContent, choose_take
 from motionary.io.formats.npz import Array
 from motionary.io.formats.smpl import check_pose, find_source, pose_content, read_smpl_arrays
-from motionary.io.formats.unpickling import PickleRefusedError, plain_dict, read_pickled
+from motionary.io.formats.unpickling import PickleRefusedError, plain_dict, read_pickled, to_arrays
 from motionary.io.normalise.units_axes import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 
@@ -113,9 +111,3 @@ def _load(path: Path) -> dict[str, Any]:
     if not isinstance(loaded, dict):
         raise NotAMotion(f"{path.name}: {NO_MOTION}; expected a dict of arrays")
     return plain_dict(loaded)
-
-
-def to_arrays(content: dict[str, Any]) -> dict[str, Array]:
-    """The arrays and numbers of a dict, as arrays."""
-    kinds = (np.ndarray, np.number, float, int)
-    return {key: np.asarray(value) for key, value in content.items() if isinstance(value, kinds)}

@@ -81,6 +81,12 @@ def plain_dict(value: Any) -> dict[str, Any]:
     return {key: plain(item) for key, item in value.items()} if isinstance(value, dict) else {}
 
 
+def to_arrays(content: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    """The arrays and numbers of a dict, as arrays."""
+    kinds = (np.ndarray, np.number, float, int)
+    return {key: np.asarray(value) for key, value in content.items() if isinstance(value, kinds)}
+
+
 class _Machine:
     def __init__(self, content: bytes) -> None:
         self.view = memoryview(content)
