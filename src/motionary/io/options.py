@@ -39,7 +39,7 @@ class ReadOptions:
     skeleton : name of a known skeleton, where the joint names do not tell it, or there are
         none and the order of the joints matters; or a .toml file that says which joint is
         which; of an Acclaim motion also the path of its skeleton file
-    unit : "m", "cm", "mm", "inch" or metres per unit of the file, where the size of
+    unit : "m", "dm", "cm", "mm", "inch" or metres per unit of the file, where the size of
         the body does not tell it
     up : axis that points up in the file ("y", "z", "-y", ...), where the body does not
         tell it
@@ -86,7 +86,7 @@ class ReadOptions:
         metadata=_flag(
             "--unit",
             "UNIT",
-            "m, cm, mm, inch or metres per unit, where the size of the body does not tell it.",
+            "m, dm, cm, mm, inch or metres per unit, where the size of the body does not tell it.",
         ),
     )
     up: str | None = field(

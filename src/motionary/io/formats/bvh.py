@@ -1,7 +1,8 @@
 """BVH files: reading them; see `bvh_writing` for writing and cutting.
 
 Conventions: a joint turns about its moving axes in the sequence of its channels.
-Position channels replace the joint's offset, on whichever joint they stand. An End Site
+Position channels replace the joint's offset, on whichever joint they stand; those below a root that
+are zero throughout do not, as some programs count them from the offset, and say so. An End Site
 becomes a joint named "End of" its parent; one without length is a missing joint. Frames
 count from 0; a rest pose at the beginning stays.
 """
@@ -31,6 +32,9 @@ from motionary.motion import Skeleton
 from motionary.rotations import Floats, euler_to_quaternions
 
 _CHANNELS = {f"{axis}{kind}": axis.upper() for axis in "xyz" for kind in ("position", "rotation")}
+# Below this fraction of an offset a translation is none.
+_NOTHING = 1e-3
+_MOST_NAMES = 6
 _MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAMES = re.compile(r"\s*Frames\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*Frame\s+Time\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
@@ -237,7 +241,7 @@ def _to_content(
     names = tuple(node.name for node in nodes)
     parents = np.array([node.parent for node in nodes], dtype=np.intp)
     skeleton = Skeleton(names, parents, np.array([node.offset for node in nodes]))
-    rotations, translations = _split_channels(nodes, values)
+    rotations, translations, collapsed = _split_channels(nodes, values)
     origin = np.zeros((len(values), 3))
     return FileContent(
         names=names,
@@ -247,12 +251,17 @@ def _to_content(
         metadata=FileMetadata(),
         skeleton=skeleton,
         rotations=rotations,
-        notes=tuple(notes),
+        notes=(*notes, _note_collapsed(collapsed)) if collapsed else tuple(notes),
     )
 
 
-def _split_channels(nodes: list[_Node], values: Floats) -> tuple[Floats, dict[int, Floats]]:
-    """Local rotations (frames, joints, 4) and, by joint, translations (frames, 3)."""
+def _split_channels(
+    nodes: list[_Node], values: Floats
+) -> tuple[Floats, dict[int, Floats], list[str]]:
+    """Local rotations (frames, joints, 4), by joint translations (frames, 3), and joints of
+    which the translations would leave nothing.
+    """
+    collapsed = []
     turns = np.zeros((len(nodes), 4, len(values)))
     turns[:, 0] = 1.0
     translations = {}
@@ -271,5 +280,19 @@ def _split_channels(nodes: list[_Node], values: Floats) -> tuple[Floats, dict[in
             turns[joint] = euler_to_quaternions(np.radians(degrees), order).T
         if moved:
             place = [moved.get(i, np.full(len(values), node.offset[i])) for i in range(3)]
-            translations[joint] = np.stack(place, axis=1)
-    return np.moveaxis(turns, -1, 0), translations
+            steps = np.stack(place, axis=1)
+            if node.parent >= 0 and np.abs(steps).max() < _NOTHING * np.linalg.norm(node.offset):
+                collapsed.append(node.name)
+            else:
+                translations[joint] = steps
+    return np.moveaxis(turns, -1, 0), translations, collapsed
+
+
+def _note_collapsed(names: list[str]) -> str:
+    """A note on joints whose position channels leave nothing of a bone."""
+    said = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
+    bones = "1 bone" if len(names) == 1 else f"{len(names)} bones"
+    return (
+        f"position channels of {said} are zero, which leaves {bones} without length: the offsets "
+        "count there"
+    )

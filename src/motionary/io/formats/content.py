@@ -21,7 +21,7 @@ _FARTHEST_SEEN = 1e6
 _SENTINEL = 9999.0
 
 #: Units that formats of points are in.
-POINT_UNITS = ("m", "cm", "mm", "inch")
+POINT_UNITS = ("m", "dm", "cm", "mm", "inch")
 
 #: What to do about a rate, at the end of an error.
 RATE_HINT = "pass the rate with --rate (rate_hz=...)"

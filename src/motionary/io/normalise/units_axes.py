@@ -4,13 +4,14 @@ What the caller gives counts before what the file says, that before what the bod
 before what the format usually has; it is noted which. Where the caller or the file clearly
 contradict the body, neither is taken: that is an error with both readings.
 
-The legs give the unit: hip to knee to ankle is about 0.85 m in a grown person. The candidates
-lie more than a factor of two apart, so a child is still distinguished from a giant; a body that is
-of no person's size in any of them has a unit of its own. Without legs the arms count, without
-a known skeleton the longest way through the body from end to end, taken for 2.2 m.
+The legs give the unit: hip to knee to ankle is about 0.85 m in a grown person. All candidates but
+1/0.45 inch and dm lie more than a factor of two apart, so a child is still distinguished from a
+giant; a body that is of no person's size in any of them has a unit of its own. A leg counts if both
+of its bones have a length. Without legs the arms count, without a known skeleton the longest way
+through the body from end to end, taken for 2.2 m. Legs that no adult has are doubted in the note.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -33,11 +34,15 @@ METRES: Mapping[str, float] = {
     "mm": 0.001,
     "inch": 0.0254,
     "1/0.45 inch": 0.0254 / 0.45,
+    "dm": 0.1,
 }
+
+_NEAR_ANOTHER = "dm"
 
 #: What files write for these.
 NAMES_OF_UNITS: Mapping[str, str] = {
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "dm": "dm", "decimeter": "dm", "decimeters": "dm", "decimetres": "dm",
     "cm": "cm", "centimeter": "cm", "centimeters": "cm",
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetres": "mm",
     "in": "inch", "inch": "inch", "inches": "inch",
@@ -54,6 +59,13 @@ _LIMBS = (
 _POSSIBLE = (0.35, 1.65)
 _ABSURD = 3.5
 
+# Legs of adults, hip to knee to ankle, in metres: shorter is a child, or another unit.
+_ADULT_M = (0.65, 1.05)
+
+# Of a limb's two bones, one shorter than this fraction of the other has collapsed; legs that
+# differ by more than this fraction are not averaged.
+_COLLAPSED = 0.1
+_UNEQUAL = 0.1
 # A bone is rigid if its length varies by less than this fraction.
 _RIGID = 0.02
 
@@ -137,6 +149,8 @@ def normalise(
     body = sample.generic_positions() if sample.mapping else None
     length = measure_body(body, some, sample.skeleton) if metadata.takes_unit else None
     metres, unit_note = _find_unit(motion.source, metadata, unit, length)
+    if unit is None and length is not None:
+        unit_note += doubt_of(length, metres)
     stance = None if body is None else axes.find_stance(body)
     found = _find_axis(motion, metadata, up, stance)
     notes = [unit_note] if unit is not None or "unit" in metadata.noted else []
@@ -144,6 +158,29 @@ def normalise(
         notes.append(found.note)
     turned = turn(rescale(motion, metres), found.axis)
     return replace(turned, notes=(*notes, *motion.notes))
+
+
+def _at_rest(motion: Motion) -> Motion:
+    """A rig as it stands when nothing is turned: one frame, by its offsets."""
+    skeleton = motion.skeleton
+    assert skeleton is not None
+    places = np.zeros_like(skeleton.offsets)
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        places[joint] = skeleton.offsets[joint] + (places[parent] if parent >= 0 else 0.0)
+    return replace(motion, positions=places[None], rotations=None)
+
+
+def doubt_of(length: Length, metres: float) -> str:
+    """Words of doubt for a note, where legs are none of an adult; else nothing."""
+    size = length.units * metres
+    if length.what != "legs" or not length.sure or _ADULT_M[0] <= size <= _ADULT_M[1]:
+        return ""
+    than = "shorter" if size < _ADULT_M[0] else "longer"
+    return (
+        f"; {length.said(metres)} are {than} than those of adults "
+        f"({_ADULT_M[0]} to {_ADULT_M[1]} m): a child, a figure, or another unit, which --unit "
+        "(unit=...) says"
+    )
 
 
 def rescale(motion: Motion, metres: float) -> Motion:
@@ -187,9 +224,9 @@ def _find_unit(
         metres = metres_per_unit(unit)
         if not insists(unit) and length is not None and is_absurd(length, metres):
             raise InvalidInput(
-                f"{source}: unit {unit} as given makes {length.said(metres)}; by the "
-                f"body it is {nearest_unit(length)}; say which with --unit (unit=...), and "
-                f"if the body is so large, as a number: {metres:g}"
+                f"{source}: unit {unit} as given makes {length.said(metres)}; "
+                f"{_by_body(length, metres)}; say which with --unit (unit=...), and if "
+                f"the body is so large, as a number: {metres:g}"
             )
         return metres, f"unit {str(unit).removesuffix(axes.INSISTS)}, as given"
     if metadata.unit is not None:
@@ -197,8 +234,8 @@ def _find_unit(
         if length is not None and is_absurd(length, metres):
             raise InvalidInput(
                 f"{source}: says that it is in {metadata.unit}, which makes {length.said(metres)}; "
-                f"by the body it is {nearest_unit(length)}; say which with --unit "
-                f"(unit=...), and if the body is so large, as a number: {metres:g}"
+                f"{_by_body(length, metres)}; say which with --unit (unit=...), and if the body is "
+                f"so large, as a number: {metres:g}"
             )
         return metres, f"unit {metadata.unit}, as the file says"
     if length is None:
@@ -208,6 +245,14 @@ def _find_unit(
         metres = length.metres / length.units
         return metres, f"unit {metres:.3g} m, so that the body has {length.said(metres)}"
     return METRES[name], f"unit {name}, by {length.said(METRES[name])}"
+
+
+def _by_body(length: Length, metres: float) -> str:
+    """What the unit is by the body, which refutes one of so many metres."""
+    name = nearest_unit(length)
+    if is_absurd(length, METRES[name]) or METRES[name] == metres:
+        return "by the body it is in no unit that is known"
+    return f"by the body it is {name}"
 
 
 def _find_axis(
@@ -266,11 +311,7 @@ def _rest_axis(motion: Motion) -> str | None:
     skeleton = motion.skeleton
     if skeleton is None or motion.mapping is None or skeleton.ends:
         return None
-    places = np.zeros_like(skeleton.offsets)
-    for joint, parent in enumerate(skeleton.parents.tolist()):
-        places[joint] = skeleton.offsets[joint] + (places[parent] if parent >= 0 else 0.0)
-    rest = replace(motion, positions=places[None], rotations=None)
-    stance = axes.find_stance(rest.generic_positions())
+    stance = axes.find_stance(_at_rest(motion).generic_positions())
     if stance is None:
         return None
     return next((axis for axis in axes.UPS if stance.stands(axis)), None)
@@ -328,17 +369,34 @@ def measure_body(
     return Length(span, SPAN_M, "a longest span", sure=False) if 0 < span < np.inf else None
 
 
-def detect_unit(length: Length, likely: Iterable[str] = METRES) -> str | None:
+def detect_unit(length: Length, likely: Collection[str] = METRES) -> str | None:
     """The unit of those likely in which a body is of a person's size, None if it is in none."""
     name = nearest_unit(length, likely)
-    least, most = _POSSIBLE
-    fits = least < length.units * METRES[name] / length.metres < most
-    return name if fits or not length.sure else None
+    return name if _is_possible(length, name) or not length.sure else None
 
 
-def nearest_unit(length: Length, likely: Iterable[str] = METRES) -> str:
+def nearest_unit(length: Length, likely: Collection[str] = METRES) -> str:
     """The unit of those likely in which a body is nearest to a person's size."""
-    return min(likely, key=lambda unit: abs(np.log(length.units * METRES[unit] / length.metres)))
+    others = [unit for unit in likely if unit != _NEAR_ANOTHER]
+    name = _nearest(length, others)
+    if _NEAR_ANOTHER not in likely or not length.sure:
+        return name
+    # 1/0.45 inch lies so near to dm that a child in the one is a giant in the other.
+    most = _ADULT_M[1] / _LIMBS[0][1]
+    is_giant = length.units * METRES[_NEAR_ANOTHER] / length.metres > most
+    if not is_giant or not _is_possible(length, name):
+        return _nearest(length, (name, _NEAR_ANOTHER))
+    return name
+
+
+def _nearest(length: Length, units: Iterable[str]) -> str:
+    return min(units, key=lambda unit: abs(np.log(length.units * METRES[unit] / length.metres)))
+
+
+def _is_possible(length: Length, unit: str) -> bool:
+    """Whether a person, of any age, is of the body's size in a unit."""
+    least, most = _POSSIBLE
+    return least < length.units * METRES[unit] / length.metres < most
 
 
 def is_absurd(length: Length, metres: float) -> bool:
@@ -348,14 +406,24 @@ def is_absurd(length: Length, metres: float) -> bool:
 
 
 def _limb(generic: Floats, joints: tuple[str, str, str]) -> float:
-    """Median length over frames, mean of the sides that are seen; NaN if neither is."""
+    """Median length over frames of the sides that are seen and whole; NaN if neither is.
+
+    The mean of both sides if they are alike, else the longer one.
+    """
     lengths = []
     for side in "lr":
         a, b, c = (generic[:, GENERIC_JOINTS.index(side + joint)] for joint in joints)
-        length = np.linalg.norm(a - b, axis=1) + np.linalg.norm(b - c, axis=1)
-        length = length[np.isfinite(length)]
-        lengths += [float(np.median(length))] if len(length) else []
-    return float(np.mean(lengths)) if lengths else np.nan
+        upper, lower = np.linalg.norm(a - b, axis=1), np.linalg.norm(b - c, axis=1)
+        seen = np.isfinite(upper + lower)
+        if not seen.any():
+            continue
+        bones = float(np.median(upper[seen])), float(np.median(lower[seen]))
+        if min(bones) > _COLLAPSED * max(bones):
+            lengths.append(float(np.median((upper + lower)[seen])))
+    if not lengths:
+        return np.nan
+    alike = min(lengths) > (1 - _UNEQUAL) * max(lengths)
+    return float(np.mean(lengths) if alike else max(lengths))
 
 
 def _span(positions: Floats, skeleton: Skeleton) -> float:
