@@ -62,10 +62,8 @@ _ABSURD = 3.5
 # Legs of adults, hip to knee to ankle, in metres: shorter is a child, or another unit.
 _ADULT_M = (0.65, 1.05)
 
-# Of a limb's two bones, one shorter than this fraction of the other has collapsed; legs that
-# differ by more than this fraction are not averaged.
+# Of a limb's two bones, one shorter than this fraction of the other has collapsed.
 _COLLAPSED = 0.1
-_UNEQUAL = 0.1
 # A bone is rigid if its length varies by less than this fraction.
 _RIGID = 0.02
 
@@ -406,10 +404,7 @@ def is_absurd(length: Length, metres: float) -> bool:
 
 
 def _limb(generic: Floats, joints: tuple[str, str, str]) -> float:
-    """Median length over frames of the sides that are seen and whole; NaN if neither is.
-
-    The mean of both sides if they are alike, else the longer one.
-    """
+    """Median length over frames, mean of the sides that are seen and whole; NaN if neither is."""
     lengths = []
     for side in "lr":
         a, b, c = (generic[:, GENERIC_JOINTS.index(side + joint)] for joint in joints)
@@ -420,10 +415,7 @@ def _limb(generic: Floats, joints: tuple[str, str, str]) -> float:
         bones = float(np.median(upper[seen])), float(np.median(lower[seen]))
         if min(bones) > _COLLAPSED * max(bones):
             lengths.append(float(np.median((upper + lower)[seen])))
-    if not lengths:
-        return np.nan
-    alike = min(lengths) > (1 - _UNEQUAL) * max(lengths)
-    return float(np.mean(lengths) if alike else max(lengths))
+    return float(np.mean(lengths)) if lengths else np.nan
 
 
 def _span(positions: Floats, skeleton: Skeleton) -> float:
