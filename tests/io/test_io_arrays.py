@@ -6,6 +6,7 @@ import os
 import pickle
 import tracemalloc
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
@@ -644,3 +645,60 @@ def test_a_format_of_one_recording_has_no_takes(tmp_path):
     write(synthetic_motion("squat", seed=1), tmp_path / "a.trc")
     with pytest.raises(InvalidInput, match="holds one recording; leave out take="):
         read(tmp_path / "a.trc", take=1)
+
+
+# ---- joblib: PHC and 4D-Humans save with it. Its arrays stand between the pickle's instructions.
+
+
+def joblib_array(array, *, n_there=None, module=b"joblib.numpy_pickle", padding=11):
+    """Instructions that build an array as joblib 1.6 writes them, then its bytes."""
+
+    def text(words):
+        return b"\x8c" + bytes((len(words),)) + words
+
+    order = b"F" if array.flags.f_contiguous and not array.flags.c_contiguous else b"C"
+    shape = b"(" + b"".join(b"J" + n.to_bytes(4, "little") for n in array.shape) + b"t"
+    code = array.dtype.str[1:].encode()
+    state = b"(K\x03" + text(b"<") + b"NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00t"
+    dtype = text(b"numpy") + text(b"dtype") + b"\x93" + text(code) + b"\x89\x88\x87R" + state + b"b"
+    build = text(module) + text(b"NumpyArrayWrapper") + b"\x93)\x81}("
+    build += text(b"subclass") + text(b"numpy") + text(b"ndarray") + b"\x93"
+    build += text(b"shape") + shape + text(b"order") + text(order) + text(b"dtype") + dtype
+    build += text(b"allow_mmap") + b"\x88" + text(b"numpy_array_alignment_bytes") + b"K\x10ub"
+    content = bytes((padding,)) + b"\xff" * padding + array.tobytes(order.decode())
+    return build + content[:n_there]
+
+
+def joblib_pickle(**options):
+    turns, trans = walk_turns().reshape(40, -1), np.asfortranarray(walk_turns()[:, 7])
+    whole = b"\x80\x04}(\x8c\x04walk}(\x8c\x07pose_aa" + joblib_array(turns)
+    whole += b"\x8c\x05trans" + joblib_array(trans, **options) + b"\x8c\x03fpsK\x1euu."
+    return whole, turns, trans
+
+
+@pytest.mark.parametrize("pack", [bytes, zlib.compress, gzip.compress])
+def test_pickles_of_joblib(tmp_path, pack):
+    whole, turns, trans = joblib_pickle()
+    (tmp_path / "a.pkl").write_bytes(pack(whole))
+    motion = read(tmp_path / "a.pkl")
+    np.savez(tmp_path / "b.npz", poses=turns, trans=trans, fps=30)
+    np.testing.assert_allclose(motion.positions, read(tmp_path / "b.npz").positions)
+    assert motion.rate_hz == 30
+
+
+@pytest.mark.parametrize(
+    "options", [{"module": b"os"}, {"n_there": 200}, {"n_there": 0}, {"padding": 200}]
+)
+def test_damaged_pickles_of_joblib_are_refused(tmp_path, options):
+    whole, _, _ = joblib_pickle(**options)
+    cut = whole if "module" in options or "padding" in options else whole[: -len("....fpsK.uu.")]
+    (tmp_path / "a.pkl").write_bytes(cut[:-300] if "padding" in options else cut)
+    with pytest.raises(UnreadableFile, match="pickle is damaged, or holds more"):
+        read(tmp_path / "a.pkl")
+
+
+def test_a_packed_pickle_that_unpacks_a_thousandfold_is_refused(tmp_path):
+    (tmp_path / "a.pkl").write_bytes(zlib.compress(b"\x80\x02" + b"N" * 80_000_000, 1))
+    peak, message = peak_of_reading(tmp_path / "a.pkl")
+    assert "unpacks to more than 64 MB" in message
+    assert peak < 200_000_000

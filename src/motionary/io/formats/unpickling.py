@@ -8,10 +8,12 @@ text that stands for bytes is turned into them once.
 """
 
 import codecs
+import math
 import re
 import struct
+import zlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,11 @@ from numpy.typing import NDArray
 _MOST_STEPS = 4_000_000
 _CODE = re.compile(r"[fiub](1|2|4|8)|[US]\d{1,4}|O8?")
 _MARK = object()
+
+# What joblib packs: zlib's first byte, and gzip's.
+_PACKED = (b"x", b"\x1f\x8b")
+_ANY_HEADER = 47
+_MOST_RATIO, _ALWAYS_BYTES = 16, 1 << 26
 
 
 class PickleRefusedError(ValueError):
@@ -53,8 +60,16 @@ class _Array:
         self.value: Any = np.empty(0) if value is None else value
 
 
+class _JoblibArray(_Array):
+    """An array of joblib: its bytes stand in the file behind the instruction that builds it."""
+
+    __slots__ = ()
+
+
 def read_pickled(content: bytes) -> Any:
-    """The object of a pickle; `plain` gives the values of its lists and dicts.
+    """The object of a pickle, which joblib may have packed.
+
+    `plain` gives the values of its lists and dicts.
 
     Raises
     ------
@@ -62,13 +77,26 @@ def read_pickled(content: bytes) -> Any:
         If the pickle is damaged, or holds anything else.
     """
     try:
-        return plain(_Machine(content).run())
+        return plain(_Machine(_inflate(content)).run())
     except PickleRefusedError:
         raise
     except (IndexError, KeyError, struct.error):
         raise PickleRefusedError("is cut off, or its instructions make no sense") from None
     except (ValueError, TypeError, AttributeError, OverflowError, MemoryError) as error:
         raise PickleRefusedError(str(error).split("\n")[0][:100] or "damaged") from None
+
+
+def _inflate(content: bytes) -> bytes:
+    if not content.startswith(_PACKED):
+        return content
+    most = max(_ALWAYS_BYTES, _MOST_RATIO * len(content))
+    try:
+        unpacked = zlib.decompressobj(_ANY_HEADER).decompress(content, most + 1)
+    except zlib.error:
+        raise PickleRefusedError("is packed and damaged") from None
+    if len(unpacked) > most:
+        raise PickleRefusedError(f"unpacks to more than {most >> 20} MB")
+    return unpacked
 
 
 def plain(value: Any) -> Any:
@@ -187,11 +215,30 @@ class _Machine:
         if isinstance(built, _Type):
             order = state[1]
             built.dtype = built.dtype.newbyteorder("=" if order == "|" else order)
+        elif isinstance(built, _JoblibArray):
+            built.value = self.following_array(state)
         elif isinstance(built, _Array):
             _, shape, kind, fortran, content = state
             built.value = self.array(content, kind, shape, "F" if fortran else "C")
         else:
             raise PickleRefusedError("builds an object of a class")
+
+    def new_object(self) -> None:
+        arguments, name = self.pop(), self.pop()
+        if arguments != () or not isinstance(name, _Name) or name.build is not _start_joblib:
+            raise PickleRefusedError("makes an object of a class")
+        self.push(_JoblibArray())
+
+    def following_array(self, state: Any) -> NDArray[Any]:
+        kind, shape = state["dtype"], state["shape"]
+        if not isinstance(kind, _Type) or kind.dtype.hasobject or not isinstance(shape, tuple):
+            raise PickleRefusedError("only arrays of numbers are admitted")
+        if state.get("numpy_array_alignment_bytes") is not None:
+            self.take(self.number("B"))
+        if any(not isinstance(n, int) or n < 0 for n in shape):
+            raise PickleRefusedError("has an array of an impossible shape")
+        content = self.take(math.prod(shape) * kind.dtype.itemsize)
+        return np.frombuffer(content, dtype=kind.dtype).reshape(shape, order=state["order"])
 
     def raw(self, content: Any) -> Any:
         """Bytes; as text, one character each, they come from Python 2."""
@@ -226,6 +273,10 @@ def _start_array(machine: _Machine, arguments: tuple[Any, ...]) -> _Array:
     return _Array()
 
 
+def _start_joblib(machine: _Machine, arguments: tuple[Any, ...]) -> NoReturn:
+    raise PickleRefusedError("calls what may not be called")
+
+
 def _array_of_buffer(machine: _Machine, arguments: tuple[Any, ...]) -> _Array:
     content, kind, shape, order = arguments
     return _Array(machine.array(content, kind, shape, order))
@@ -255,6 +306,7 @@ _ADMITTED: dict[tuple[str, str], Callable[[_Machine, tuple[Any, ...]], Any] | No
     ("numpy", "dtype"): _type,
     ("_codecs", "encode"): _encode,
     ("collections", "OrderedDict"): _ordered,
+    ("joblib.numpy_pickle", "NumpyArrayWrapper"): _start_joblib,
 }
 for _core in ("numpy.core", "numpy._core"):
     _ADMITTED[f"{_core}.multiarray", "_reconstruct"] = _start_array
@@ -373,5 +425,6 @@ _STEPS: dict[int, Callable[[_Machine], object]] = {
         "\x93": _stack_name,
         "R": lambda m: m.reduce(),
         "b": lambda m: m.build(),
+        "\x81": lambda m: m.new_object(),
     }.items()
 }
