@@ -6,9 +6,6 @@ a program must tell apart has a class of its own.
 
 from collections.abc import Sequence
 
-#: Text in the error of a file that can be read and holds something else.
-NO_MOTION = "holds no motion"
-
 
 class MotionaryError(Exception):
     """Parent of all errors that motionary raises on purpose."""

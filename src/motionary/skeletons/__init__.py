@@ -2,7 +2,6 @@
 
 from motionary.skeletons.guessing import without_guess
 from motionary.skeletons.mapping import (
-    AN_ANIMAL,
     find_mapping,
     known_mappings,
     map_joints,
@@ -12,7 +11,6 @@ from motionary.skeletons.mapping import (
 from motionary.skeletons.table_files import SkeletonTable, format_table, parse_table
 
 __all__ = [
-    "AN_ANIMAL",
     "SkeletonTable",
     "find_mapping",
     "format_table",

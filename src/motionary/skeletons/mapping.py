@@ -21,9 +21,6 @@ from motionary.skeletons.words import is_paw, is_tail
 
 Floats = NDArray[np.float64]
 
-#: Words of the reason why an animal has none.
-AN_ANIMAL = "an animal on four legs"
-
 # Poses that suffice to see how a body is built.
 _LOOKED_AT = 50
 # Where the last bones of a body end: a rig that does not say so has no tip there.
@@ -131,7 +128,7 @@ def map_joints(
             "them: a prop, or a rig whose joints you must map: --skeleton RIG.toml (skeleton=...)"
         )
     if mapping is None or (some is not None and is_four_legged(mapping, names, some)):
-        return Unmapped(f"{AN_ANIMAL}: the features are those of people", is_human=False)
+        return Unmapped("an animal on four legs: the features are those of people", is_human=False)
     return mapping
 
 

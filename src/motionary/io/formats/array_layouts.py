@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import NO_MOTION, NotAMotion
+from motionary.errors import NotAMotion
 from motionary.io.formats.npz import Array
 from motionary.rotations import rotate
 
@@ -60,7 +60,7 @@ def split_array(array: Array, source: str) -> Layout:
         if array.ndim in (3, 4) and array.shape[-2] == 3:
             return _split_transposed(array)
     raise NotAMotion(
-        f"{source}: {NO_MOTION}; expected joint positions (frames, joints, 3), (joints, 3, "
+        f"{source}: holds no motion; expected joint positions (frames, joints, 3), (joints, 3, "
         f"frames), a batch of them, or 263, 251 or {MOTION_X} numbers a frame (HumanML3D, "
         f"Motion-X), got an array of shape {array.shape} and type {array.dtype}"
     )
@@ -126,6 +126,7 @@ def _check_thighs(positions: Floats, source: str) -> None:
     mean = np.nanmean(lengths)
     if not mean > 0 or np.nanstd(lengths, axis=0).max() > _STEADY * mean:
         raise NotAMotion(
-            f"{source}: {NO_MOTION}; its bones change their length, as where numbers of HumanML3D "
+            f"{source}: holds no motion; "
+            "its bones change their length, as where numbers of HumanML3D "
             "were normalised: multiply by Std.npy and add Mean.npy first"
         )

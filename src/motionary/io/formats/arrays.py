@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import NO_MOTION, InvalidInput, NotAMotion, UnreadableFile
+from motionary.errors import InvalidInput, NotAMotion, UnreadableFile
 from motionary.io.formats.array_layouts import (
     HUMANML3D_HZ,
     MOTION_X_HZ,
@@ -127,7 +127,8 @@ def _read_results(results: dict[str, Any], source: str, options: ReadOptions) ->
     motion = results.get("motion")
     if not isinstance(motion, np.ndarray):
         raise NotAMotion(
-            f"{source}: {NO_MOTION}; expected a dict with motion (motions, joints, 3, frames), got "
+            f"{source}: holds no motion; "
+            "expected a dict with motion (motions, joints, 3, frames), got "
             f"{', '.join(sorted(results))[:80]}"
         )
     layout = split_array(motion, source)
@@ -162,7 +163,7 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
     key = next((key for key in _POSITIONS if key in arrays), None)
     if key is None:
         raise NotAMotion(
-            f"{path.name}: {NO_MOTION}; expected poses and trans (AMASS) or positions "
+            f"{path.name}: holds no motion; expected poses and trans (AMASS) or positions "
             f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
         )
     layout = split_array(arrays[key], path.name)
@@ -210,7 +211,8 @@ def check_positions(array: Array, source: str) -> Floats:
         array = array[0]
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
         raise NotAMotion(
-            f"{source}: {NO_MOTION}; expected joint positions (frames, joints, 3), got an array of "
+            f"{source}: holds no motion; "
+            "expected joint positions (frames, joints, 3), got an array of "
             f"shape {array.shape} and type {array.dtype}"
         )
     positions = array.astype(np.float64)

@@ -9,7 +9,7 @@ programs, and dicts of several such motions by name.
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import NO_MOTION, InvalidInput, NotAMotion, UnreadableFile
+from motionary.errors import InvalidInput, NotAMotion, UnreadableFile
 from motionary.files import read_bytes
 from motionary.io.formats.arrays import (
     array_content,
@@ -46,7 +46,8 @@ def read_pickle(path: Path, options: ReadOptions) -> FileContent:
     key = next((key for key in _KEYPOINTS if key in content), None)
     if key is None and not is_aist and find_source(content) is None:
         raise NotAMotion(
-            f"{path.name}: {NO_MOTION}; expected keypoints3d or smpl_poses and smpl_trans (AIST++) "
+            f"{path.name}: holds no motion; "
+            "expected keypoints3d or smpl_poses and smpl_trans (AIST++) "
             f"or turns and places of a body, got {', '.join(sorted(content))[:80] or 'no arrays'}"
         )
     if key is None and options.skeleton is not None:
@@ -109,5 +110,5 @@ def _load(path: Path) -> dict[str, Any]:
             f"loaded: {error}"
         ) from error
     if not isinstance(loaded, dict):
-        raise NotAMotion(f"{path.name}: {NO_MOTION}; expected a dict of arrays")
+        raise NotAMotion(f"{path.name}: holds no motion; expected a dict of arrays")
     return plain_dict(loaded)
