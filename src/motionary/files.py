@@ -75,9 +75,7 @@ def _open_at_once(path: str, flags: int) -> int:
 def _check_regular(path: str | Path, status: os.stat_result) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-        raise NotAFile(
-            f"{path}: is no regular file but {kind}; store its content in a file"
-        )
+        raise NotAFile(f"{path}: is no regular file but {kind}; store its content in a file")
 
 
 @contextmanager

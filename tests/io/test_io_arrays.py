@@ -291,6 +291,18 @@ def test_a_pickle_is_never_run(tmp_path, kind):
         # Keys that are no texts, and one whose hash takes 2 ** 100 steps.
         b"\x80\x02}K\x01K\x01s.",
         b"\x80\x02})" + b"2\x86" * 100 + b"K\x01s.",
+        # The same in place of a name, a type, a shape and a text.
+        *(
+            b"\x80\x02)" + b"2\x86" * 100 + rest
+            for rest in (
+                b"2\x93.",
+                b"cnumpy\ndtype\n)2\x85R.",
+                b"\x85cnumpy\ndtype\n\x86.",
+                b"0cnumpy\ndtype\n(U\x02f8tR)" + b"2\x86" * 100 + b"b.",
+                b"0cnumpy.core.multiarray\n_reconstruct\n)R)" + b"2\x86" * 100 + b"b.",
+                b"0cjoblib.numpy_pickle\nNumpyArrayWrapper\n)\x81)" + b"2\x86" * 100 + b"b.",
+            )
+        ),
         # One text of a million bytes that is to become bytes a thousand times.
         b"\x80\x02c_codecs\nencode\nq\x00X@B\x0f\x00"
         + bytes(1_000_000)

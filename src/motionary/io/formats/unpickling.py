@@ -200,7 +200,8 @@ class _Machine:
 
     def name(self, module: str, name: str) -> None:
         if (module, name) not in _ADMITTED:
-            raise PickleRefusedError(f"names {module}.{name}"[:100])
+            shown = f"{module}.{name}"[:60].encode("unicode_escape").decode()
+            raise PickleRefusedError(f"names {shown}")
         self.push(_Name(_ADMITTED[module, name]))
 
     def reduce(self) -> None:
@@ -352,7 +353,10 @@ def _line_name(machine: _Machine) -> None:
 
 def _stack_name(machine: _Machine) -> None:
     name, module = machine.pop(), machine.pop()
-    machine.name(str(module), str(name))
+    # Never as text what is none: a tuple of tuples of one tuple may be endless then.
+    if not isinstance(name, str) or not isinstance(module, str):
+        raise PickleRefusedError("names something by what is no text")
+    machine.name(module, name)
 
 
 def _remember(place: Callable[[_Machine], int]) -> Callable[[_Machine], None]:
