@@ -147,6 +147,20 @@ def test_computing_modules_open_no_files():
     assert found == []
 
 
+def test_the_files_that_contributors_are_sent_to_exist():
+    table = [line for line in (ROOT / "CONTRIBUTING.md").read_text("utf-8").splitlines()
+             if line.startswith("| ") and "I want to" not in line]  # fmt: skip
+    places = [(re.findall(r"`([\w/]+(?:/|\.py))`", line.split("|")[2]), line) for line in table]
+    assert len(places) > 20
+    missing = [
+        name
+        for names, _ in places
+        for name in names
+        if not any((root / name).exists() for root in (PACKAGE, ROOT)) and "/" in name
+    ]
+    assert missing == []
+
+
 @pytest.mark.parametrize("command", ["make demo", "make test"])
 def test_the_readme_names_the_commands_of_a_clone(command):
     assert command in (ROOT / "README.md").read_text("utf-8")

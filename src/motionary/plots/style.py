@@ -25,6 +25,10 @@ BLUE = "#0072B2"
 VERMILLION = "#D55E00"
 
 WHITE = "#FFFFFF"
+
+#: What colours stand for in pictures over time.
+LABEL, TRUTH, THRESHOLD = VERMILLION, BLACK, VERMILLION
+
 RULE = "#999999"
 PALE = "#F3F3F3"
 #: Sky blue, thinned out.

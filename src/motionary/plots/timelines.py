@@ -109,16 +109,16 @@ def _stop_s(track: LabelTrack, truth: LabelTrack | None, curves: Mapping[str, Fl
 def _draw_labels(
     axes: "Axes", names: Sequence[str], track: LabelTrack, truth: LabelTrack | None, stop_s: float
 ) -> "list[Artist]":
-    handles = [page.swatch("labels", style.VERMILLION)]
+    handles = [page.swatch("labels", style.LABEL)]
     # Labels stand over the truth; alone, in the middle of their row.
     top = _BLOCK / 2 if truth is None else _BLOCK
     for row, name in enumerate(names):
-        rows = (track, row - top, style.VERMILLION), (truth or (), row, style.BLACK)
+        rows = (track, row - top, style.LABEL), (truth or (), row, style.TRUTH)
         for labels, low, colour in rows:
             own = [label for label in labels if label.name == name]
             page.draw_blocks(axes, own, low=low, height=_BLOCK, colour=colour, stop_s=stop_s)
     if truth is not None:
-        handles.append(page.swatch("truth", style.BLACK))
+        handles.append(page.swatch("truth", style.TRUTH))
     if track.unassessed:
         page.hatch(axes, track.unassessed)
         handles.append(page.unknown_swatch("not assessed"))
@@ -252,7 +252,7 @@ def _scale(axes: "Axes", curve: Floats, threshold: float | None) -> None:
     if not values:
         axes.set_yticks([])
     if threshold is not None and np.isfinite(threshold):
-        axes.axhline(threshold, color=style.VERMILLION, linewidth=1.0, linestyle=(0, (4, 2)))
+        axes.axhline(threshold, color=style.THRESHOLD, linewidth=1.0, linestyle=(0, (4, 2)))
         values.append(1.25 * threshold)
     top = 1.08 * max([*values, 0.01])
     axes.set_ylim(-_TRUTH_FRACTION * top, top)
@@ -265,7 +265,7 @@ def _scale(axes: "Axes", curve: Floats, threshold: float | None) -> None:
 def _draw_truth(axes: "Axes", truth: LabelTrack | None, name: str, stop_s: float) -> None:
     low, top = axes.get_ylim()
     labels = [label for label in truth or () if label.name == name]
-    page.draw_blocks(axes, labels, low=low, height=0.6 * -low, colour=style.BLACK, stop_s=stop_s)
+    page.draw_blocks(axes, labels, low=low, height=0.6 * -low, colour=style.TRUTH, stop_s=stop_s)
     axes.set_ylim(low, top)
 
 
@@ -274,11 +274,11 @@ def _legend(*, hits: bool, threshold: float | None, truth: bool) -> "list[Artist
 
     handles: list[Artist] = [Line2D([], [], color=style.BLUE, label="distance")]
     if threshold is not None:
-        line = Line2D([], [], color=style.VERMILLION, linestyle=(0, (4, 2)))
+        line = Line2D([], [], color=style.THRESHOLD, linestyle=(0, (4, 2)))
         line.set_label(f"threshold {threshold:g}")
         handles.append(line)
     if hits:
         handles.append(page.swatch("hit", style.PALE_BLUE))
     if truth:
-        handles.append(page.swatch("truth", style.BLACK))
+        handles.append(page.swatch("truth", style.TRUTH))
     return handles
