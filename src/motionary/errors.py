@@ -42,11 +42,12 @@ class SeveralRecordings(InvalidInput):
     """
 
     def __init__(self, source: str, takes: Sequence[str]) -> None:
-        some = ", ".join(takes[:5]) + (f", ... {takes[-1]}" if len(takes) > 5 else "")
+        shown = [take[:30] for take in takes]
+        some = ", ".join(shown[:4]) + (f", ... {shown[-1]}" if len(takes) > 4 else "")
         super().__init__(
             f"{source}: holds {len(takes)} recordings ({some}); name one with --take "
-            f"{takes[0]} (take=...), or read all with motionary.io.read_all, or convert the file "
-            "to a folder of recordings: --to .npz"
+            f"{shown[0]} (take=...), or make a file of each: motionary convert FILE -o FOLDER "
+            "--to .npz"
         )
         self.takes = tuple(takes)
 

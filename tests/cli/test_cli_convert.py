@@ -91,3 +91,25 @@ def test_an_axis_that_is_told(motionary, takes):
     ran = motionary("convert", takes / "x.trc", "-o", takes / "y.npz", "--up", "sideways")
     assert ran.code == 2
     assert "up must be one of" in " ".join(ran.err.split())
+
+
+def test_a_batch_becomes_a_file_of_each_of_its_recordings(motionary, tmp_path):
+    motion = synthetic_motion("squat", seed=1)
+    body = motion.generic_positions()
+    np.savez(tmp_path / "batch.npz", positions=np.stack([body, body + 1]), rate_hz=motion.rate_hz)
+    batch, out, one = tmp_path / "batch.npz", tmp_path / "out", tmp_path / "one.npz"
+    run = motionary("convert", batch, "-o", out, "--to", ".npz", "--json")
+    assert run.code == 0
+    rows = [json.loads(line) for line in run.out.splitlines()]
+    assert [row["recording"] for row in rows] == ["batch-001.npz", "batch-002.npz"]
+    for row, shift in zip(rows, (0, 1), strict=True):
+        written = read(tmp_path / row["written"])
+        np.testing.assert_allclose(written.positions, body + shift)
+    # One file holds one recording, and what is there stays.
+    run = motionary("convert", batch, "-o", one)
+    assert run.code == 1
+    assert "holds 2 recordings (1, 2); name one with --take 1" in run.err
+    assert motionary("convert", batch, "-o", one, "--take", "2").code == 0
+    run = motionary("convert", batch, "-o", out, "--to", ".npz")
+    assert run.code == 1
+    assert "is there already" in run.err

@@ -28,6 +28,7 @@ from motionary.cli.recordings import (
     read_recording,
     warn_of_all,
 )
+from motionary.errors import UnwritableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -65,7 +66,8 @@ def convert(
     """Write recordings in another format.
 
     In a folder the results have the names of the recordings. What a format cannot hold, such
-    as the rig of a BVH in a C3D, is reported.
+    as the rig of a BVH in a C3D, is reported. A file that holds several recordings becomes several
+    files with --to.
 
     motionary convert take.c3d -o take.npz
     motionary convert recordings/ -o converted --to .trc
@@ -74,15 +76,17 @@ def convert(
 
     found = find_files(files)
     targets = _targets(list(found.files), output, to)
-    work = partial(convert_file, targets=targets, reading=reading)
+    work = partial(convert_file, targets=targets, reading=reading, split=to is not None)
     rows: list[dict[str, Any]] = []
     failures = []
-    for row in map_files(work, found.files, "converting", jobs=jobs):
-        if isinstance(row, Failure):
-            failures.append(row)
-            row = {"recording": row.item[0], "error": describe_failure(row)}
-        rows.append(row)
-        if as_json:
+    for done in map_files(work, found.files, "converting", jobs=jobs):
+        if isinstance(done, Failure):
+            failures.append(done)
+            new = [{"recording": done.item[0], "error": describe_failure(done)}]
+        else:
+            new = done
+        rows += new
+        for row in new if as_json else []:
             screen.print_json(row)
     if not as_json and len(rows) > len(failures):
         screen.print_table(_COLUMNS, [_cells(row) for row in rows if "error" not in row])
@@ -91,29 +95,40 @@ def convert(
 
 
 def convert_file(
-    file: "NamedFile", *, targets: dict[str, Path], reading: ReadOptions
-) -> dict[str, Any]:
-    """Read and write one recording; what was written, for JSON.
+    file: "NamedFile", *, targets: dict[str, Path], reading: ReadOptions, split: bool
+) -> list[dict[str, Any]]:
+    """Read and write the recordings of one file; what was written, for JSON.
 
     Raises
     ------
     UnreadableFile, UnwritableFile, InvalidInput
-        If it cannot be read, written, or held by the format.
+        If it cannot be read, written, or held by the format, or holds several recordings and the
+        output is one file (`split` is false).
     """
-    from motionary.io import what_is_lost, write
+    from motionary.io import format_suffix, read_all, stem_of, what_is_lost, write
 
     name, path = file
-    target = targets[name]
-    motion = read_recording(path, reading)
-    write(motion, target, asf=reading.asf)
-    return {
-        "recording": name,
-        "written": str(target),
-        "joints": len(motion.names),
-        "frames": motion.n_frames,
-        "rate_hz": motion.rate_hz,
-        "not_kept": list(what_is_lost(motion, target)),
-    }
+    motions = read_all(path, reading.for_file(path)) if split else [read_recording(path, reading)]
+    rows = []
+    for number, motion in enumerate(motions, start=1):
+        target, called = targets[name], name
+        if len(motions) > 1:
+            target = target.with_name(f"{stem_of(target)}-{number:03d}{format_suffix(target)}")
+            called = str(PurePosixPath(name).with_name(motion.source))
+            if target.exists():
+                raise UnwritableFile(f"{target}: is there already; choose another folder")
+        write(motion, target, asf=reading.asf)
+        rows.append(
+            {
+                "recording": called,
+                "written": str(target),
+                "joints": len(motion.names),
+                "frames": motion.n_frames,
+                "rate_hz": motion.rate_hz,
+                "not_kept": list(what_is_lost(motion, target)),
+            }
+        )
+    return rows
 
 
 def _targets(names: list[str], output: str, to: str | None) -> dict[str, Path]:

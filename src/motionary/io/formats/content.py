@@ -135,8 +135,10 @@ def choose_take(names: Sequence[str], take: str | int | None, source: str) -> in
         return list(names).index(str(take))
     if str(take).isascii() and str(take).isdigit() and 1 <= int(take) <= len(names):
         return int(take) - 1
-    some = ", ".join(names[:20]) + (f", ... {names[-1]}" if len(names) > 20 else "")
-    raise InvalidInput(f"{source}: has no take {str(take)[:40]!r}; it has {some}")
+    some = ", ".join(name[:30] for name in names[:8]) + (", ..." if len(names) > 8 else "")
+    raise InvalidInput(
+        f"{source}: has no take {str(take)[:40]!r}; it has {some} ({len(names)} in all)"
+    )
 
 
 def hide_sentinels(positions: Floats, names: Sequence[str]) -> tuple[str, ...]:
