@@ -13,6 +13,7 @@ from motionary.io.normalise.gaps import fill_gaps
 from motionary.io.normalise.quality import check_quality
 from motionary.io.normalise.sides import normalise_sides
 from motionary.io.normalise.units_axes import normalise
+from motionary.io.normalise.zeros import unsee_zeros
 from motionary.io.options import ReadOptions
 from motionary.io.text import format_suffix, stem_of
 from motionary.motion import JointMapping, Motion, Unmapped
@@ -153,6 +154,9 @@ def _check_options(options: ReadOptions, form: Format, path: Path) -> None:
 
 def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
     """The motion, in the file's unit and axes, with its joints mapped."""
+    # Before anything is told by the body.
+    positions, zeros = unsee_zeros(content)
+    content = replace(content, positions=positions, notes=(*content.notes, *zeros))
     mapping = _find_mapping(content, table)
     return Motion(
         names=tuple(content.names),

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.io.normalise.anomalies import find_anomalies, find_bones_without_length
 from motionary.motion import GENERIC_JOINTS, Motion
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,7 @@ _SLIDES = 0.5
 _STIRS = 0.1
 _FLOOR = 0.06
 _LOOKED_AT = 2000
+_FEW = 200
 _AT_HZ = 30.0
 _FEET = list(GENERIC_JOINTS.index(j) for j in ("lankle", "rankle", "ltoes", "rtoes"))
 
@@ -38,6 +40,10 @@ def check_quality(motion: Motion) -> Motion:
     if n_rest:
         which = "first frame looks" if n_rest == 1 else f"first {n_rest} frames look"
         notes.append(f"the {which} like a rest pose")
+    notes += find_anomalies(motion, first_frame=n_rest)
+    if motion.mapping is not None:
+        some = np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW)
+        notes += find_bones_without_length(_body(motion, some))
     in_place = is_in_place(motion)
     if in_place:
         notes.append(
