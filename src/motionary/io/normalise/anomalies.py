@@ -32,7 +32,7 @@ _KEYFRAMED = 0.5
 # Metres that the rest of a body goes while one point stays, and by which the point's distance
 # from its nearest neighbour changes meanwhile.
 _MOVES_M = 0.05
-_STRETCHES_M = 0.03
+_STRETCHES_M = 0.008
 
 # A repetition has at least so many seconds and frames, and moves.
 _REPEATS_S = 0.3
@@ -202,7 +202,7 @@ def _is_left_behind(track: Track, point: int, start: int, stop: int) -> bool:
     changes = np.nanmax(np.abs(held - middle), axis=0)
     # Its bones are to the points whose distance hardly changes.
     nearest = np.argsort(spread, kind="stable")[:2]
-    return bool((changes[nearest] > np.maximum(_STRETCHES_M, 4 * spread[nearest])).all())
+    return bool((changes[nearest] > np.maximum(_STRETCHES_M, 6 * spread[nearest])).all())
 
 
 def _apart(track: Track, point: int, frames: NDArray[np.intp]) -> Floats:
