@@ -1,12 +1,21 @@
 """Motion classes: what they are, how they are learned, how they lie on disk."""
 
 from motionary.models.library.advice import Advice, advise
+from motionary.models.library.assignment import (
+    Candidates,
+    choose_candidates,
+    false_rates_of,
+    find_candidates,
+    measure_false_rates,
+    threshold_for,
+)
 from motionary.models.library.calibration import (
     Calibration,
     apply_calibrations,
     calibrate_thresholds,
 )
 from motionary.models.library.classes import (
+    BODY_PARTS,
     THRESHOLD,
     TOLERANCE,
     MotionClass,
@@ -24,6 +33,7 @@ from motionary.models.library.editing import (
     replace_class,
     replace_template,
 )
+from motionary.models.library.false_rates import FalseRates, fit_false_rates
 from motionary.models.library.learning import (
     Monitor,
     Notice,
@@ -42,6 +52,8 @@ from motionary.models.library.relearning import (
     kept_examples,
     training_of,
 )
+from motionary.models.library.scoring import Scoring, measure_fractions, mix_prior, scoring_for
+from motionary.models.library.sides import fold_sides, mirror_sequence
 from motionary.models.library.storage import ClassLibrary, load_library
 from motionary.models.library.training import (
     Examples,
@@ -54,15 +66,18 @@ from motionary.models.library.training import (
 )
 
 __all__ = [
+    "BODY_PARTS",
     "N_FOLDS",
     "THRESHOLD",
     "TOLERANCE",
     "Advice",
     "Calibration",
+    "Candidates",
     "ClassEdit",
     "ClassLibrary",
     "EditedLibrary",
     "Examples",
+    "FalseRates",
     "Monitor",
     "MotionClass",
     "Notice",
@@ -70,17 +85,23 @@ __all__ = [
     "PrototypePattern",
     "QueriedLibrary",
     "ReadExamples",
+    "Scoring",
     "StrictMonitor",
     "TrainingOptions",
     "add_examples",
     "advise",
     "apply_calibrations",
     "calibrate_thresholds",
+    "choose_candidates",
     "choose_queries",
     "class_of_query",
     "edit_class",
+    "false_rates_of",
+    "find_candidates",
     "find_clashes",
     "find_prototype",
+    "fit_false_rates",
+    "fold_sides",
     "join_classes",
     "kept_examples",
     "learn",
@@ -89,11 +110,17 @@ __all__ = [
     "list_examples",
     "load_library",
     "measure_background",
+    "measure_false_rates",
+    "measure_fractions",
     "merge_libraries",
+    "mirror_sequence",
+    "mix_prior",
     "read_examples",
     "remove_class",
     "rename_class",
     "replace_class",
     "replace_template",
+    "scoring_for",
+    "threshold_for",
     "training_of",
 ]

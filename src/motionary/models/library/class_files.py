@@ -46,6 +46,7 @@ _OPTIONAL_KEYS: Keys = {"mirror_of": str, "unmeasured": list}
 _ESTIMATES = {
     "estimated_precision": "promised_precision", "estimated_recall": "promised_recall",
 }  # fmt: skip
+_SCORE_KEYS: Keys = {"prior": list, "kind": str, "parts": list, "false_level": float}
 _KINDS = {
     str: "a text in quotes", int: "a whole number", float: "a number", bool: "true or false",
     list: "a list", dict: "a table",
@@ -82,14 +83,28 @@ def write_class(
     settings = {key: getattr(motion_class, attribute) for key, attribute in attributes.items()}
     settings = {key: value for key, value in settings.items() if value is not None}
     settings |= {"background": list(motion_class.background), "values": values.name}
+    settings |= _score_settings(motion_class)
     path = folder / f"{stem}.toml"
     document = read_document(path)
-    update_table(document, settings, optional=_ESTIMATES.values())
+    update_table(document, settings, optional=(*_ESTIMATES.values(), *_SCORE_KEYS))
     _update_entries(document, entries)
     with write_atomically(values) as beside:
         beside.write_bytes(content)
     write_document(path, document)
     return {values, path}
+
+
+def _score_settings(motion_class: MotionClass) -> dict[str, Any]:
+    """What labels by scores need, by the keys of the file; defaults are left out."""
+    settings: dict[str, Any] = {}
+    for key in ("prior", "parts"):
+        if getattr(motion_class, key):
+            settings[key] = list(getattr(motion_class, key))
+    if motion_class.kind != "event":
+        settings["kind"] = motion_class.kind
+    if motion_class.false_level is not None:
+        settings["false_level"] = motion_class.false_level
+    return settings
 
 
 def _to_entry(prototype: Prototype, feature_set: FeatureSet) -> dict[str, Any]:
@@ -160,9 +175,10 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
         raise refuse(path, ("name",), f"is {content['name']!r}, but the library says {name!r}")
     if not content["templates"]:
         raise refuse(path, ("templates",), "must list at least one, got none")
-    background = content["background"]
-    if not all(isinstance(x, int | float) for x in background):
-        raise refuse(path, ("background",), f"must be a list of numbers, got {background!r}")
+    scores = _read_score_settings(path, content)
+    for key in ("background", "prior"):
+        if not all(isinstance(x, int | float) for x in content.get(key, ())):
+            raise refuse(path, (key,), f"must be a list of numbers, got {content[key]!r}")
     estimates = [_read_estimate(path, content, key) for key in _ESTIMATES.values()]
     arrays = _read_values(path, content["values"])
     prototypes = []
@@ -173,11 +189,19 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
         prototypes.append(_read_prototype(path, i, entry, arrays, feature_set))
     try:
         return MotionClass(
-            name, tuple(prototypes), content["threshold"], content["tolerance"], tuple(background),
-            *estimates,
+            name, tuple(prototypes), content["threshold"], content["tolerance"],
+            tuple(content["background"]), *estimates, **scores,
         )  # fmt: skip
     except InvalidInput as error:
         raise refuse_value(path, (), error) from error
+
+
+def _read_score_settings(path: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """What labels by scores need, as far as it is there."""
+    present = {key: kind for key, kind in _SCORE_KEYS.items() if key in content}
+    check_keys(path, content, present)
+    read = {key: content[key] for key in present}
+    return {key: tuple(x) if isinstance(x, list) else x for key, x in read.items()}
 
 
 def _read_estimate(path: Path, content: dict[str, Any], key: str) -> float | None:

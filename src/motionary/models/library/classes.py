@@ -12,7 +12,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence
-from motionary.matching import Pattern
+from motionary.matching import WHOLE_BODY, CellRatios, Pattern, cell_ratios
 from motionary.models.keyframes import KeyframeQuery, check_features, check_votes
 from motionary.models.query_learning import RUNS
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, pattern_of, quantise
@@ -25,6 +25,10 @@ TOLERANCE = 0.05
 #: Where the keyframe queries of classes come from: the genetic algorithm, or a choice of
 #: keyframes.
 QuerySource = Literal["none", "learned", "chosen"]
+#: Labels of events are counted one by one; those of a state that follow each other are one.
+ClassKind = Literal["event", "state"]
+#: Parts of the body that classes may need; labels that need different ones may overlap.
+BODY_PARTS = ("arms", "legs", "trunk")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,8 @@ class TrainingOptions:
     calibrate : choose each class's threshold by cross-validation, and keep the estimates
     groups : regular expression on the names of examples, such as "HDM_(..)_" for actors;
         those with the same match are held out together
+    fold_sides : take each example as it is or mirrored, as it fits the others of its
+        prototype best: for motions that people do on either side
     queries : where keyframe queries come from; "none" matches templates everywhere
     query_runs : so many learned queries vote
     provenance, licence : written into the library
@@ -54,6 +60,7 @@ class TrainingOptions:
     keep_examples: bool = False
     calibrate: bool = False
     groups: str | None = None
+    fold_sides: bool = False
     queries: QuerySource = "none"
     query_runs: int = RUNS
     provenance: str = ""
@@ -132,6 +139,12 @@ class MotionClass:
         entries weigh the same, as published.
     estimated_precision, estimated_recall : what to expect at this threshold, as measured by
         cross-validation when it was calibrated; None if it was not
+    prior : fraction of frames of motion in general in which each feature holds; labels are
+        assigned by scores against it. Empty: by costs alone.
+    kind : "event", whose labels are counted one by one, or "state", whose neighbours are one
+    parts : parts of the body that it needs; empty: all
+    false_level : logarithm of its false labels a minute, of scores from `false_rates.TAIL`
+        on; None if unknown
     """
 
     name: str
@@ -141,6 +154,10 @@ class MotionClass:
     background: tuple[float, ...] = ()
     estimated_precision: float | None = None
     estimated_recall: float | None = None
+    prior: tuple[float, ...] = ()
+    kind: ClassKind = "event"
+    parts: tuple[str, ...] = ()
+    false_level: float | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -149,16 +166,12 @@ class MotionClass:
             raise InvalidInput(f"class {self.name!r} needs at least one template, got none")
         self._check_prototypes()
         self._check_numbers()
-        n_features = self.prototypes[0].template.n_features
-        fractions = tuple(float(fraction) for fraction in self.background)
-        if fractions and (len(fractions) != n_features or not all(0 < s < 1 for s in fractions)):
-            raise InvalidInput(
-                f"class {self.name!r}: background needs {n_features} fractions between 0 and 1",
-                key="background",
-            )
+        self._check_words()
+        for key in ("background", "prior"):
+            object.__setattr__(self, key, self._check_fractions(key))
         object.__setattr__(self, "threshold", float(self.threshold))
         object.__setattr__(self, "tolerance", float(self.tolerance))
-        object.__setattr__(self, "background", fractions)
+        object.__setattr__(self, "parts", tuple(self.parts))
 
     def _check_prototypes(self) -> None:
         originals = {one.name for one in self.prototypes if not one.mirror_of}
@@ -188,6 +201,34 @@ class MotionClass:
             if fraction is not None and not 0 <= fraction <= 1:
                 raise InvalidInput(f"class {self.name!r}: {key} must lie in [0, 1], got {fraction}")
 
+    def _check_fractions(self, key: str) -> tuple[float, ...]:
+        n_features = self.prototypes[0].template.n_features
+        fractions = tuple(float(fraction) for fraction in getattr(self, key))
+        if fractions and (len(fractions) != n_features or not all(0 < s < 1 for s in fractions)):
+            raise InvalidInput(
+                f"class {self.name!r}: {key} needs {n_features} fractions between 0 and 1",
+                key=key,
+            )
+        return fractions
+
+    def _check_words(self) -> None:
+        if self.kind not in get_args(ClassKind):
+            raise InvalidInput(
+                f"class {self.name!r}: kind must be event or state, got {self.kind!r}", key="kind"
+            )
+        if not set(self.parts) <= set(BODY_PARTS):
+            raise InvalidInput(
+                f"class {self.name!r}: parts must be of {', '.join(BODY_PARTS)}, "
+                f"got {', '.join(map(str, self.parts))}",
+                key="parts",
+            )
+
+    @property
+    def parts_mask(self) -> int:
+        """Bits of the parts of the body that it needs, as `Intervals` takes them."""
+        bits = (1 << i for i, part in enumerate(BODY_PARTS) if part in self.parts)
+        return sum(bits) or WHOLE_BODY
+
     @cached_property
     def quantised(self) -> tuple[QuantisedTemplate, ...]:
         """Templates of the prototypes with fixed and free cells; computed once.
@@ -212,3 +253,23 @@ class MotionClass:
         """Quantised template and pattern of each prototype; computed once."""
         ones = np.array(self.background) if self.background else None
         return tuple(PrototypePattern(one, pattern_of(one, ones=ones)) for one in self.quantised)
+
+    @cached_property
+    def ratios(self) -> tuple[CellRatios, ...]:
+        """Log-likelihood ratios of the cells of each prototype; computed once.
+
+        Raises
+        ------
+        InvalidInput
+            If the class has no prior.
+        """
+        if not self.prior:
+            raise InvalidInput(
+                f"class {self.name!r} has no prior of its features, which scores need; learn it "
+                "again, or assign labels by costs (assignment published)"
+            )
+        prior = np.array(self.prior)
+        return tuple(
+            cell_ratios(one.template.values, prior, n_examples=one.template.n_examples)
+            for one in self.prototypes
+        )

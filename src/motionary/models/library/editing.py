@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from motionary.errors import InvalidInput
 from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
+from motionary.models.library.scoring import Scoring
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.library.training import mirror_prototype, rename_prototype
 from motionary.models.templates import MotionTemplate
@@ -115,7 +116,8 @@ def replace_prototype(library: ClassLibrary, name: str, changed: Prototype) -> C
 
 def without_estimates(motion_class: MotionClass, **changes: Any) -> MotionClass:
     """A changed class, of which nothing is known from cross-validation."""
-    return replace(motion_class, estimated_precision=None, estimated_recall=None, **changes)
+    unknown = {"estimated_precision": None, "estimated_recall": None, "false_level": None}
+    return replace(motion_class, **unknown, **changes)
 
 
 def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse") -> ClassLibrary:
@@ -162,6 +164,7 @@ def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse
         provenance,
         licence,
         _common_training(libraries, provenance, licence),
+        _common_scoring(libraries),
     )
 
 
@@ -197,6 +200,14 @@ def _common_training(
         for one in libraries
     }
     return options.pop() if len(options) == 1 else None
+
+
+def _common_scoring(libraries: Sequence[ClassLibrary]) -> Scoring | None:
+    """That of the first library, if all have one; rates of false labels do not add up."""
+    found = [one.scoring for one in libraries]
+    if any(one is None for one in found) or found[0] is None:
+        return None
+    return found[0] if len(set(found)) == 1 else replace(found[0], false_slope=None)
 
 
 def _unite(texts: Iterable[str]) -> str:

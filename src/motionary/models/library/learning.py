@@ -23,13 +23,16 @@ from motionary.features import (
 )
 from motionary.io import MOTION_SUFFIXES, ReadOptions, format_suffix
 from motionary.models.library.advice import advise
+from motionary.models.library.assignment import measure_false_rates
 from motionary.models.library.calibration import apply_calibrations, calibrate_thresholds
 from motionary.models.library.classes import TrainingOptions
 from motionary.models.library.cross_validation import N_FOLDS
+from motionary.models.library.scoring import scoring_for
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.library.training import (
     Examples,
     choose_queries,
+    find_feature_set,
     learn_classes,
     learn_queries,
     list_sequences,
@@ -107,7 +110,9 @@ def learn(
     examples : a folder with one folder per class; or examples by class name, or by class
         and prototype
     training : how they are trained; the library remembers it
-    negatives : other recordings, without any of the classes, to calibrate against
+    negatives : other recordings, without any of the classes: thresholds are calibrated and
+        scores told against them. Without any, scores are told from the corpus that comes
+        with the package.
     reading : what the files do not say themselves
     feature_set : features that are measured
     jobs : processes; the result does not depend on it
@@ -132,7 +137,9 @@ def learn(
     if monitor is not None:
         for advice in advise(nested, tolerance=settings.tolerance):
             watch.notify(Notice(str(advice)))
-    library = _learn_templates(nested, settings, watch)
+    library = _learn_templates(nested, settings, watch, negatives)
+    if negatives and library:
+        library = measure_false_rates(library, negatives)
     if settings.calibrate and library:
         learned = {name: nested[name] for name in library.names}
         library = calibrate(library, learned, negatives=negatives, jobs=jobs, monitor=watch)
@@ -267,13 +274,19 @@ def _by_prototype(
 
 
 def _learn_templates(
-    examples: Examples, training: TrainingOptions, monitor: Monitor
+    examples: Examples,
+    training: TrainingOptions,
+    monitor: Monitor,
+    negatives: Sequence[FeatureSequence],
 ) -> ClassLibrary:
     def refuse(name: str, error: InvalidInput) -> None:
         monitor.notify(Notice(f"class {name!r} is left out: {error}", True, error))
 
+    scoring = scoring_for(find_feature_set(examples), negatives)
     with monitor.stage("learning", len(examples)) as done:
-        return learn_classes(examples, training=training, on_done=done, on_refused=refuse)
+        return learn_classes(
+            examples, training=training, scoring=scoring, on_done=done, on_refused=refuse
+        )
 
 
 def _add_queries(

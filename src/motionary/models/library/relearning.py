@@ -22,10 +22,13 @@ from motionary.models.library.editing import (
     without_estimates,
 )
 from motionary.models.library.learning import Monitor, Notice, StrictMonitor, calibrate
+from motionary.models.library.scoring import mix_prior
+from motionary.models.library.sides import fold_sides
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.library.training import (
     Examples,
     learn_prototype,
+    list_sequences,
     measure_background,
     mirror_prototype,
 )
@@ -155,7 +158,9 @@ def add_examples(
     new = [e for e in examples if (e.packed.tobytes(), e.known.tobytes()) not in kept]
     if not new:
         return library
-    expanded = _weigh_again(replace_prototype(library, name, _learn_more(old, new)))
+    folds = library.training is not None and library.training.fold_sides
+    learned = _learn_more(old, new, fold=folds)
+    expanded = _weigh_again(replace_prototype(library, name, learned))
     if kept_examples(expanded) is None:
         if monitor is not None:
             monitor.notify(Notice(
@@ -248,7 +253,8 @@ def _take_text(library: ClassLibrary, name: str, edit: ClassEdit) -> ClassLibrar
         if name in library.names:
             raise InvalidInput(f"the library has a class {name!r} already; leave out --new")
         template = template_from_text(text, feature_set=feature_set, name=name)
-        added = MotionClass(name, (Prototype(name, template),))
+        prior = next((one.prior for one in library if one.prior), ())
+        added = MotionClass(name, (Prototype(name, template),), prior=prior)
         _ = added.quantised
         return replace(library, classes=(*library.classes, added))
     if name not in library.names:
@@ -268,9 +274,10 @@ def _has_lost_queries(before: ClassLibrary, name: str, after: MotionClass) -> bo
     return had and not any(one.queries for one in after.prototypes)
 
 
-def _learn_more(old: Prototype, new: Sequence[FeatureSequence]) -> Prototype:
+def _learn_more(old: Prototype, new: Sequence[FeatureSequence], *, fold: bool) -> Prototype:
     if old.keeps_examples:
-        return learn_prototype(old.name, (*old.examples, *new), keep_examples=True)
+        every = (*old.examples, *new)
+        return learn_prototype(old.name, fold_sides(every) if fold else every, keep_examples=True)
     joined = join(old.template, learn_prototype(old.name, new).template)
     origin = old.template.provenance or "a template"
     how = f"{origin}, then averaged with {len(new)} more"
@@ -278,12 +285,14 @@ def _learn_more(old: Prototype, new: Sequence[FeatureSequence]) -> Prototype:
 
 
 def _weigh_again(library: ClassLibrary) -> ClassLibrary:
-    """Library with the background of all examples, if all are kept and classes weigh by it."""
+    """Library with the background and prior of all examples, if all are kept."""
     examples, training = kept_examples(library), training_of(library)
-    if examples is None or training is None or not training.by_self_information:
+    if examples is None or training is None:
         return library
     background = measure_background(examples, training=training)
-    return replace(library, classes=tuple(replace(c, background=background) for c in library))
+    prior = mix_prior(list_sequences(examples), library.scoring, mirror=training.mirror)
+    classes = tuple(replace(one, background=background, prior=prior) for one in library)
+    return replace(library, classes=classes)
 
 
 def _is_calibrated(motion_class: MotionClass) -> bool:

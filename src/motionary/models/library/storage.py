@@ -40,6 +40,7 @@ from motionary.models.library.class_files import (
     write_document,
 )
 from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
+from motionary.models.library.scoring import Scoring
 
 #: Raised when a reader of the version before could misunderstand the files.
 VERSION = 1
@@ -51,8 +52,10 @@ _INDEX_KEYS: Keys = {
 }  # fmt: skip
 _TRAINING_KEYS: Keys = {
     "threshold": float, "tolerance": float, "mirror": bool, "by_self_information": bool,
-    "keep_examples": bool, "calibrate": bool, "groups": str, "queries": str, "query_runs": int,
+    "keep_examples": bool, "calibrate": bool, "groups": str, "fold_sides": bool, "queries": str,
+    "query_runs": int,
 }  # fmt: skip
+_SCORING_KEYS: Keys = {"corpus": list, "threshold": float, "look_ahead_s": float}
 _VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
 _LONGEST_BYTES = 100
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
@@ -69,6 +72,7 @@ class ClassLibrary:
     provenance, licence : where the classes come from and how they may be used
     training : how the classes were trained; None if they were not, not all alike, or before
         libraries remembered it
+    scoring : how labels are assigned by scores; None if only by costs
     """
 
     classes: tuple[MotionClass, ...]
@@ -76,6 +80,7 @@ class ClassLibrary:
     provenance: str = ""
     licence: str = ""
     training: TrainingOptions | None = None
+    scoring: Scoring | None = None
 
     def __post_init__(self) -> None:
         if len(set(self.names)) != len(self.names):
@@ -106,6 +111,11 @@ class ClassLibrary:
     def names(self) -> tuple[str, ...]:
         """Names of the classes, in order."""
         return tuple(c.name for c in self.classes)
+
+    @property
+    def has_scores(self) -> bool:
+        """Whether labels can be assigned by scores: every class has its prior."""
+        return self.scoring is not None and all(one.prior for one in self.classes)
 
     def save(self, folder: str | Path) -> None:
         """Write the library to a folder; classes that it had before are replaced.
@@ -208,7 +218,10 @@ def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) 
     update_table(document, content)
     own_set = library.feature_set.name not in known_sets()
     rows = describe_set(library.feature_set) if own_set else ()
-    tables = {"training": _describe_training(library), "classes": stems, "relations": rows}
+    tables = {
+        "training": _describe_training(library), "scoring": _describe_scoring(library),
+        "classes": stems, "relations": rows,
+    }  # fmt: skip
     for key, table in tables.items():
         _replace_table(document, key, table, required=key == "classes")
     write_document(folder / INDEX, document)
@@ -220,6 +233,14 @@ def _describe_training(library: ClassLibrary) -> dict[str, Any]:
         return {}
     options = asdict(library.training)
     return {key: options[key] for key in _TRAINING_KEYS if options[key] is not None}
+
+
+def _describe_scoring(library: ClassLibrary) -> dict[str, Any]:
+    """How labels are assigned by scores, by the keys of the file."""
+    if library.scoring is None:
+        return {}
+    content = {k: v for k, v in asdict(library.scoring).items() if v is not None}
+    return content | {"corpus": list(library.scoring.corpus)}
 
 
 def _replace_table(document: Any, key: str, content: Any, *, required: bool) -> None:
@@ -316,6 +337,7 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
         )
     feature_set = _find_feature_set(path, index, feature_sets)
     training = _read_training(path, index)
+    scoring = _read_scoring(path, index)
     classes = []
     for name, stem in index["classes"].items():
         if not isinstance(stem, str) or Path(stem).name != stem:
@@ -327,7 +349,7 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
         classes.append(motion_class if training else _pair_mirrors(motion_class, feature_set))
     try:
         return ClassLibrary(
-            tuple(classes), feature_set, index["provenance"], index["licence"], training
+            tuple(classes), feature_set, index["provenance"], index["licence"], training, scoring
         )
     except InvalidInput as error:
         raise UnreadableFile(f"{folder}: {error}") from error
@@ -337,7 +359,7 @@ def _read_training(path: Path, index: dict[str, Any]) -> TrainingOptions | None:
     """The options that the library was trained with, if it remembers them."""
     if "training" not in index:
         return None
-    content = {"groups": "", **index["training"]}
+    content = {"groups": "", "fold_sides": False, **index["training"]}
     check_keys(path, content, _TRAINING_KEYS, place=("training",))
     options = {key: content[key] for key in _TRAINING_KEYS} | {"groups": content["groups"] or None}
     about = {key: index[key] for key in ("provenance", "licence")}
@@ -345,6 +367,22 @@ def _read_training(path: Path, index: dict[str, Any]) -> TrainingOptions | None:
         return TrainingOptions(**options, **about)
     except InvalidInput as error:
         raise refuse_value(path, ("training",), error) from error
+
+
+def _read_scoring(path: Path, index: dict[str, Any]) -> Scoring | None:
+    """How labels are assigned by scores; None in a library from before there were scores."""
+    if "scoring" not in index:
+        return None
+    content, keys = index["scoring"], dict(_SCORING_KEYS)
+    if "false_slope" in content:
+        keys["false_slope"] = float
+    check_keys(path, content, keys, place=("scoring",))
+    if not all(isinstance(x, int | float) for x in content["corpus"]):
+        raise refuse(path, ("scoring", "corpus"), "must be a list of numbers")
+    try:
+        return Scoring(**{key: content[key] for key in keys})
+    except InvalidInput as error:
+        raise refuse_value(path, ("scoring",), error) from error
 
 
 def _pair_mirrors(motion_class: MotionClass, feature_set: FeatureSet) -> MotionClass:

@@ -26,6 +26,8 @@ from motionary.models.keyframes import (
     template_of_query,
 )
 from motionary.models.library.classes import THRESHOLD, MotionClass, Prototype, TrainingOptions
+from motionary.models.library.scoring import Scoring, mix_prior, scoring_for
+from motionary.models.library.sides import fold_sides
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.query_learning import (
     RUNS,
@@ -58,6 +60,7 @@ def learn_classes(
     examples: Examples,
     *,
     training: TrainingOptions,
+    scoring: Scoring | None = None,
     on_done: Callable[[], None] | None = None,
     on_refused: Callable[[str, InvalidInput], None] | None = None,
 ) -> ClassLibrary:
@@ -67,6 +70,8 @@ def learn_classes(
     ----------
     examples : class -> prototype -> packed features
     training : `learn` also calibrates thresholds and makes queries
+    scoring : with the corpus that examples are told from; by default the one that comes
+        with the package, if it is over these features
     on_done : called after each class
     on_refused : called with a class that cannot be learned and why, and the class is left
         out; without it the error is raised
@@ -79,9 +84,13 @@ def learn_classes(
     """
     classes = []
     background = measure_background(examples, training=training)
+    feature_set = find_feature_set(examples)
+    scoring = scoring or scoring_for(feature_set)
+    prior = mix_prior(list_sequences(examples), scoring, mirror=training.mirror)
     for name, prototypes in examples.items():
         try:
             learned = learn_class(name, prototypes, background=background, training=training)
+            learned = replace(learned, prior=prior)
         except InvalidInput as error:
             if on_refused is None:
                 raise
@@ -90,9 +99,8 @@ def learn_classes(
             classes.append(learned)
         if on_done:
             on_done()
-    feature_set = find_feature_set(examples)
     return ClassLibrary(
-        tuple(classes), feature_set, training.provenance, training.licence, training
+        tuple(classes), feature_set, training.provenance, training.licence, training, scoring
     )
 
 
@@ -113,7 +121,12 @@ def learn_class(
     """
     keep = training.keep_examples
     learned = [
-        learn_prototype(key, items, learning=learning, keep_examples=keep)
+        learn_prototype(
+            key,
+            fold_sides(items) if training.fold_sides else items,
+            learning=learning,
+            keep_examples=keep,
+        )
         for key, items in examples.items()
     ]
     if training.mirror:
