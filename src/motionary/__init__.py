@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from motionary.motion import Motion, Skeleton
     from motionary.recording import Recording
     from motionary.retrieval.annotation import annotate
+    from motionary.retrieval.counting import count
     from motionary.retrieval.explanation import explain
     from motionary.retrieval.index import Index
     from motionary.retrieval.search import Hit, search
@@ -42,6 +43,7 @@ __all__ = [
     "Skeleton",
     "annotate",
     "compute_features",
+    "count",
     "evaluate",
     "explain",
     "learn",
@@ -54,6 +56,7 @@ __all__ = [
 
 _CONTENTS = {
     "retrieval.annotation": ("annotate",),
+    "retrieval.counting": ("count",),
     "errors": ("MotionaryError",),
     "evaluation": ("evaluate",),
     "retrieval.explanation": ("explain",),

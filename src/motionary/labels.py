@@ -24,6 +24,13 @@ class Label:
     cost : smallest matching cost within; None for labels made by hand
     known : fraction of the features that were seen, in [0, 1]
     evidence : what `explain` needs; None for labels that were read from a table
+    score : what its frames tell for the class against motion in general; None for labels
+        that were assigned by costs or made by hand
+    probability : that the label is right; None if unknown
+    false_per_min : false labels of the class a minute, of this score or a higher one, that
+        are to be expected; None if unknown
+    side : "as learned" or "mirrored", where the class is learned with its mirror image and
+        differs from it; else empty
     extra : further columns of the table it was read from, as text
     """
 
@@ -36,6 +43,10 @@ class Label:
     end_frame: int | None = None
     evidence: Any = field(default=None, compare=False, repr=False)
     extra: Mapping[str, str] = field(default_factory=dict, compare=False)
+    score: float | None = None
+    probability: float | None = None
+    false_per_min: float | None = None
+    side: str = ""
 
     def __post_init__(self) -> None:
         if not self.name:

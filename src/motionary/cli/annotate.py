@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -24,6 +25,14 @@ if TYPE_CHECKING:
     from motionary.models.library import ClassLibrary
 
 _COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
+_SCORE_COLUMNS = (">score", ">false/min")
+
+
+class AssignmentName(StrEnum):
+    """How labels are assigned."""
+
+    SCORES = "scores"
+    PUBLISHED = "published"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +45,26 @@ class LabelOptions(TableOptions):
     threshold: Annotated[
         float | None,
         typer.Option(
-            min=0.0, metavar="COST", help="Largest cost of a match; by default each class's own."
+            min=0.0,
+            metavar="NUMBER",
+            help="Largest cost of a match (published), by default each class's own; with "
+            "--assignment scores the least score, by default the library's.",
+        ),
+    ] = None
+    assignment: Annotated[
+        AssignmentName | None,
+        typer.Option(
+            help="Labels by what their frames tell for a class against motion in general "
+            "(scores), or by the cost of the match (published, 2009). By default scores, unless "
+            "the library has none, its thresholds of costs were chosen, or --threshold is given.",
+        ),
+    ] = None
+    at_most_false: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PER_MINUTE",
+            help="By scores, with the threshold at which so many false labels a minute are "
+            "expected; for libraries that were learned with --calibrate --negatives.",
         ),
     ] = None
     plot: Annotated[
@@ -47,9 +75,38 @@ class LabelOptions(TableOptions):
         bool,
         typer.Option("--thorough", help="Match everywhere, also where a class has keyframes."),
     ] = False
+    count: Annotated[
+        bool,
+        typer.Option("--count", help="Count labels by recording, class and side instead."),
+    ] = False
     explain: Annotated[
         bool, typer.Option("--explain", help="Say of each label which features held and failed.")
     ] = False
+
+    def check(self) -> None:
+        """Refuse options that do not go together.
+
+        Raises
+        ------
+        BadParameter
+        """
+        if self.at_most_false is None:
+            return
+        if self.threshold is not None:
+            raise wrong("--threshold, --at-most-false", "give one, not both")
+        if self.assignment is AssignmentName.PUBLISHED:
+            raise wrong("--at-most-false", "goes with --assignment scores")
+        if self.at_most_false <= 0:
+            raise wrong("--at-most-false", f"must be above 0, got {self.at_most_false:g}")
+
+    def assigns_by_scores(self, library: "ClassLibrary") -> bool:
+        """Whether labels of this library are assigned by scores."""
+        from motionary.retrieval.annotation import default_assignment
+
+        if self.at_most_false is not None or self.assignment is not None:
+            return self.assignment is not AssignmentName.PUBLISHED
+        given = self.threshold is not None or self.thorough
+        return not given and default_assignment(library) == "scores"
 
 
 def annotate(
@@ -67,6 +124,7 @@ def annotate(
     A recording without a label says which class came nearest, and what failed.
 
     motionary annotate takes/*.amc --library my-classes -o labels.csv --explain
+    motionary annotate takes/*.amc --library my-classes --assignment scores --count
     """
     from motionary.batch import Failure
     from motionary.io import write_labels
@@ -83,11 +141,15 @@ def annotate(
             failures.append(sequence)
             continue
         tracks.append(_label(sequence, library, options))
-        if as_json:
+        if as_json and not options.count:
             screen.print_json(_to_json(tracks[-1], explained=options.explain))
-    if options.output:
+    if options.count:
+        from motionary.cli.count import show_counts
+
+        show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
+    elif options.output:
         write_labels(tracks, options.output, excel=options.excel)
-    if not as_json:
+    if not as_json and not options.count:
         _say(tracks, explained=options.explain)
     failed = warn_of_all(found.missing.values(), failures, given=files)
     return 1 if failed else 0
@@ -111,15 +173,31 @@ def _label(
     sequence: "FeatureSequence", library: "ClassLibrary", options: LabelOptions
 ) -> "LabelTrack":
     """Labels of a recording; drawn below the distances of the classes if that is asked for."""
-    from motionary.retrieval.annotation import annotate_with_distances
+    from motionary.retrieval.annotation import annotate, annotate_with_distances
 
-    track, distances = annotate_with_distances(
-        sequence, library, threshold=options.threshold, preselect=not options.thorough
+    by_scores = options.assigns_by_scores(library)
+    if by_scores:
+        track = annotate(
+            sequence,
+            library,
+            assignment="scores",
+            threshold=options.threshold,
+            at_most_false_per_min=options.at_most_false,
+        )
+        if not options.plot:
+            return track
+    by_costs = annotate_with_distances(
+        sequence,
+        library,
+        threshold=None if by_scores else options.threshold,
+        preselect=not options.thorough,
     )
+    if not by_scores:
+        track = by_costs.track
     if options.plot:
         from motionary.plots import plot_annotation, save
 
-        modified = {name: distance.modified for name, distance in distances.items()}
+        modified = {name: distance.modified for name, distance in by_costs.distances.items()}
         figure = plot_annotation(track, distances=modified, classes=library.names)
         save(figure, picture_path(options.plot, track.recording.name))
     return track
@@ -128,7 +206,10 @@ def _label(
 def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
     from motionary.retrieval.explanation import explain
 
-    keys = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
+    keys = (
+        "start_s", "end_s", "start_frame", "end_frame", "cost", "known", "score", "probability",
+        "false_per_min", "side",
+    )  # fmt: skip
     labels = []
     for label in track:
         shown: dict[str, Any] = {"label": label.name}
@@ -147,24 +228,33 @@ def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
 def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
     from motionary.retrieval.explanation import explain
 
+    is_scored = any(label.score is not None for track in tracks for label in track)
+    columns = (*_COLUMNS, *(_SCORE_COLUMNS if is_scored else ()))
     rows: list[tuple[str, ...]] = []
     below: dict[int, str] = {}
     for track in tracks:
         for label in track:
             if explained:
                 below[len(rows)] = str(explain(label))
-            rows.append((track.recording.name, *_cells(label)))
+            rows.append((track.recording.name, *_cells(label))[: len(columns)])
         for start_s, end_s in track.unassessed:
             times = (f"{start_s:.2f}", f"{end_s:.2f}")
-            rows.append((track.recording.name, "(too little seen)", *times, "", ""))
+            rows.append(_fill((track.recording.name, "(too little seen)", *times), columns))
         if not len(track):
             below[len(rows)] = track.nearest
-            rows.append((track.recording.name, "(none)", "", "", "", ""))
+            rows.append(_fill((track.recording.name, "(none)"), columns))
     if rows:
-        screen.print_table(_COLUMNS, rows, below=below)
+        screen.print_table(columns, rows, below=below)
+
+
+def _fill(cells: tuple[str, ...], columns: Sequence[str]) -> tuple[str, ...]:
+    """A row with empty cells at its end."""
+    return (*cells, *[""] * (len(columns) - len(cells)))
 
 
 def _cells(label: "Label") -> tuple[str, ...]:
     cost = "" if label.cost is None else f"{label.cost:.3f}"
     times = f"{label.start_s:.2f}", f"{label.end_s:.2f}"
-    return (label.name, *times, cost, screen.percent(label.known))
+    score = "" if label.score is None else f"{label.score:.1f}"
+    rate = "" if label.false_per_min is None else f"{label.false_per_min:.2g}"
+    return (label.name, *times, cost, screen.percent(label.known), score, rate)

@@ -24,6 +24,7 @@ from motionary.errors import MotionaryError
 COMMANDS = {
     "search": "search",
     "annotate": "annotate",
+    "count": "count",
     "learn": "learn",
     "library": "library",
     "cut": "convert",

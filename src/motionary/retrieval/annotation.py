@@ -6,13 +6,16 @@ class with the least; runs of one class, extended while the class's own function
 rise. Where a class has keyframes, its distance is computed around their hits only and
 infinite elsewhere (section 5).
 
+The other assignment ranks matches by what they tell and not by what they cost; see
+`scored_labels`.
+
 Conventions: frames are those of the sequence, at 30 Hz, 0-based; ties go to the earlier class.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +36,18 @@ from motionary.matching import (
     modify,
 )
 from motionary.models.keyframes import select_in_sequence
-from motionary.models.library import ClassLibrary, MotionClass, Prototype
+from motionary.models.library import THRESHOLD, ClassLibrary, MotionClass, Prototype
 from motionary.motion import Motion
 from motionary.packing import count, full_mask
 from motionary.recording import Segment, find_runs
 from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, describe_nearest
+from motionary.retrieval.scored_labels import label_by_scores
 
 Floats = NDArray[np.float64]
 Single = NDArray[np.float32]
+
+#: How labels are assigned: by scores, or by costs as published in 2009.
+Assignment = Literal["scores", "published"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +85,9 @@ def annotate(
     recording: Motion | FeatureSequence,
     library: ClassLibrary,
     *,
+    assignment: Assignment | None = None,
     threshold: float | None = None,
+    at_most_false_per_min: float | None = None,
     preselect: bool = True,
     skip_weight: float = SKIP_WEIGHT,
 ) -> LabelTrack:
@@ -88,9 +97,14 @@ def annotate(
     ----------
     recording : Motion or FeatureSequence
     library : classes to look for
-    threshold : largest cost of a match; by default each class's own
-    preselect : whether classes that have keyframes are looked for only around them
-    skip_weight : how often the cell after a (2, 1) step counts
+    assignment : by scores, or by costs as published; by default as `default_assignment` says,
+        and by costs where `threshold` is given alone
+    threshold : by scores, the least score of a label, by default the library's; by costs,
+        the largest cost of a match, by default each class's own
+    at_most_false_per_min : by scores: choose the threshold by so many expected false labels
+        a minute
+    preselect : by costs: whether classes that have keyframes are looked for only around them
+    skip_weight : by costs: how often the cell after a (2, 1) step counts
 
     Returns
     -------
@@ -99,11 +113,54 @@ def annotate(
     Raises
     ------
     InvalidInput
-        If the library is empty or has another feature set.
+        If the library is empty, has another feature set, or lacks what scores need.
     """
-    return annotate_with_distances(
-        recording, library, threshold=threshold, preselect=preselect, skip_weight=skip_weight
-    ).track
+    if assignment is None and at_most_false_per_min is not None:
+        assignment = "scores"
+    if assignment is None:
+        assignment = "published" if threshold is not None else default_assignment(library)
+    _check_assignment(assignment, threshold, at_most_false_per_min)
+    if assignment == "published":
+        return annotate_with_distances(
+            recording, library, threshold=threshold, preselect=preselect, skip_weight=skip_weight
+        ).track
+    sequence = _sequence_of(recording, library)
+    labels, nearest = label_by_scores(
+        sequence, library, threshold=threshold, at_most_false_per_min=at_most_false_per_min
+    )
+    return LabelTrack(sequence.recording, labels, unassessed(sequence), nearest)
+
+
+def default_assignment(library: ClassLibrary) -> Assignment:
+    """By scores, unless the library has none or was made to label by costs.
+
+    It was where a class has keyframes to be looked for around, or a threshold of costs of
+    its own: calibrated, or given.
+    """
+    by_costs = any(
+        one.threshold != THRESHOLD
+        or one.estimated_precision is not None
+        or any(prototype.queries for prototype in one.prototypes)
+        for one in library
+    )
+    return "published" if by_costs or not library.has_scores else "scores"
+
+
+def _check_assignment(
+    assignment: str, threshold: float | None, at_most_false_per_min: float | None
+) -> None:
+    if assignment not in get_args(Assignment):
+        raise InvalidInput(
+            f"assignment must be one of {', '.join(get_args(Assignment))}, got {assignment!r}"
+        )
+    if at_most_false_per_min is not None:
+        if assignment == "published":
+            raise InvalidInput(
+                "costs do not tell how many false labels to expect; at_most_false_per_min needs "
+                "assignment='scores'"
+            )
+        if threshold is not None:
+            raise InvalidInput("threshold or at_most_false_per_min: give one, not both")
 
 
 def annotate_with_distances(
@@ -114,7 +171,7 @@ def annotate_with_distances(
     preselect: bool = True,
     skip_weight: float = SKIP_WEIGHT,
 ) -> Annotation:
-    """Labels of one recording with the distances of all classes; otherwise as `annotate`."""
+    """Labels by costs, with the distances of all classes; otherwise as `annotate`."""
     sequence = _sequence_of(recording, library)
     distance = partial(class_distance, sequence, threshold=threshold, skip_weight=skip_weight)
     distances = [distance(motion_class, preselect=preselect) for motion_class in library]

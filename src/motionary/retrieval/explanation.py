@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
-from motionary.matching import Alignment, Pattern
+from motionary.matching import Alignment, CellRatios, Paths, Pattern, explain_scores
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, quantise
 from motionary.packing import unpack
 from motionary.recording import find_runs
@@ -45,6 +45,7 @@ class Evidence:
     template, pattern : of the class, cell by cell and as the matcher takes it
     sequence : features of the recording
     alignment : path through both
+    ratios : of the template, if the match was scored
     """
 
     name: str
@@ -52,6 +53,7 @@ class Evidence:
     pattern: Pattern
     sequence: FeatureSequence
     alignment: Alignment
+    ratios: CellRatios | None = None
 
     @property
     def known(self) -> float:
@@ -97,6 +99,26 @@ class Finding(NamedTuple):
         return f"{self.phrase} ({start if start == end else f'{start}–{end}'} s)"
 
 
+class Gain(NamedTuple):
+    """What one feature tells for a class, or against it.
+
+    Attributes
+    ----------
+    feature : id ("F20")
+    name : of the feature, in words
+    nats : logarithm of how much more likely the class makes its frames, in sum
+    part : its part of the score; parts of all features sum to it
+    """
+
+    feature: str
+    name: str
+    nats: float
+    part: float
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.part:+.1f}"
+
+
 @dataclass(frozen=True, slots=True)
 class Explanation:
     """Which features held and which failed; `str()` puts it into a sentence.
@@ -107,6 +129,8 @@ class Explanation:
     held, failed : what the class asks for and the recording shows, or does not
     unknown : phrases of features that the class asks for and that were not seen
     fraction_held : fraction of the seen cells that held
+    score : of the match, if it was scored
+    gains : part of each feature in the score, in the order of the features
     """
 
     name: str
@@ -118,6 +142,8 @@ class Explanation:
     failed: tuple[Finding, ...]
     unknown: tuple[str, ...]
     fraction_held: float
+    score: float | None = None
+    gains: tuple[Gain, ...] = ()
 
     def __str__(self) -> str:
         parts = [
@@ -130,6 +156,9 @@ class Explanation:
             parts.append("failed: " + ", ".join(str(f) for f in self.worst()))
         if self.unknown:
             parts.append("not seen: " + ", ".join(self.unknown[:_MOST_PHRASES]))
+        if self.score is not None:
+            most = sorted(self.gains, key=lambda g: -abs(g.part))[:_MOST_PHRASES]
+            parts.append(f"score {self.score:.1f}, of it " + ", ".join(map(str, most)))
         return "; ".join(parts)
 
     def worst(self) -> list[Finding]:
@@ -159,6 +188,7 @@ def explain(match: Explainable | Evidence) -> Explanation:
     frames = evidence.alignment.path[:, 1]
     phrases = np.array(evidence.sequence.feature_set.names)
     n_seen = int((asked & seen).sum())
+    gains = _gains(evidence)
     return Explanation(
         name=evidence.name,
         recording=evidence.sequence.source,
@@ -169,6 +199,8 @@ def explain(match: Explainable | Evidence) -> Explanation:
         failed=tuple(_findings(evidence, asked & seen & ~agrees, frames)),
         unknown=tuple(phrases[(asked & ~seen).any(axis=0)]),
         fraction_held=float((asked & seen & agrees).sum() / n_seen) if n_seen else 0.0,
+        score=None if evidence.ratios is None else sum(gain.part for gain in gains),
+        gains=gains,
     )
 
 
@@ -199,6 +231,23 @@ def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
     shown = unpack(evidence.sequence.packed[frames], n)
     asked = evidence.template.fixed[columns]
     return asked, seen, shown == evidence.template.values[columns]
+
+
+def _gains(evidence: Evidence) -> tuple[Gain, ...]:
+    """What each feature tells along the path; nothing for a match without a score."""
+    if evidence.ratios is None:
+        return ()
+    columns, met = evidence.alignment.path.T
+    frames = np.full((1, len(evidence.pattern)), -1, dtype=np.int32)
+    frames[0, columns] = met
+    paths = Paths(frames, np.array([evidence.alignment.cost], dtype=np.float32))
+    sequence = evidence.sequence
+    parts = explain_scores(evidence.ratios, paths, sequence.packed, sequence.known)[0]
+    scale = evidence.ratios.scale
+    return tuple(
+        Gain(feature.id, feature.name, float(part * scale), float(part))
+        for feature, part in zip(sequence.feature_set.features, parts, strict=True)
+    )
 
 
 def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Iterator[Finding]:

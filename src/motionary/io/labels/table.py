@@ -1,8 +1,8 @@
 """Labels in tables of separated values.
 
 Conventions: one label a row, `recording,label,start_s,end_s` and, where known,
-`start_frame,end_frame,cost,known`; times in seconds from the first frame. Further
-columns are kept as text. With semicolons or tabs, a decimal comma is understood.
+`start_frame,end_frame,cost,known,score,probability,false_per_min,side`; times in seconds
+from the first frame. Further columns are kept as text. With semicolons or tabs, a decimal comma is understood.
 """
 
 import csv
@@ -19,7 +19,9 @@ from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording
 
 REQUIRED = ("recording", "label", "start_s", "end_s")
-OPTIONAL = ("start_frame", "end_frame", "cost", "known")
+OPTIONAL = (
+    "start_frame", "end_frame", "cost", "known", "score", "probability", "false_per_min", "side",
+)  # fmt: skip
 
 _SEPARATORS = ",;\t"
 
@@ -55,13 +57,15 @@ def _says(label: Label, column: str) -> bool:
     # change with its recordings.
     if column == "known":
         return label.known < 1 or label.cost is not None
+    if column == "side":
+        return bool(label.side)
     return getattr(label, column) is not None
 
 
 def _cell(label: Label, column: str) -> Cell:
     value = getattr(label, column)
-    if value is None:
-        return None
+    if value is None or isinstance(value, str):
+        return value
     return int(value) if column.endswith("_frame") else float(value)
 
 
@@ -128,6 +132,10 @@ def _to_label(row: dict[str, str], where: str) -> Label:
             known=1.0 if known is None else known,
             start_frame=_whole(row, "start_frame", where),
             end_frame=_whole(row, "end_frame", where),
+            score=_number(row, "score", where),
+            probability=_number(row, "probability", where),
+            false_per_min=_number(row, "false_per_min", where),
+            side=row.get("side", ""),
             extra={k: v for k, v in row.items() if k not in (*REQUIRED, *OPTIONAL)},
         )
     except InvalidInput as error:

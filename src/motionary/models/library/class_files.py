@@ -179,7 +179,7 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
     for key in ("background", "prior"):
         if not all(isinstance(x, int | float) for x in content.get(key, ())):
             raise refuse(path, (key,), f"must be a list of numbers, got {content[key]!r}")
-    estimates = [_read_estimate(path, content, key) for key in _ESTIMATES.values()]
+    scores |= {name: _read_estimate(path, content, key) for name, key in _ESTIMATES.items()}
     arrays = _read_values(path, content["values"])
     prototypes = []
     for i, entry in enumerate(content["templates"]):
@@ -190,7 +190,7 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
     try:
         return MotionClass(
             name, tuple(prototypes), content["threshold"], content["tolerance"],
-            tuple(content["background"]), *estimates, **scores,
+            tuple(content["background"]), **scores,
         )  # fmt: skip
     except InvalidInput as error:
         raise refuse_value(path, (), error) from error

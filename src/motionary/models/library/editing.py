@@ -116,8 +116,13 @@ def replace_prototype(library: ClassLibrary, name: str, changed: Prototype) -> C
 
 def without_estimates(motion_class: MotionClass, **changes: Any) -> MotionClass:
     """A changed class, of which nothing is known from cross-validation."""
-    unknown = {"estimated_precision": None, "estimated_recall": None, "false_level": None}
-    return replace(motion_class, **unknown, **changes)
+    return replace(
+        motion_class,
+        estimated_precision=None,
+        estimated_recall=None,
+        false_level=None,
+        **changes,
+    )
 
 
 def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse") -> ClassLibrary:

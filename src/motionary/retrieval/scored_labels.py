@@ -1,0 +1,169 @@
+"""Labels of one recording, assigned by scores.
+
+The matches that `choose_candidates` keeps become labels; those of a state that follow each
+other are one. Each carries its score, how many false labels a minute of such a score are to
+be expected of its class, and the evidence that `explain` reads.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.features import SEQUENCE_HZ, FeatureSequence
+from motionary.labels import Label
+from motionary.matching import (
+    Alignment,
+    Intervals,
+    SchedulingSettings,
+    find_paths_to,
+    join_states,
+)
+from motionary.models.library import (
+    Candidates,
+    ClassLibrary,
+    MotionClass,
+    choose_candidates,
+    false_rates_of,
+    find_candidates,
+    threshold_for,
+)
+from motionary.models.library.assignment import as_intervals
+from motionary.retrieval.explanation import Evidence, explain
+
+_MOST_GAP = SchedulingSettings().most_gap_s * SEQUENCE_HZ
+#: Templates that differ less from their mirror image, on the mean, have no side.
+_LEAST_DIFFERENCE = 0.05
+_MOST_LACKS = 2
+
+
+def label_by_scores(
+    sequence: FeatureSequence,
+    library: ClassLibrary,
+    *,
+    threshold: float | None = None,
+    at_most_false_per_min: float | None = None,
+) -> tuple[tuple[Label, ...], str]:
+    """Labels, and what came nearest if there is none.
+
+    Parameters
+    ----------
+    sequence : of the library's features
+    library : with scores
+    threshold : of scores; by default the library's
+    at_most_false_per_min : choose the threshold by so many expected false labels a minute
+
+    Raises
+    ------
+    InvalidInput
+        If the library has no scores, or no rates of false labels where they are asked for.
+    """
+    limit = threshold_for(library, at_most_false_per_min) if threshold is None else threshold
+    found = find_candidates(sequence, library)
+    chosen = choose_candidates(found, library, threshold=limit)
+    matches = [(int(i), _evidence(sequence, library, found, int(i))) for i in chosen]
+    matches = [(i, one) for i, one in matches if one.is_assessed]
+    if not matches:
+        return (), _nearest(sequence, library, found, limit)
+    kept = np.array([i for i, _ in matches], dtype=np.intp)
+    evidence = [one for _, one in matches]
+    labels = []
+    for members in _join(found, library, kept, threshold=limit):
+        best = max(members, key=lambda j: found.paths.scores[kept[j]])
+        start = int(min(found.paths.starts[kept[j]] for j in members))
+        stop = int(max(found.paths.stops[kept[j]] for j in members))
+        labels.append(
+            _label(sequence, library, found, int(kept[best]), evidence[best], (start, stop))
+        )
+    return tuple(labels), ""
+
+
+def _join(
+    found: Candidates, library: ClassLibrary, kept: NDArray[np.intp], *, threshold: float
+) -> list[list[int]]:
+    """Places in `kept` of the matches of each label."""
+    starts, ends, values, parts = as_intervals(found, library, threshold=threshold)
+    classes = found.classes[kept]
+    is_state = np.array([one.kind == "state" for one in library])[classes]
+    of_label = join_states(
+        Intervals(starts[kept], ends[kept], values[kept], parts[kept]),
+        classes,
+        is_state,
+        most_gap=_MOST_GAP,
+    )
+    return [np.flatnonzero(of_label == i).tolist() for i in range(int(of_label.max()) + 1)]
+
+
+def _label(
+    sequence: FeatureSequence,
+    library: ClassLibrary,
+    found: Candidates,
+    index: int,
+    evidence: Evidence,
+    frames: tuple[int, int],
+) -> Label:
+    place = found.place_of(index)
+    motion_class = library.classes[place.class_index]
+    score = float(found.paths.scores[index])
+    rates = false_rates_of(library)
+    start_s, end_s = sequence.segment(*frames)
+    return Label(
+        motion_class.name, start_s, end_s,
+        cost=evidence.alignment.cost,
+        known=evidence.known,
+        start_frame=sequence.recording.frame_at(start_s),
+        end_frame=sequence.recording.last_frame_before(end_s),
+        evidence=evidence,
+        score=score,
+        false_per_min=None if rates is None else rates.of_class(place.class_index, score),
+        side=_side_of(motion_class, place.prototype_index, sequence),
+    )  # fmt: skip
+
+
+def _side_of(motion_class: MotionClass, index: int, sequence: FeatureSequence) -> str:
+    """Whether a template is as its examples are or mirrored; empty where both look alike."""
+    if not any(one.mirror_of for one in motion_class.prototypes):
+        return ""
+    prototype = motion_class.prototypes[index]
+    values = prototype.template.values
+    image = values[:, sequence.feature_set.mirror_order]
+    if np.abs(values - image).mean() < _LEAST_DIFFERENCE:
+        return ""
+    return "mirrored" if prototype.mirror_of else "as learned"
+
+
+def _evidence(
+    sequence: FeatureSequence, library: ClassLibrary, found: Candidates, index: int
+) -> Evidence:
+    """The warping path of one match, and what it is made of."""
+    place = found.place_of(index)
+    motion_class = library.classes[place.class_index]
+    template, pattern = motion_class.patterns[place.prototype_index]
+    end = int(found.paths.stops[index]) - 1
+    paths = find_paths_to(pattern, sequence.packed, sequence.known, np.array([end]))
+    frames = paths.frames[0]
+    columns = np.flatnonzero(frames >= 0)
+    path = np.column_stack([columns, frames[columns]]).astype(np.intp)
+    alignment = Alignment(int(frames[0]), end, float(paths.costs[0]), path)
+    ratios = motion_class.ratios[place.prototype_index]
+    return Evidence(motion_class.name, template, pattern, sequence, alignment, ratios)
+
+
+def _nearest(
+    sequence: FeatureSequence, library: ClassLibrary, found: Candidates, threshold: float
+) -> str:
+    """What came closest in a recording without labels, and what spoke against it."""
+    scores = found.paths.scores
+    if not len(scores):
+        return f"no class comes near in {sequence.duration_s:.1f} s"
+    best = int(np.argmax(scores))
+    why = explain(_evidence(sequence, library, found, best))
+    nearest = f"{why.name} {scores[best]:.1f} at {why.start_s:.1f} s"
+    nearest = f"{why.name} {scores[best]:.1f} at {why.start_s:.1f} s"
+    text = f"nothing of score {threshold:g}; nearest: {nearest}"
+    against = [gain for gain in sorted(why.gains, key=lambda g: g.part) if gain.part < 0]
+    return text + _format_lacks([gain.name for gain in against[:_MOST_LACKS]])
+
+
+def _format_lacks(names: Sequence[str]) -> str:
+    return f", against it: {', '.join(names)}" if names else ""
