@@ -106,7 +106,10 @@ def _truth(recordings: Recordings) -> dict[str, list[Any]]:
 
 
 def _see(packed: FeatureSequence, library: ClassLibrary) -> Seen:
-    tracks = {way: annotate(packed, library, preselect=on) for way, on in WAYS.items()}
+    tracks = {
+        way: annotate(packed, library, assignment="published", preselect=on)
+        for way, on in WAYS.items()
+    }
     modified = {
         way: {one.name: class_distance(packed, one, preselect=on).modified for one in library}
         for way, on in WAYS.items()

@@ -115,7 +115,7 @@ def _time_and_score(library: ClassLibrary, material: Material) -> dict[str, floa
     packed = material.packed
     return _score(library, material) | {
         "frames left": float(np.mean([_fraction_left(one, packed) for one in library])),
-        "seconds": _shortest(lambda: annotate(packed, library)),
+        "seconds": _shortest(lambda: annotate(packed, library, assignment="published")),
         "seconds of matching": _shortest(
             lambda: [class_distance(packed, one, threshold=NO_MATCH) for one in library]
         ),
@@ -137,7 +137,7 @@ def _score(library: ClassLibrary, material: Material) -> dict[str, float]:
     """Precision of labelled frames, recall of the frames of the classes."""
     right = labelled = 0
     hit = np.zeros(len(material.truth), dtype=np.bool_)
-    for label in annotate(material.packed, library):
+    for label in annotate(material.packed, library, assignment="published"):
         span = slice(round(label.start_s * SEQUENCE_HZ), round(label.end_s * SEQUENCE_HZ))
         same = material.truth[span] == label.name
         right += int(np.count_nonzero(same))

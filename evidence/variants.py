@@ -188,7 +188,11 @@ class Reviewer:
 
     def label(self, packed: FeatureSequence) -> tuple[Label, ...]:
         """Labels, none without classes."""
-        return tuple(annotate(packed, self.library)) if self.library is not None else ()
+        return (
+            tuple(annotate(packed, self.library, assignment="published"))
+            if self.library is not None
+            else ()
+        )
 
 
 def _verdict(row: Mapping[str, Any], expected: str) -> str:

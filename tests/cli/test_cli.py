@@ -14,7 +14,10 @@ from motionary.features import compute_features
 from motionary.io import read, read_labels
 from motionary.samples import synthetic_motion
 
-LABEL_KEYS = {"label", "start_s", "end_s", "start_frame", "end_frame", "cost", "known"}
+LABEL_KEYS = {
+    "label", "start_s", "end_s", "start_frame", "end_frame", "cost", "known", "score",
+    "probability", "false_per_min", "side",
+}  # fmt: skip
 HIT_KEYS = {"recording", "start_s", "end_s", "start_frame", "end_frame", "cost", "known"}
 
 
@@ -230,9 +233,38 @@ def test_explanations_in_json(motionary, world, library):
 
 def test_a_recording_without_labels_says_what_was_nearest(motionary, world, tmp_path, library):
     write_bvh(synthetic_motion("bow", seed=4, rate_hz=RATE_HZ), tmp_path / "bow.bvh")
-    ran = motionary("annotate", tmp_path, "--library", library)
+    ran = motionary("annotate", tmp_path, "--library", library, "--assignment", "published")
     assert ran.code == 0
     assert re.search(r"bow\.bvh +\(none\)\n  nothing below 0\.\d+; nearest: ", ran.out)
+    scored = motionary("annotate", tmp_path, "--library", library)
+    assert re.search(r"bow\.bvh +\(none\)\n  nothing that scores; nearest: ", scored.out)
+
+
+def test_labels_by_scores_are_counted(motionary, world, library, tmp_path):
+    arguments = ("--library", library, "--assignment", "scores")
+    (track,) = json_lines(motionary("annotate", world / "takes", *arguments, "--json").out)
+    assert track["labels"]
+    assert all(x["score"] >= 6 and x["false_per_min"] is None for x in track["labels"])
+    names = [x["label"] for x in track["labels"]]
+    ran = motionary("count", world / "takes", *arguments, "--json", "-o", tmp_path / "counts.csv")
+    assert ran.code == 0, ran.err
+    rows = json_lines(ran.out)
+    assert {row["label"]: row["number"] for row in rows} == {n: names.count(n) for n in names}
+    assert [len(row["starts_s"]) for row in rows] == [row["number"] for row in rows]
+    lines = (tmp_path / "counts.csv").read_text("utf-8").splitlines()
+    assert lines[0] == "recording,label,side,number,mean_s,total_s,per_min,unassessed_s"
+    assert len(lines) == len(rows) + 1
+    table = motionary("annotate", world / "takes", *arguments, "--count").out
+    assert table.splitlines()[0].split() == lines[0].split(",")
+
+
+def test_expected_false_labels_need_a_library_that_knows_them(motionary, world, library):
+    arguments = ("annotate", world / "takes", "--library", library, "--at-most-false", 1)
+    ran = motionary(*arguments)
+    assert ran.code == 1
+    assert "how many false labels to expect" in ran.err
+    for wrong in (("--threshold", 7), ("--assignment", "published")):
+        assert motionary(*arguments, *wrong).code == 2
 
 
 def test_pictures_of_labels(motionary, world, library, tmp_path):

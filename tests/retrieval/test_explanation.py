@@ -239,7 +239,7 @@ def test_raised_arms_are_told(raised, by_self_information):
 def test_arms_that_stay_down_are_what_failed(raised):
     up, bow = raised
     library = learn({"arms up": up[:3]})
-    track = annotate(bow, library)
+    track = annotate(bow, library, assignment="published")
     assert len(track) == 0
     assert "arms up" in track.nearest
     least = search(library["arms up"], [bow], threshold=1.0, limit=1)[0]

@@ -1,6 +1,7 @@
 """Keyframes first: windows around their hits, and the same answers within them."""
 
 import itertools
+from functools import partial
 
 import numpy as np
 import pytest
@@ -37,6 +38,9 @@ from motionary.retrieval.explanation import explain
 from motionary.retrieval.index import Collection
 from motionary.retrieval.search import Deriving, QueryExpansion, derive_queries, search
 from packing_cases import N, random_rows, sequence, stream
+
+# Keyframes belong to the assignment by costs.
+annotate_by_costs = partial(annotate, assignment="published")
 
 LENGTH = 40
 STEP = random_rows(1, LENGTH)
@@ -321,7 +325,7 @@ def test_a_class_may_be_known_by_keyframes_alone(tmp_path):
         found = search(one["reach"], Collection((document,)))
         spans = [(round(30 * h.start_s), round(30 * h.end_s), h.cost) for h in found]
         assert spans == [(10, 17, 0), (50, 55, 0)]
-        labels = annotate(document, one)
+        labels = annotate_by_costs(document, one)
         assert [(round(30 * x.start_s), round(30 * x.end_s)) for x in labels] == [
             (10, 17), (50, 55),
         ]  # fmt: skip
@@ -400,9 +404,9 @@ def labels_of(track):
 def test_labels_without_keyframes_are_what_they_were(takes, number):
     document = takes.sequences[number]
     plain, with_queries = ClassLibrary((trained(),)), ClassLibrary((trained(queries=[QUERY]),))
-    assert annotate(document, plain, preselect=True) == annotate(document, plain)
-    expected = annotate(document, plain)
-    got = annotate(document, with_queries, preselect=False)
+    assert annotate_by_costs(document, plain, preselect=True) == annotate_by_costs(document, plain)
+    expected = annotate_by_costs(document, plain)
+    got = annotate_by_costs(document, with_queries, preselect=False)
     assert labels_of(got) == labels_of(expected)
     assert got.nearest == expected.nearest
 
@@ -410,7 +414,10 @@ def test_labels_without_keyframes_are_what_they_were(takes, number):
 def test_labels_lie_around_keyframes(takes):
     document = takes.sequences[1]
     library = ClassLibrary((trained(queries=[QUERY]),))
-    every, some = annotate(document, library, preselect=False), annotate(document, library)
+    every, some = (
+        annotate_by_costs(document, library, preselect=False),
+        annotate_by_costs(document, library),
+    )
     assert len(every) == len(some) + 1
     assert set(labels_of(some)) < set(labels_of(every))
     for label in some:
@@ -444,13 +451,13 @@ def test_every_window_is_matched_as_if_it_were_alone(takes):
 def test_without_labels_the_nearest_is_told_with_keyframes_or_without(takes):
     nowhere = from_features([dict.fromkeys(FULL_BODY.ids, True)], [])
     library = ClassLibrary((trained(queries=[nowhere]),))
-    track = annotate(takes.sequences[0], library)
+    track = annotate_by_costs(takes.sequences[0], library)
     assert len(track) == 0
     assert track.nearest.startswith(
         "no class shows the keyframes that it needs; nearest without them: step 0.000 at "
     )
-    far = annotate(takes.sequences[2], library)
-    assert far.nearest == annotate(takes.sequences[2], ClassLibrary((trained(),))).nearest
+    far = annotate_by_costs(takes.sequences[2], library)
+    assert far.nearest == annotate_by_costs(takes.sequences[2], ClassLibrary((trained(),))).nearest
 
 
 def test_chosen_keyframes_of_a_class_label_it(gestures):
@@ -463,7 +470,7 @@ def test_chosen_keyframes_of_a_class_label_it(gestures):
     (prototype,) = library["gesture"].prototypes
     prototype = Prototype("gesture", prototype.template, (query,))
     some = ClassLibrary((MotionClass("gesture", (prototype,), 0.06),))
-    (label,), (expected,) = (annotate(gestures.sequences[3], x) for x in (some, library))
+    (label,), (expected,) = (annotate_by_costs(gestures.sequences[3], x) for x in (some, library))
     assert (label.end_s, label.cost) == (expected.end_s, expected.cost)
     # Where a window begins, more ends are local minima.
     assert label.start_s == pytest.approx(expected.start_s, abs=0.5)

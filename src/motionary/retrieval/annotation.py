@@ -128,6 +128,8 @@ def annotate(
     labels, nearest = label_by_scores(
         sequence, library, threshold=threshold, at_most_false_per_min=at_most_false_per_min
     )
+    if not labels and not nearest:
+        nearest = _cheapest(sequence, library)
     return LabelTrack(sequence.recording, labels, unassessed(sequence), nearest)
 
 
@@ -307,6 +309,16 @@ def _label(sequence: FeatureSequence, distance: ClassDistance, segment: ClassSeg
         end_frame=sequence.recording.last_frame_before(end_s),
         evidence=evidence,
     )  # fmt: skip
+
+
+def _cheapest(sequence: FeatureSequence, library: ClassLibrary) -> str:
+    """What came closest by its cost, in a recording in which no match is worth a score."""
+    every = [class_distance(sequence, one, preselect=False).least for one in library]
+    found = [evidence for evidence in every if evidence is not None]
+    if not found:
+        return f"no class fits into what was seen in {sequence.duration_s:.1f} s"
+    evidence = min(found, key=lambda e: e.alignment.cost)
+    return describe_nearest(evidence, what=evidence.name, threshold=None)
 
 
 def _nearest(

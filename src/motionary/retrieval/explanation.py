@@ -204,18 +204,19 @@ def explain(match: Explainable | Evidence) -> Explanation:
     )
 
 
-def describe_nearest(evidence: Evidence, *, what: str, threshold: float) -> str:
+def describe_nearest(evidence: Evidence, *, what: str, threshold: float | None) -> str:
     """What came closest where nothing matched, and what it lacked, in a sentence.
 
     Parameters
     ----------
     evidence : of the cheapest match
     what : class or recording that came closest
-    threshold : cost that it did not reach
+    threshold : cost that it did not reach; None where nothing was worth a score
     """
     why = explain(evidence)
     nearest = f"{what} {why.cost:.3f} at {why.start_s:.1f} s"
-    text = f"nothing below {threshold:g}; nearest: {nearest}"
+    aim = "that scores" if threshold is None else f"below {threshold:g}"
+    text = f"nothing {aim}; nearest: {nearest}"
     if why.failed:
         text += ", failed: " + ", ".join(str(f) for f in why.worst())
     if why.unknown:

@@ -44,7 +44,7 @@ def label_by_scores(
     threshold: float | None = None,
     at_most_false_per_min: float | None = None,
 ) -> tuple[tuple[Label, ...], str]:
-    """Labels, and what came nearest if there is none.
+    """Labels; without any, what came nearest, if a match was good enough to be scored.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _nearest(
     """What came closest in a recording without labels, and what spoke against it."""
     scores = found.paths.scores
     if not len(scores):
-        return f"no class comes near in {sequence.duration_s:.1f} s"
+        return ""
     best = int(np.argmax(scores))
     why = explain(_evidence(sequence, library, found, best))
     nearest = f"{why.name} {scores[best]:.1f} at {why.start_s:.1f} s"

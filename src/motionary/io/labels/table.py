@@ -2,7 +2,8 @@
 
 Conventions: one label a row, `recording,label,start_s,end_s` and, where known,
 `start_frame,end_frame,cost,known,score,probability,false_per_min,side`; times in seconds
-from the first frame. Further columns are kept as text. With semicolons or tabs, a decimal comma is understood.
+from the first frame. Further columns are kept as text. With semicolons or tabs, a decimal
+comma is understood.
 """
 
 import csv
