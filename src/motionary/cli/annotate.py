@@ -84,12 +84,13 @@ class LabelOptions(TableOptions):
     ] = False
 
     def check(self) -> None:
-        """Refuse options that do not go together.
+        """Refuse options that do not go together, and tables that cannot be written.
 
         Raises
         ------
-        BadParameter
+        BadParameter, UnwritableFile
         """
+        super().check()
         if self.at_most_false is None:
             return
         if self.threshold is not None:
