@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet
-from motionary.matching import Alignment, CellRatios, Paths, Pattern, explain_scores
+from motionary.matching import Alignment, CellRatios, Pattern
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, quantise
 from motionary.packing import unpack
 from motionary.recording import find_runs
+from motionary.retrieval.gains import Gain, find_gains
 
 Bools = NDArray[np.bool_]
 
@@ -99,26 +100,6 @@ class Finding(NamedTuple):
         return f"{self.phrase} ({start if start == end else f'{start}–{end}'} s)"
 
 
-class Gain(NamedTuple):
-    """What one feature tells for a class, or against it.
-
-    Attributes
-    ----------
-    feature : id ("F20")
-    name : of the feature, in words
-    nats : logarithm of how much more likely the class makes its frames, in sum
-    part : its part of the score; parts of all features sum to it
-    """
-
-    feature: str
-    name: str
-    nats: float
-    part: float
-
-    def __str__(self) -> str:
-        return f"{self.name} {self.part:+.1f}"
-
-
 @dataclass(frozen=True, slots=True)
 class Explanation:
     """Which features held and which failed; `str()` puts it into a sentence.
@@ -188,7 +169,9 @@ def explain(match: Explainable | Evidence) -> Explanation:
     frames = evidence.alignment.path[:, 1]
     phrases = np.array(evidence.sequence.feature_set.names)
     n_seen = int((asked & seen).sum())
-    gains = _gains(evidence)
+    gains: tuple[Gain, ...] = ()
+    if evidence.ratios is not None:
+        gains = find_gains(evidence.ratios, evidence.alignment, evidence.sequence)
     return Explanation(
         name=evidence.name,
         recording=evidence.sequence.source,
@@ -232,23 +215,6 @@ def _cells(evidence: Evidence) -> tuple[Bools, Bools, Bools]:
     shown = unpack(evidence.sequence.packed[frames], n)
     asked = evidence.template.fixed[columns]
     return asked, seen, shown == evidence.template.values[columns]
-
-
-def _gains(evidence: Evidence) -> tuple[Gain, ...]:
-    """What each feature tells along the path; nothing for a match without a score."""
-    if evidence.ratios is None:
-        return ()
-    columns, met = evidence.alignment.path.T
-    frames = np.full((1, len(evidence.pattern)), -1, dtype=np.int32)
-    frames[0, columns] = met
-    paths = Paths(frames, np.array([evidence.alignment.cost], dtype=np.float32))
-    sequence = evidence.sequence
-    parts = explain_scores(evidence.ratios, paths, sequence.packed, sequence.known)[0]
-    scale = evidence.ratios.scale
-    return tuple(
-        Gain(feature.id, feature.name, float(part * scale), float(part))
-        for feature, part in zip(sequence.feature_set.features, parts, strict=True)
-    )
 
 
 def _findings(evidence: Evidence, where: Bools, frames: NDArray[np.intp]) -> Iterator[Finding]:

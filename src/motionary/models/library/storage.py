@@ -25,22 +25,21 @@ import numpy as np
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, set_from_rows
 from motionary.files import read_bytes
-from motionary.models.library.class_files import (
-    CLASS_KEYS,
+from motionary.models.library.class_files import CLASS_KEYS, read_class, write_class
+from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
+from motionary.models.library.scoring import Scoring
+from motionary.models.library.scoring_tables import describe_scoring, read_scoring
+from motionary.models.library.toml_tables import (
     Keys,
     check_keys,
     format_line,
-    read_class,
     read_document,
     read_toml,
     refuse,
     refuse_value,
     update_table,
-    write_class,
     write_document,
 )
-from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
-from motionary.models.library.scoring import Scoring
 
 #: Raised when a reader of the version before could misunderstand the files.
 VERSION = 1
@@ -55,7 +54,6 @@ _TRAINING_KEYS: Keys = {
     "keep_examples": bool, "calibrate": bool, "groups": str, "fold_sides": bool, "queries": str,
     "query_runs": int,
 }  # fmt: skip
-_SCORING_KEYS: Keys = {"corpus": list, "threshold": float, "look_ahead_s": float}
 _VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
 _LONGEST_BYTES = 100
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
@@ -219,7 +217,7 @@ def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) 
     own_set = library.feature_set.name not in known_sets()
     rows = describe_set(library.feature_set) if own_set else ()
     tables = {
-        "training": _describe_training(library), "scoring": _describe_scoring(library),
+        "training": _describe_training(library), "scoring": describe_scoring(library.scoring),
         "classes": stems, "relations": rows,
     }  # fmt: skip
     for key, table in tables.items():
@@ -233,14 +231,6 @@ def _describe_training(library: ClassLibrary) -> dict[str, Any]:
         return {}
     options = asdict(library.training)
     return {key: options[key] for key in _TRAINING_KEYS if options[key] is not None}
-
-
-def _describe_scoring(library: ClassLibrary) -> dict[str, Any]:
-    """How labels are assigned by scores, by the keys of the file."""
-    if library.scoring is None:
-        return {}
-    content = {k: v for k, v in asdict(library.scoring).items() if v is not None}
-    return content | {"corpus": list(library.scoring.corpus)}
 
 
 def _replace_table(document: Any, key: str, content: Any, *, required: bool) -> None:
@@ -337,7 +327,7 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
         )
     feature_set = _find_feature_set(path, index, feature_sets)
     training = _read_training(path, index)
-    scoring = _read_scoring(path, index)
+    scoring = read_scoring(path, index)
     classes = []
     for name, stem in index["classes"].items():
         if not isinstance(stem, str) or Path(stem).name != stem:
@@ -367,22 +357,6 @@ def _read_training(path: Path, index: dict[str, Any]) -> TrainingOptions | None:
         return TrainingOptions(**options, **about)
     except InvalidInput as error:
         raise refuse_value(path, ("training",), error) from error
-
-
-def _read_scoring(path: Path, index: dict[str, Any]) -> Scoring | None:
-    """How labels are assigned by scores; None in a library from before there were scores."""
-    if "scoring" not in index:
-        return None
-    content, keys = index["scoring"], dict(_SCORING_KEYS)
-    if "false_slope" in content:
-        keys["false_slope"] = float
-    check_keys(path, content, keys, place=("scoring",))
-    if not all(isinstance(x, int | float) for x in content["corpus"]):
-        raise refuse(path, ("scoring", "corpus"), "must be a list of numbers")
-    try:
-        return Scoring(**{key: content[key] for key in keys})
-    except InvalidInput as error:
-        raise refuse_value(path, ("scoring",), error) from error
 
 
 def _pair_mirrors(motion_class: MotionClass, feature_set: FeatureSet) -> MotionClass:

@@ -1,0 +1,148 @@
+"""Tables of TOML files that people edit: read, checked, and written back as they were.
+
+Errors name the file, the key, what is wrong with its value, and the line.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping, MutableMapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.files import read_bytes, write_atomically
+
+if TYPE_CHECKING:
+    from tomlkit import TOMLDocument
+
+#: Keys that a table needs, and of which kind their values are.
+Keys = Mapping[str, type]
+#: Where a value stands in a file: keys of tables, numbers of their entries.
+Place = tuple[str | int, ...]
+
+_KINDS = {
+    str: "a text in quotes", int: "a whole number", float: "a number", bool: "true or false",
+    list: "a list", dict: "a table",
+}  # fmt: skip
+# No file holds it.
+_MARK = "\ue000here\ue000"
+
+
+def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
+    """Content of a TOML file that has these keys.
+
+    Raises
+    ------
+    UnreadableFile
+        If it cannot be read, is not TOML, or a key is missing or of another kind.
+    """
+    try:
+        content = tomllib.loads(read_bytes(path).decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise UnreadableFile(f"{path}: cannot be read ({error})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UnreadableFile(f"{path}: is not valid TOML: {error}") from error
+    check_keys(path, content, keys)
+    return content
+
+
+def check_keys(path: Path, content: Any, keys: Keys, *, place: Place = ()) -> None:
+    """Raise UnreadableFile unless a table has these keys; whole numbers pass as numbers."""
+    if not isinstance(content, dict):
+        raise refuse(path, place, f"must be a table, got {content!r}")
+    for key, kind in keys.items():
+        if key not in content:
+            raise _missing(path, key, content, place)
+        value = content[key]
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            content[key] = float(value)
+        elif not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise refuse(path, (*place, key), f"must be {_KINDS[kind]}, got {value!r}")
+
+
+def refuse(path: Path, place: Place, problem: str) -> UnreadableFile:
+    """The error of a value: file, key, what is wrong with it, and line."""
+    return UnreadableFile(f"{path}: {format_place(place)} {problem}{format_line(path, place)}")
+
+
+def refuse_value(path: Path, place: Place, error: InvalidInput) -> UnreadableFile:
+    """The error of a file in which a class or a template finds a wrong value."""
+    where = f"{format_place(place)}: " if place else ""
+    line = format_line(path, (*place, error.key)) if error.key else ""
+    return UnreadableFile(f"{path}: {where}{error}{line}")
+
+
+def format_line(path: Path, place: Place) -> str:
+    """The end of a message, as " (line 4)"; empty if nothing stands there."""
+    # Late: only who writes, or wrote something wrong, waits for it.
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        document: Any = tomlkit.parse(read_bytes(path).decode("utf-8"))
+        table = document
+        for step in place[:-1]:
+            table = table[step]
+        table[place[-1]]
+        table[place[-1]] = _MARK
+        lines = tomlkit.dumps(document).splitlines()
+    except (OSError, ValueError, LookupError, TypeError, TOMLKitError):
+        return ""
+    # What stands before a value keeps its lines when the value changes.
+    return next((f" (line {n})" for n, line in enumerate(lines, start=1) if _MARK in line), "")
+
+
+def read_document(path: Path) -> "TOMLDocument":
+    """A TOML file with all that a person wrote into it; empty if there is none to read."""
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        return tomlkit.parse(read_bytes(path).decode("utf-8"))
+    except (OSError, ValueError, TOMLKitError):
+        return tomlkit.document()
+
+
+def write_document(path: Path, document: "TOMLDocument") -> None:
+    """Write a TOML file whole or not at all.
+
+    Raises
+    ------
+    UnwritableFile
+        If it cannot be written, or a text in it cannot be encoded.
+    """
+    import tomlkit
+
+    try:
+        content = tomlkit.dumps(document).encode()
+    except UnicodeEncodeError as error:
+        raise UnwritableFile(f"{path}: a name in it is no valid text ({error})") from error
+    with write_atomically(path) as beside:
+        beside.write_bytes(content)
+
+
+def update_table(
+    table: MutableMapping[str, Any], content: Mapping[str, Any], *, optional: Iterable[str] = ()
+) -> None:
+    """Give a table these values; of `optional` keys those that have none are removed."""
+    for key in optional:
+        if key in table and key not in content:
+            del table[key]
+    for key, value in content.items():
+        # A value that stays keeps the way in which it is written.
+        if key not in table or table[key] != value:
+            table[key] = value
+
+
+def _missing(path: Path, key: str, others: Iterable[str], place: Place) -> UnreadableFile:
+    """The error of a key that is not there; another one may be what was meant."""
+    hint = ""
+    for near in difflib.get_close_matches(key, others, n=1, cutoff=0.75):
+        hint = f"; is it {near!r}{format_line(path, (*place, near))}?"
+    return UnreadableFile(f"{path}: {format_place((*place, key))} is missing{hint}")
+
+
+def format_place(place: Place) -> str:
+    """A place in words, as "templates[0].name"."""
+    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
+    return "".join(steps).removeprefix(".")
