@@ -229,8 +229,11 @@ def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
 def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
     from motionary.retrieval.explanation import explain
 
-    is_scored = any(label.score is not None for track in tracks for label in track)
-    columns = (*_COLUMNS, *(_SCORE_COLUMNS if is_scored else ()))
+    labels = [label for track in tracks for label in track]
+    columns = _COLUMNS
+    if any(label.score is not None for label in labels):
+        has_rates = any(label.false_per_min is not None for label in labels)
+        columns = (*_COLUMNS, *_SCORE_COLUMNS[: 2 if has_rates else 1])
     rows: list[tuple[str, ...]] = []
     below: dict[int, str] = {}
     for track in tracks:
