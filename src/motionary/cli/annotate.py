@@ -230,7 +230,7 @@ def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
     from motionary.retrieval.explanation import explain
 
     labels = [label for track in tracks for label in track]
-    columns = _COLUMNS
+    columns: tuple[str, ...] = _COLUMNS
     if any(label.score is not None for label in labels):
         has_rates = any(label.false_per_min is not None for label in labels)
         columns = (*_COLUMNS, *_SCORE_COLUMNS[: 2 if has_rates else 1])
