@@ -19,8 +19,9 @@ from motionary.io.formats.arrays import (
 )
 from motionary.io.formats.content import FileContent, choose_take
 from motionary.io.formats.npz import Array
+from motionary.io.formats.pickle_machine import PickleRefusedError
 from motionary.io.formats.smpl import check_pose, find_source, pose_content, read_smpl_arrays
-from motionary.io.formats.unpickling import PickleRefusedError, plain_dict, read_pickled, to_arrays
+from motionary.io.formats.unpickling import plain_dict, read_pickled, to_arrays
 from motionary.io.normalise.units_axes import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 
