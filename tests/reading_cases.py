@@ -47,9 +47,6 @@ NOT_YET = (
     "labels_two_empty_columns.csv",
     "two_dots.bvh",
     "test_dropped_frames_are_filled_with_even_times_on_request",
-    "test_output_keeps_the_mode_of_the_file_it_replaces",
-    "test_output_through_a_link_is_written_where_it_leads",
-    "test_read_only_output_is_refused",
     "test_unicode_forms_of_one_label_are_the_same_label",
 )
 #: Of these, what would only wait.

@@ -6,6 +6,7 @@ over the rights of the file that it replaces.
 """
 
 import os
+import re
 import shutil
 import stat
 import sys
@@ -15,10 +16,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from motionary.errors import MotionaryError, NotAFile, UnreadableFile, UnwritableFile
+from motionary.errors import InvalidInput, MotionaryError, NotAFile, UnreadableFile, UnwritableFile
 
 #: The name of standard output, as commands of POSIX take it.
 STDOUT = "-"
+
+#: What a table of separated values may be called.
+TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
 
 _KINDS = {
     stat.S_IFIFO: "a named pipe",
@@ -76,6 +80,21 @@ def _check_regular(path: str | Path, status: os.stat_result) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
         raise NotAFile(f"{path}: is no regular file but {kind}; store its content in a file")
+
+
+def check_table_name(path: str | Path) -> None:
+    """Refuse a name that says that a file is no table of separated values.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix and suffix not in TABLE_SUFFIXES:
+        raise InvalidInput(
+            f"tables are written as {', '.join(TABLE_SUFFIXES)}, got {path}; spreadsheets open "
+            "them, in most of Europe those for Excel"
+        )
 
 
 @contextmanager
@@ -143,6 +162,12 @@ def _send(written: Path, place: Path) -> None:
         sys.stdout.flush()
         shutil.copyfileobj(source, sys.stdout.buffer)
         sys.stdout.flush()
+
+
+def is_leftover(path: Path, name: str) -> bool:
+    """Whether a path is what a write of a file of this name left that was killed."""
+    stem, suffix = re.escape(f".{Path(name).stem[:40]}-"), re.escape(Path(name).suffix)
+    return re.fullmatch(rf"{stem}[a-z0-9_]{{8}}{suffix}", path.name) is not None
 
 
 @contextmanager

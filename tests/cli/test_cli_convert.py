@@ -85,7 +85,7 @@ def test_an_axis_that_is_told(motionary, takes):
     one, other = read(takes / "x.trc"), read(takes / "y.npz", up="y!")
     x, y, z = np.moveaxis(one.positions, -1, 0)
     np.testing.assert_allclose(other.positions, np.stack((x, z, -y), -1))
-    ran = motionary("convert", takes / "x.trc", "-o", takes / "y.npz", "--up", "z")
+    ran = motionary("convert", takes / "x.trc", "-o", takes / "y.npz", "--up", "z", "--force")
     assert ran.code == 1
     assert "head is above its feet along y; say which with --up y" in ran.err
     ran = motionary("convert", takes / "x.trc", "-o", takes / "y.npz", "--up", "sideways")

@@ -1,7 +1,9 @@
 """The index of a folder: only what changed is read, and nothing is lost on the way."""
 
+import contextlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -323,22 +325,20 @@ def test_leftovers_are_removed_when_they_are_old(folder, place):
     index, _ = update(folder, place)
     (place / ".unfinished-young").mkdir()
     (place / ".unfinished-old").mkdir()
-    (place / "orphan").mkdir()
-    for name in (".unfinished-old", "orphan"):
+    (place / "orphan__").mkdir()
+    for name in (".unfinished-old", "orphan__"):
         os.utime(place / name, (1, 1))
     index, _ = update(folder, place)
     left = {path.name for path in place.iterdir() if path.is_dir()}
     assert ".unfinished-young" in left
-    assert not left & {".unfinished-old", "orphan"}
+    assert not left & {".unfinished-old", "orphan__"}
     assert len(index) == len(NAMES)
 
 
 @pytest.mark.parametrize("name", ["..", ".", "", "../recordings", "abcdefgh/x", "UPPER_CA"])
 def test_shards_of_other_names_are_refused_and_nothing_is_removed(folder, place, name):
     update(folder, place)
-    manifest = json.loads((place / "index.json").read_text())
-    manifest["shards"] = [name]
-    (place / "index.json").write_text(json.dumps(manifest))
+    edit(place, shards=[name])
     before = sorted(path for path in folder.parent.rglob("*"))
     with pytest.raises(UnreadableFile, match="a name that no index gives"):
         Index.open(folder, at=place)
@@ -394,7 +394,10 @@ def test_an_index_read_otherwise_is_refused(folder, place):
 
 def edit(place, **values):
     path = place / "index.json"
-    path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | values))
+    content = json.loads(path.read_text("utf-8")) | values
+    # An index of the first versions has none, and is read.
+    content.pop("checksum", None)
+    path.write_text(json.dumps(content))
 
 
 def test_a_newer_index_is_refused(folder, place):
@@ -419,10 +422,35 @@ HARMS = {
     "a missing key": lambda place: edit(place, shards=None),
     "a shard elsewhere": lambda place: edit(place, shards=["../index"]),
     "a failure of another form": lambda place: edit(place, failures={"a": [1]}),
+    "the parent": lambda place: edit(place, shards=[".."]),
+    "the index itself": lambda place: edit(place, shards=[""]),
+    "a shard of another name": lambda place: edit(place, shards=["nothing"]),
+}
+# Harm to a part, whose recordings are read again.
+PARTIAL_HARMS = {
     "half a file": lambda place: halve(next(place.glob("*/words.array"))),
     "a missing file": lambda place: next(place.glob("*/table.array")).unlink(),
-    "a missing shard": lambda place: edit(place, shards=["nothing"]),
+    "no checksums": lambda place: next(place.glob("*/checksums.json")).write_text("{}"),
+    "a missing shard": lambda place: edit(place, shards=["nothing_"]),
+    "a folder that is none": lambda place: replace_by_photos(next(place.glob("*/"))),
+    "a changed manifest": lambda place: flip(place / "index.json", b'"written_by": "', 15),
+    **{
+        f"a bit of {name}": lambda place, name=name: flip(next(place.glob(f"*/{name}")), b"", -9)
+        for name in ("names.json", "table.array", "words.array", "masks.array", "planes.array")
+    },
 }
+
+
+def flip(path, after, place):
+    """Change one bit, so many bytes after where some bytes stand, or before the end."""
+    content = bytearray(path.read_bytes())
+    content[content.index(after) + place if after else place] ^= 1
+    path.write_bytes(content)
+
+
+def replace_by_photos(shard):
+    for file in shard.iterdir():
+        file.rename(shard / f"{file.name}.jpg")
 
 
 def halve(path):
@@ -435,6 +463,71 @@ def test_a_damaged_index_is_refused_where_it_is_named(folder, place, harm):
     HARMS[harm](place)
     with pytest.raises(UnreadableFile, match="index"):
         Index.open(folder, at=place)
+
+
+@pytest.mark.parametrize("harm", PARTIAL_HARMS)
+@pytest.mark.parametrize("is_named", [True, False])
+def test_what_is_damaged_is_read_again_and_told(
+    folder, place, tmp_path, monkeypatch, harm, is_named
+):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    at = place if is_named else None
+    index, _ = update(folder, at)
+    PARTIAL_HARMS[harm](index.place)
+    damaged = Index.open(folder, at=at)
+    assert len(damaged.damage) == 1
+    assert "read again" in damaged.damage[0]
+    index, read = update(folder, at)
+    assert read == sorted(NAMES)
+    assert_fresh(index, folder, tmp_path)
+    assert Index.open(folder, at=at).damage == ()
+
+
+def test_a_shard_without_checksums_is_read(folder, place):
+    update(folder, place)
+    for path in place.glob("*/checksums.json"):
+        path.unlink()
+    assert len(Index.open(folder, at=place)) == len(NAMES)
+
+
+@pytest.mark.parametrize("shard", ["..", "", ".", "photos", "photos__", "link____", "/tmp"])
+def test_a_crafted_index_deletes_nothing(folder, place, tmp_path, shard):
+    update(folder, place)
+    outside = tmp_path / "outside"
+    shutil.copytree(next(place.glob("*/")), outside)
+    (place / "link____").symlink_to(outside)
+    for name in ("photos", "photos__"):
+        (place / name).mkdir()
+        (place / name / "precious.jpg").touch()
+    (place.parent / "precious.txt").touch()
+    edit(place, shards=[shard])
+    before = sorted(place.parent.rglob("*"))
+    with contextlib.suppress(UnreadableFile):
+        update(folder, place)
+    assert set(before) - {place / "index.json"} <= set(place.parent.rglob("*"))
+
+
+def test_leftovers_of_killed_runs_are_removed_and_foreign_folders_stay(folder, place):
+    place.mkdir()
+    old = time.time() - 7200
+    (place / ".index-abcd1234.json").write_text("{")
+    (place / ".unfinished-abcd1234").mkdir()
+    (place / ".unfinished-abcd1234" / "words.array").touch()
+    (place / "abcd1234").mkdir()
+    update(folder, place)
+    for name in ("photos", "photos__"):
+        (place / name).mkdir()
+        (place / name / "precious.jpg").touch()
+    (place / "empty").mkdir()
+    for path in place.iterdir():
+        os.utime(path, (old, old))
+    # Young ones may belong to a process that is at work.
+    (place / ".index-young_12.json").touch()
+    update(folder, place)
+    names = {path.name for path in place.iterdir()}
+    assert {"photos", "photos__", "empty", ".index-young_12.json"} <= names
+    assert not {".index-abcd1234.json", ".unfinished-abcd1234", "abcd1234"} & names
+    assert len(Index.open(folder, at=place)) == len(NAMES)
 
 
 @pytest.mark.parametrize("harm", [*HARMS, "newer"])

@@ -150,7 +150,7 @@ def annotate(
         show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
     elif options.output:
         write_labels(tracks, options.output, excel=options.excel)
-    if not as_json and not options.count:
+    if not (as_json or options.count or options.takes_stdout):
         _say(tracks, explained=options.explain)
     failed = warn_of_all(found.missing.values(), failures, given=files)
     return 1 if failed else 0

@@ -4,6 +4,7 @@ Convert writes whole recordings in another format, cut writes labels as clips, a
 writes what is measured of a recording.
 """
 
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -16,6 +17,7 @@ from motionary.cli import screen
 from motionary.cli.options import (
     AsJson,
     Excel,
+    Force,
     Jobs,
     check_picture,
     check_target,
@@ -58,6 +60,7 @@ def convert(
             metavar="SUFFIX", help=".bvh, .amc, .c3d, .trc or .npz; .gz after it packs texts."
         ),
     ] = None,
+    force: Force = False,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
@@ -75,8 +78,10 @@ def convert(
     from motionary.batch import Failure
 
     found = find_files(files)
-    targets = _targets(list(found.files), output, to)
-    work = partial(convert_file, targets=targets, reading=reading, split=to is not None)
+    targets = _targets(found.files, output, to, replace=force)
+    work = partial(
+        convert_file, targets=targets, reading=reading, split=to is not None, replace=force
+    )
     rows: list[dict[str, Any]] = []
     failures = []
     for done in map_files(work, found.files, "converting", jobs=jobs):
@@ -95,7 +100,12 @@ def convert(
 
 
 def convert_file(
-    file: "NamedFile", *, targets: dict[str, Path], reading: ReadOptions, split: bool
+    file: "NamedFile",
+    *,
+    targets: dict[str, Path],
+    reading: ReadOptions,
+    split: bool,
+    replace: bool,
 ) -> list[dict[str, Any]]:
     """Read and write the recordings of one file; what was written, for JSON.
 
@@ -115,8 +125,7 @@ def convert_file(
         if len(motions) > 1:
             target = target.with_name(f"{stem_of(target)}-{number:03d}{format_suffix(target)}")
             called = str(PurePosixPath(name).with_name(motion.source))
-            if target.exists():
-                raise UnwritableFile(f"{target}: is there already; choose another folder")
+            check_target(str(target), replace=replace)
         write(motion, target, asf=reading.asf)
         rows.append(
             {
@@ -131,8 +140,35 @@ def convert_file(
     return rows
 
 
-def _targets(names: list[str], output: str, to: str | None) -> dict[str, Path]:
-    """Where each recording goes, before anything is read."""
+def _targets(
+    files: Mapping[str, Path], output: str, to: str | None, *, replace: bool
+) -> dict[str, Path]:
+    """Where each recording goes, before anything is read.
+
+    Raises
+    ------
+    UnwritableFile
+        If a target is one of the recordings, or there and must not be replaced.
+    """
+    targets = _name_targets(list(files), output, to)
+    sources = {_identity(path) for path in files.values()} - {None}
+    for target in targets.values():
+        if _identity(target) in sources:
+            raise UnwritableFile(f"{target}: would replace a recording; write to another folder")
+        check_target(str(target), replace=replace)
+    return targets
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What tells a file from others, whatever it is called; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _name_targets(names: list[str], output: str, to: str | None) -> dict[str, Path]:
     from motionary.io import WRITTEN_SUFFIXES, format_suffix, stem_of
 
     known = ", ".join(WRITTEN_SUFFIXES)
@@ -146,7 +182,6 @@ def _targets(names: list[str], output: str, to: str | None) -> dict[str, Path]:
                 "--output",
                 f"{len(names)} recordings need a folder with --to SUFFIX, got the file {output}",
             )
-        check_target(output)
         return {name: Path(output) for name in names}
     suffix = to if to.startswith(".") else f".{to}"
     if suffix not in WRITTEN_SUFFIXES:
@@ -154,11 +189,17 @@ def _targets(names: list[str], output: str, to: str | None) -> dict[str, Path]:
     check_target(f"{output}/x")
     targets: dict[str, Path] = {}
     for name in names:
-        place = PurePosixPath(name)
+        # What lies outside of the folder that was searched stays below the output all the same.
+        inside = [part for part in PurePosixPath(name).parts if part not in ("..", "/")]
+        place = PurePosixPath(*inside)
         target = Path(output) / place.with_name(stem_of(place) + suffix)
         if target in targets.values():
             # Two formats of one take, side by side: both keep their names whole.
             target = Path(output) / place.with_name(place.name + suffix)
+        for number in itertools.count(2):
+            if target not in targets.values():
+                break
+            target = Path(output) / place.with_name(f"{stem_of(place)}-{number}{suffix}")
         targets[name] = target
     return targets
 
@@ -190,6 +231,7 @@ def cut(
         list[str] | None,
         typer.Option("--only", metavar="LABEL", help="Cut labels of this name; may be repeated."),
     ] = None,
+    force: Force = False,
     *,
     jobs: Jobs,
     reading: ReadOptions,
@@ -221,7 +263,9 @@ def cut(
     found = find_files(recordings)
     for error in found.missing.values():
         screen.warn(str(error))
-    done = cut_labels(tracks.values(), found.files, output, reading=reading, jobs=jobs)
+    done = cut_labels(
+        tracks.values(), found.files, output, reading=reading, jobs=jobs, replace=force
+    )
     return 0 if done and not found.missing else 1
 
 
@@ -232,12 +276,21 @@ def cut_labels(
     *,
     reading: ReadOptions,
     jobs: int,
+    replace: bool,
 ) -> bool:
-    """Write a clip a label; reports what could not be cut. Whether all could."""
+    """Write a clip a label; reports what could not be cut. Whether all could.
+
+    Raises
+    ------
+    UnwritableFile
+        If a clip is there and must not be replaced; none is written then.
+    """
     from motionary.batch import Failure
     from motionary.io import cut_clips, plan_clips
 
     clips = plan_clips(tracks, files, folder)
+    for clip in clips:
+        check_target(str(clip.target), replace=replace)
     with screen.progress("cutting", len(clips)) as done:
         written = cut_clips(clips, options=reading, jobs=jobs, on_done=done)
         failures = [clip for clip in written if isinstance(clip, Failure)]
@@ -259,6 +312,7 @@ def features(
         str | None, typer.Option(metavar="PNG", help="Draw the features over time.")
     ] = None,
     excel: Excel = False,
+    force: Force = False,
     *,
     reading: ReadOptions,
 ) -> int:
@@ -275,7 +329,7 @@ def features(
     suffix = Path(output).suffix.lower()
     if suffix not in (".npz", ".csv"):
         raise wrong("--output", f"must end in .npz or .csv, got {output}")
-    check_target(output)
+    check_target(output, replace=force)
     check_picture("--plot", plot)
     path = Path(file)
     motion = read_recording(path, reading).renamed(path.name)

@@ -74,7 +74,7 @@ def info(
     """
     from motionary.batch import Failure
 
-    check_target(options.save_mapping)
+    check_target(options.save_mapping, replace=options.force)
     check_picture("--plot", options.plot)
     options.check()
     found = find_files(files)
@@ -97,7 +97,7 @@ def info(
     if as_json:
         for row in rows:
             screen.print_json(row)
-    elif rows:
+    elif rows and not options.takes_stdout:
         screen.print_table(_COLUMNS, [_cells(row) for row in rows])
         screen.say(*_notes(rows))
     return 1 if failed else 0

@@ -12,6 +12,7 @@ from motionary.cli import screen
 from motionary.cli.options import (
     AsJson,
     FeatureSetName,
+    Force,
     Jobs,
     LibraryDefault,
     check_target,
@@ -192,6 +193,7 @@ def learn(
         str, typer.Option("--output", "-o", metavar="LIB", help="Folder to write the library to.")
     ],
     options: TrainingFlags,
+    force: Force = False,
     plot: Annotated[str | None, typer.Option(metavar="FOLDER", help="Draw the templates.")] = None,
     as_json: AsJson = False,
     *,
@@ -213,8 +215,8 @@ def learn(
     from motionary.models.library import learn as learn_library
 
     options.check()
-    for path in (output, plot):
-        check_target(path, is_folder=True)
+    check_target(output, is_folder=True, replace=force)
+    check_target(plot, is_folder=True)
     feature_set = find_feature_set(options.features)
     negatives, has_failed = _read_negatives(options, feature_set, reading, jobs=jobs)
     monitor = ScreenMonitor()

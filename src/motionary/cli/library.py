@@ -13,6 +13,7 @@ from motionary.cli.learn import ScreenMonitor, describe_prototypes, fractions_fi
 from motionary.cli.options import (
     AsJson,
     FeatureSetName,
+    Force,
     Jobs,
     check_picture,
     check_target,
@@ -167,6 +168,7 @@ def merge(
             "templates of the others, too."
         ),
     ] = Clashing.REFUSE,
+    force: Force = False,
     plot: PlotLibrary = None,
 ) -> None:
     """Put the classes of several libraries into one.
@@ -176,7 +178,7 @@ def merge(
     from motionary.models.library import find_clashes, load_library, merge_libraries
 
     check_picture("--plot", plot)
-    check_target(output, is_folder=True)
+    check_target(output, is_folder=True, replace=force)
     libraries = [load_library(folder) for folder in folders]
     clashing = find_clashes(libraries)
     if clashing and on_clash is Clashing.REFUSE:

@@ -17,12 +17,15 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import typer
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.files import STDOUT, check_table_name
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet
 
 PICTURES = (".png", ".svg", ".pdf")
+#: By this file a folder is a library.
+LIBRARY_FILE = "library.toml"
 
 
 class LibraryDefault:
@@ -70,6 +73,11 @@ Excel = Annotated[
 ]
 
 
+Force = Annotated[
+    bool, typer.Option("--force", help="Replace results of former runs that are in the way.")
+]
+
+
 @dataclass(frozen=True, kw_only=True)
 class TableOptions:
     """A table that results are written to."""
@@ -79,6 +87,12 @@ class TableOptions:
         typer.Option("--output", "-o", metavar="CSV", help="Write the results as a table, too."),
     ] = None
     excel: Excel = False
+    force: Force = False
+
+    @property
+    def takes_stdout(self) -> bool:
+        """Whether the table goes to stdout, in the place of what is said to people."""
+        return self.output == STDOUT
 
     def check(self) -> None:
         """Fail before the work where there is no table, or it cannot be written.
@@ -89,7 +103,12 @@ class TableOptions:
         """
         if self.excel and self.output is None:
             raise wrong("--excel", "goes with --output CSV")
-        check_target(self.output)
+        if self.output is not None:
+            try:
+                check_table_name(self.output)
+            except InvalidInput as error:
+                raise wrong("--output", str(error)) from error
+        check_target(self.output, replace=self.force)
 
 
 def _check_feature_set(value: str | None) -> str | None:
@@ -143,18 +162,24 @@ def picture_path(folder: str, name: str) -> Path:
     return Path(folder, f"{called}.png")
 
 
-def check_target(path: str | None, *, is_folder: bool = False) -> None:
+def check_target(path: str | None, *, is_folder: bool = False, replace: bool = True) -> None:
     """Fail before the work, not after it, where a file or folder cannot be made.
+
+    Parameters
+    ----------
+    replace : whether what is there may be replaced; devices and named pipes always may
 
     Raises
     ------
     UnwritableFile
         If something above `path` is a file or may not be written to, or `path` is a folder
-        where it should be a file, or the other way round.
+        where it should be a file, or the other way round, or must not be replaced.
     """
-    if path is None:
+    if path is None or path == STDOUT:
         return
     place = Path(path).absolute()
+    if not replace and (place / LIBRARY_FILE if is_folder else place).is_file():
+        raise UnwritableFile(f"{path}: exists; say --force to replace it, or name another place")
     above = next(p for p in place.parents if p.exists())
     problem = ""
     if not above.is_dir():

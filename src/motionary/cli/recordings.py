@@ -313,7 +313,7 @@ def list_missing(index: "Index") -> list[UnreadableFile]:
 
 def update_index(index: "Index", changes: "Changes", *, jobs: int) -> bool:
     """Read what changed; whether that was stopped from the keyboard."""
-    for reason in changes.skipped:
+    for reason in (*index.damage, *changes.skipped):
         screen.warn(reason)
     try:
         with screen.progress("reading", len(changes.to_read)) as done:

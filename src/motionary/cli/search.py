@@ -150,11 +150,16 @@ def search(
     _save(result, results, query, opened, expansion, reading=reading)
     if as_json:
         _say_json(result)
-    else:
+    elif not results.takes_stdout:
         expanded = expansion if query.example else None
         _say(result, opened.collection, expanded, has_feedback=ranks.most > 0)
     is_cut = not results.cut or cut_labels(
-        _to_tracks(result, query.name), opened.files, results.cut, reading=reading, jobs=jobs
+        _to_tracks(result, query.name),
+        opened.files,
+        results.cut,
+        reading=reading,
+        jobs=jobs,
+        replace=results.force,
     )
     if opened.is_stopped:
         return STOPPED_BY_KEYBOARD

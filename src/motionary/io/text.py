@@ -12,12 +12,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
 
 from motionary.errors import UnreadableFile
-from motionary.files import read_bytes, write_atomically
+from motionary.files import check_table_name, read_bytes, write_atomically
 
 #: A text that is packed keeps its own suffix before this one: `take.bvh.gz`.
 PACKED = ".gz"
 
 Cell = str | int | float | None
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 # What text unpacks to, as a multiple of the packed size: numbers of a motion give three to six, a
 # bomb a thousand. Small ones may hold a body that stands still.
@@ -126,22 +128,30 @@ def write_table(rows: Iterable[Sequence[Cell]], path: str | Path, *, excel: bool
 
     Raises
     ------
+    InvalidInput
+        If the file's name is that of another format.
     UnwritableFile
         If the file cannot be written; what was there before stays.
     """
+    check_table_name(path)
     text = io.StringIO()
     writer = csv.writer(
         text, delimiter=";" if excel else ",", lineterminator="\r\n" if excel else "\n"
     )
     for row in rows:
-        writer.writerow([_format_cell(cell, "," if excel else ".") for cell in row])
+        writer.writerow([_format_cell(cell, excel=excel) for cell in row])
     encoding = "utf-8-sig" if excel else "utf-8"
     with write_atomically(path) as beside:
         # Names of files may hold bytes that are no text; they are shown as escapes.
         beside.write_text(text.getvalue(), encoding=encoding, errors="backslashreplace", newline="")
 
 
-def _format_cell(cell: Cell, point: str) -> str:
+def _format_cell(cell: Cell, *, excel: bool) -> str:
     if cell is None:
         return ""
-    return repr(cell).replace(".", point) if isinstance(cell, float) else str(cell)
+    if isinstance(cell, str):
+        # Excel computes what begins so: a file of this name could send what stands beside it.
+        return f"'{cell}" if excel and cell.startswith(_FORMULA) else cell
+    if isinstance(cell, float):
+        return repr(cell).replace(".", ",") if excel else repr(cell)
+    return str(cell)

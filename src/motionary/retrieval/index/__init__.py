@@ -1,5 +1,6 @@
 """The features of many recordings, in memory and kept on disk."""
 
+from motionary.retrieval.index.changes import Changes
 from motionary.retrieval.index.collection import (
     Collection,
     Part,
@@ -7,7 +8,7 @@ from motionary.retrieval.index.collection import (
     join_collections,
     read_collection,
 )
-from motionary.retrieval.index.folder import Changes, Index
+from motionary.retrieval.index.folder import Index
 from motionary.retrieval.index.shard import Shard
 from motionary.retrieval.index.storage import CACHE_VARIABLE
 

@@ -7,10 +7,10 @@ from its earlier self by the time and the size of its file, and of its sidecar.
 """
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
@@ -25,11 +25,13 @@ from motionary.errors import (
     UnreadableFile,
 )
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
-from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder
+from motionary.io import ReadOptions
+from motionary.retrieval.index.changes import Changes, Seen, find_changes
 from motionary.retrieval.index.collection import Collection
 from motionary.retrieval.index.shard import ROW, Shard, join_shards, make_shard, select
 from motionary.retrieval.index.storage import (
     FILE,
+    DamagedIndex,
     FailedFile,
     Manifest,
     Recipe,
@@ -37,6 +39,7 @@ from motionary.retrieval.index.storage import (
     check_recipe,
     read_manifest,
     read_shard,
+    remove_leftovers,
     remove_shard,
     write_manifest,
     write_shard,
@@ -58,42 +61,6 @@ _ATTEMPTS = 3
 _LEFT_ALONE_S = 3600.0
 
 
-class Changes(NamedTuple):
-    """Names of recordings, sorted.
-
-    Attributes
-    ----------
-    new, changed : to be read
-    gone : no longer there
-    states : of all recordings that are there
-    sidecars : states of the sidecars of those to be read
-    dependency_digest : by folder, state of what its recordings depend on
-    skipped : why links to folders are passed over, a line each
-    """
-
-    new: tuple[str, ...]
-    changed: tuple[str, ...]
-    gone: tuple[str, ...]
-    states: dict[str, FileState]
-    sidecars: dict[str, int]
-    dependency_digest: dict[str, int]
-    skipped: tuple[str, ...] = ()
-
-    @property
-    def to_read(self) -> list[str]:
-        """New and changed recordings, sorted."""
-        return sorted(self.new + self.changed)
-
-
-class _Seen(NamedTuple):
-    """State in which a recording was last read, or could not be read."""
-
-    mtime_ns: int
-    size: int
-    sidecar: int
-    ctime_ns: int | None = None
-
-
 class Index:
     """Features of the recordings below a folder, kept on disk: open, update, collection.
 
@@ -102,6 +69,7 @@ class Index:
     folder : the recordings
     place : the folder of the index
     feature_set : what the bits of the features mean
+    damage : what was not as it had been written, and is read again, a line each
     """
 
     def __init__(
@@ -113,6 +81,7 @@ class Index:
         self._reading = reading
         self._manifest = Manifest(Recipe.of(feature_set, reading))
         self._shards: dict[str, Shard] = {}
+        self.damage: tuple[str, ...] = ()
 
     @classmethod
     def open(
@@ -148,10 +117,11 @@ class Index:
         index = cls(path, place, feature_set=feature_set, reading=reading)
         try:
             index._load()
+        except DamagedIndex as error:
+            index.damage = (f"{error}; all recordings are read again",)
         except (UnreadableFile, InvalidInput):
             if at is not None:
                 raise
-            index._manifest, index._shards = Manifest(recipe), {}
         return index
 
     def __len__(self) -> int:
@@ -194,19 +164,19 @@ class Index:
             If the folder is missing, or may not be read.
         """
         seen = {
-            name: _Seen(f.state.mtime_ns, f.state.size, f.sidecar, f.state.ctime_ns)
+            name: Seen(f.state.mtime_ns, f.state.size, f.sidecar, f.state.ctime_ns)
             for name, f in self._manifest.failures.items()
         }
         # Indexes of before do not say what kind a failure is of: those files are tried again.
         again = (name for name, f in self._manifest.failures.items() if not f.kind)
-        seen |= dict.fromkeys(again, _Seen(-1, -1, 0))
+        seen |= dict.fromkeys(again, Seen(-1, -1, 0))
         for shard in self._shards.values():
             columns = (shard.table[key].tolist() for key in ("mtime_ns", "size", "companion"))
-            seen.update(zip(shard.names, map(_Seen, *columns), strict=True))
+            seen.update(zip(shard.names, map(Seen, *columns), strict=True))
         if self._manifest.written_by != __version__:
             # Another version may read files otherwise.
-            seen = dict.fromkeys(seen, _Seen(-1, -1, 0))
-        return _find_changes(self.folder, seen, self._manifest.dependency_digest, self._reading)
+            seen = dict.fromkeys(seen, Seen(-1, -1, 0))
+        return find_changes(self.folder, seen, self._manifest.dependency_digest, self._reading)
 
     def update(
         self,
@@ -251,7 +221,7 @@ class Index:
             kept = latest.names if latest else ()
             self._keep([pair for pair in ready if pair[0] not in kept], changes)
         self._join_small()
-        self._clean()
+        remove_leftovers(self.place, self._manifest.shards, before=time.time() - _LEFT_ALONE_S)
         return changes
 
     def _load(self) -> None:
@@ -260,14 +230,16 @@ class Index:
             if manifest is None:
                 return
             check_recipe(self._manifest.recipe, manifest.recipe, self.place)
-            try:
-                shards = {n: read_shard(self.place, n, self.feature_set) for n in manifest.shards}
-            except UnreadableFile as error:
-                # Another process may have joined these shards meanwhile.
-                if attempt < _ATTEMPTS and read_manifest(self.place) != manifest:
-                    continue
-                raise UnreadableFile(f"{error}; delete the index to make it anew") from error
-            self._manifest, self._shards = manifest, shards
+            shards, damage = {}, []
+            for name in manifest.shards:
+                try:
+                    shards[name] = read_shard(self.place, name, self.feature_set)
+                except UnreadableFile as error:
+                    damage.append(f"{error}; its recordings are read again")
+            # Another process may have joined these shards meanwhile.
+            if damage and attempt < _ATTEMPTS and read_manifest(self.place) != manifest:
+                continue
+            self._manifest, self._shards, self.damage = manifest, shards, tuple(damage)
             return
 
     def _forget(self, changes: Changes) -> None:
@@ -330,15 +302,6 @@ class Index:
         name = write_shard(shard, self.place)
         return {name: read_shard(self.place, name, self.feature_set)}
 
-    def _clean(self) -> None:
-        """Remove what runs that ended before their time have left."""
-        latest = time.time() - _LEFT_ALONE_S
-        for entry in self.place.iterdir() if self.place.is_dir() else ():
-            # What is young may belong to a process that is at work.
-            is_left = entry.is_dir() and entry.name not in self._manifest.shards
-            if is_left and entry.stat().st_mtime < latest:
-                remove_shard(self.place, entry.name)
-
     def _commit(self, manifest: Manifest, shards: dict[str, Shard]) -> None:
         """Make a state of the index the one that counts, then remove what it left."""
         before = self._manifest
@@ -349,50 +312,6 @@ class Index:
         self._manifest, self._shards = manifest, shards
         for name in set(before.shards) - set(shards):
             remove_shard(self.place, name)
-
-
-def _find_changes(
-    folder: Path,
-    seen: Mapping[str, _Seen],
-    dependency_digest: Mapping[str, int],
-    reading: ReadOptions,
-) -> Changes:
-    """Recordings of a folder that differ from what was seen of them."""
-    skipped: list[str] = []
-    states = scan_folder(folder, on_skip=skipped.append)
-    sidecars = Sidecars(reading.acclaim_skeleton)
-    around = {
-        place: sidecars.dependency_digest(folder / place)
-        for place in {_place(name) for name in states if has_sidecar(name)}
-    }
-    moved = {place for place, state in around.items() if dependency_digest.get(place) != state}
-    new, changed, read_with = [], [], {}
-    for name, state in states.items():
-        before = seen.get(name)
-        if before is None:
-            new.append(name)
-        elif _is_other(state, before) or (
-            _place(name) in moved and sidecars.state(folder / name) != before.sidecar
-        ):
-            changed.append(name)
-        else:
-            continue
-        read_with[name] = sidecars.state(folder / name)
-    gone = sorted(seen.keys() - states.keys())
-    return Changes(
-        tuple(new), tuple(changed), tuple(gone), states, read_with, around, tuple(skipped)
-    )
-
-
-def _is_other(state: FileState, before: _Seen) -> bool:
-    if (state.mtime_ns, state.size) != (before.mtime_ns, before.size):
-        return True
-    # A file that could not be read is read again after its rights changed, too.
-    return before.ctime_ns is not None and state.ctime_ns != before.ctime_ns
-
-
-def _place(name: str) -> str:
-    return name.rpartition("/")[0]
 
 
 def _problem(failure: Failure[NamedFile]) -> str:

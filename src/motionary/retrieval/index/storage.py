@@ -12,6 +12,7 @@ import os
 import re
 import tempfile
 import zlib
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from motionary import __version__
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FeatureSet
-from motionary.files import open_regular, read_bytes, write_atomically
+from motionary.files import is_leftover, open_regular, read_bytes, write_atomically
 from motionary.io import FileState, ReadOptions
 from motionary.io.text import read_text
 from motionary.retrieval.index.shard import ROW, Shard
@@ -46,8 +47,16 @@ _UNFINISHED = ".unfinished-"
 # What `mkdtemp` puts behind the prefix.
 _SHARD_NAME = re.compile(r"[a-z0-9_]{8}")
 _NAMES = "names.json"
+_REMEDY = "delete the index to make it anew"
+# Of each other file of a shard; shards of the first versions have none.
+_CHECKSUMS = "checksums.json"
+_PIECE = 1 << 24
 # NumPy's format, but no .npy: an index among recordings must not be taken for motion.
 _ARRAYS = {name: f"{name}.array" for name in ("table", "words", "masks", "planes")}
+
+
+class DamagedIndex(UnreadableFile):
+    """An index of ours is not as it was written; it can be made anew."""
 
 
 class FailedFile(NamedTuple):
@@ -137,7 +146,7 @@ def write_manifest(manifest: Manifest, folder: Path) -> None:
         If it cannot be written, or the folder holds files but no index.
     """
     if folder.is_dir() and not (folder / FILE).exists():
-        foreign = [e.name for e in folder.iterdir() if not e.name.startswith(_UNFINISHED)]
+        foreign = [e.name for e in folder.iterdir() if not _is_own(e)]
         if foreign:
             raise UnwritableFile(
                 f"{folder}: holds files but no index ({foreign[0]}); give a new or empty folder"
@@ -153,6 +162,7 @@ def write_manifest(manifest: Manifest, folder: Path) -> None:
         },
         "surroundings": manifest.dependency_digest,
     }
+    content["checksum"] = _checksum(content)
     with write_atomically(folder / FILE) as beside:
         beside.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
@@ -171,7 +181,7 @@ def read_manifest(folder: Path) -> Manifest | None:
     try:
         content = json.loads(read_bytes(path))
     except (OSError, ValueError) as error:
-        raise UnreadableFile(f"{path}: cannot be read as an index: {error}") from error
+        raise UnreadableFile(f"{path}: cannot be read as an index: {error}; {_REMEDY}") from error
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise UnreadableFile(f"{path}: is no index of motionary")
     version = content.get("version")
@@ -182,11 +192,13 @@ def read_manifest(folder: Path) -> Manifest | None:
         )
     for key, kind in _KEYS.items():
         if not isinstance(content.get(key), kind):
-            raise UnreadableFile(f"{path}: {key} is missing or not what it should be")
+            raise UnreadableFile(f"{path}: {key} is missing or not what it should be; {_REMEDY}")
+    if "checksum" in content and content.pop("checksum") != _checksum(content):
+        raise DamagedIndex(f"{path}: damaged: its checksum is another")
     try:
         return _parse(content)
     except (TypeError, ValueError) as error:
-        raise UnreadableFile(f"{path}: damaged: {error}") from error
+        raise UnreadableFile(f"{path}: damaged: {error}; {_REMEDY}") from error
 
 
 def check_recipe(wanted: Recipe, found: Recipe, folder: Path) -> None:
@@ -230,6 +242,8 @@ def write_shard(shard: Shard, folder: Path) -> str:
             with (beside / name).open("wb") as file:
                 np.save(file, array)
         (beside / _NAMES).write_text(json.dumps(shard.names), encoding="utf-8")
+        checksums = {name: _sum_file(beside / name) for name in (_NAMES, *_ARRAYS.values())}
+        (beside / _CHECKSUMS).write_text(json.dumps(checksums), encoding="utf-8")
         # mkdtemp makes folders for their owner only.
         beside.chmod(folder.stat().st_mode & 0o777)
         return beside.rename(folder / beside.name.removeprefix(_UNFINISHED)).name
@@ -250,36 +264,105 @@ def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
     Raises
     ------
     UnreadableFile
-        If a file is missing, cut off or of another form.
+        If a file is missing, cut off, of another form, or not as it was written.
     """
     path = folder / name
     try:
+        _check_sums(path)
         names = json.loads(read_bytes(path / _NAMES))
         table, packed, masks, planes = (_map(path / file) for file in _ARRAYS.values())
         if table.dtype != ROW:
             raise InvalidInput("its table has other columns")
         if planes.shape[0] != 2 * len(feature_set) + 1:
             raise InvalidInput("its bitmaps are of another feature set")
+        _check_counts(names, table, packed, masks)
         return Shard(tuple(names), table, packed, masks, feature_set, planes)
-    except (OSError, ValueError, TypeError, EOFError) as error:
+    except (OSError, ValueError, TypeError, LookupError, EOFError) as error:
         raise UnreadableFile(f"{path}: incomplete or damaged: {error}") from error
 
 
 def remove_shard(folder: Path, name: str) -> None:
     """Remove a shard of an index, or what is left of one.
 
-    Files that are in use stay, and so does a folder that holds anything else.
+    Files that are in use stay, and so does a folder that holds anything else or has a name
+    that no shard has.
     """
     path = folder / name
     # The name may come out of a manifest that somebody else wrote.
-    if path.parent != folder or name in ("", ".", "..") or path.is_symlink():
+    if not _is_own(path):
         return
     with suppress(OSError):
-        files = list(path.iterdir())
-        if {file.name for file in files} <= {_NAMES, *_ARRAYS.values()}:
-            for file in files:
-                file.unlink()
-            path.rmdir()
+        for file in list(path.iterdir()):
+            file.unlink()
+        path.rmdir()
+
+
+def remove_leftovers(folder: Path, kept: Collection[str], *, before: float) -> None:
+    """Remove shards that do not count, and manifests that were never finished.
+
+    Parameters
+    ----------
+    folder : of the index
+    kept : names of the shards that count
+    before : what was changed later stays: it may belong to a process that is at work
+    """
+    for path in folder.iterdir() if folder.is_dir() else ():
+        with suppress(OSError):
+            if path.name in kept or not _is_own(path) or path.lstat().st_mtime >= before:
+                continue
+            if path.is_dir():
+                remove_shard(folder, path.name)
+            else:
+                path.unlink()
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a shard, or what is left of one or of a manifest; nothing else is touched."""
+    if path.is_symlink():
+        return False
+    if is_leftover(path, FILE):
+        return path.is_file()
+    is_named = path.name.startswith(_UNFINISHED) or _SHARD_NAME.fullmatch(path.name)
+    if not is_named or not path.is_dir():
+        return False
+    return {file.name for file in path.iterdir()} <= {_NAMES, _CHECKSUMS, *_ARRAYS.values()}
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    text = json.dumps(content, sort_keys=True)
+    return f"{zlib.crc32(text.encode()):08x}"
+
+
+def _sum_file(path: Path) -> str:
+    """CRC-32 of a file's content, in hexadecimal digits."""
+    found = 0
+    with open_regular(path) as file:
+        while piece := file.read(_PIECE):
+            found = zlib.crc32(piece, found)
+    return f"{found:08x}"
+
+
+def _check_sums(path: Path) -> None:
+    if not os.path.lexists(path / _CHECKSUMS):
+        return
+    checksums = json.loads(read_bytes(path / _CHECKSUMS))
+    for name in (_NAMES, *_ARRAYS.values()):
+        if checksums[name] != _sum_file(path / name):
+            raise InvalidInput(f"{name} is not what was written")
+
+
+def _check_counts(
+    names: Any, table: NDArray[np.void], packed: NDArray[Any], masks: NDArray[Any]
+) -> None:
+    """Refuse numbers that lead past the ends of the arrays."""
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InvalidInput("its names are no texts")
+    lengths = table["length"]
+    if ((lengths < 0) | (lengths > len(packed))).any():
+        raise InvalidInput("a recording has an impossible number of frames")
+    stops = masks[:, 0].astype(np.int64)
+    if (np.diff(stops, prepend=0) <= 0).any() or (len(stops) and stops[-1] != len(packed)):
+        raise InvalidInput("its masks do not fit its features")
 
 
 def _parse(content: dict[str, Any]) -> Manifest:
