@@ -11,7 +11,8 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -31,6 +32,8 @@ _KINDS = {
     stat.S_IFSOCK: "a socket",
     stat.S_IFDIR: "a folder",
 }
+#: What is left over and younger may belong to a process that is at work.
+LEFT_ALONE_S = 3600.0
 _WRITE_BITS = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -168,6 +171,16 @@ def is_leftover(path: Path, name: str) -> bool:
     """Whether a path is what a write of a file of this name left that was killed."""
     stem, suffix = re.escape(f".{Path(name).stem[:40]}-"), re.escape(Path(name).suffix)
     return re.fullmatch(rf"{stem}[a-z0-9_]{{8}}{suffix}", path.name) is not None
+
+
+def remove_leftovers(folder: Path, names: Collection[str]) -> None:
+    """Remove what writes of files of these names left that were killed."""
+    latest = time.time() - LEFT_ALONE_S
+    hidden = [path for path in folder.iterdir() if path.name.startswith(".")]
+    for path in (path for path in hidden if any(is_leftover(path, name) for name in names)):
+        with suppress(OSError):
+            if path.lstat().st_mtime < latest:
+                path.unlink()
 
 
 @contextmanager

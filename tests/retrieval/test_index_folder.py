@@ -177,8 +177,7 @@ def test_an_index_keeps_the_kind_of_a_failure(folder, place):
     assert type(failure.error) is NotAMotion
     # An index that was written before kinds were kept: the file is tried again.
     manifest = json.loads((place / "index.json").read_text())
-    manifest["failures"] = {name: told[:-1] for name, told in manifest["failures"].items()}
-    (place / "index.json").write_text(json.dumps(manifest))
+    edit(place, failures={name: told[:-1] for name, told in manifest["failures"].items()})
     index, read = update(folder, place)
     assert read == ["image.npy"]
     assert type(index.failures[0].error) is NotAMotion

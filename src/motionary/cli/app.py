@@ -8,7 +8,8 @@ import importlib
 import inspect
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
@@ -17,7 +18,7 @@ from typer.core import TyperCommand, TyperGroup
 from motionary import __version__
 from motionary.cli import STOPPED_BY_KEYBOARD
 from motionary.cli.options import expand_groups
-from motionary.cli.screen import prepare_streams, warn
+from motionary.cli.screen import prepare_streams, printable, shorten, warn
 from motionary.errors import MotionaryError
 
 #: Commands in the sequence of the help, and the modules with functions of these names.
@@ -44,11 +45,34 @@ _FORMER = {
 
 
 class _InSequence(TyperGroup):
-    """Lists commands in their sequence; groups would come last."""
+    """Lists commands in their sequence; groups would come last. Errors of use stay short."""
+
+    def make_context(self, *args: Any, **extra: Any) -> Any:
+        """The context of the options before a command."""
+        with _short_errors():
+            return super().make_context(*args, **extra)
+
+    def invoke(self, ctx: Any) -> Any:
+        """The end of a command, and of reading its options."""
+        with _short_errors():
+            return super().invoke(ctx)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of the commands."""
         return [name for name in COMMANDS if name in self.commands]
+
+
+@contextmanager
+def _short_errors() -> Iterator[None]:
+    """Make what is said of wrong use one line that a terminal can show."""
+    try:
+        yield
+    except Exception as error:
+        message = getattr(error, "message", None)
+        # The help that stands in for missing arguments has lines of its own.
+        if isinstance(message, str) and "\n" not in message:
+            error.message = shorten(printable(message))  # type: ignore[attr-defined]
+        raise
 
 
 class _Command(TyperCommand):

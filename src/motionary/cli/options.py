@@ -22,6 +22,7 @@ from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet
+    from motionary.recording import Recording
 
 PICTURES = (".png", ".svg", ".pdf")
 #: By this file a folder is a library.
@@ -138,6 +139,46 @@ def find_feature_set(name: str | None) -> "FeatureSet":
     if name not in known_sets():
         raise typer.BadParameter(f"no set {name!r}; choose one of {', '.join(known_sets())}")
     return known_sets()[name]
+
+
+# -- times ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A time in a recording: seconds, or the number that the file gives a frame."""
+
+    value: float
+    is_frame: bool = False
+
+    def seconds_in(self, recording: "Recording", *, is_end: bool = False) -> float:
+        """Seconds from the start of a recording; as an end, that of the frame."""
+        if not self.is_frame:
+            return self.value
+        return (self.value - recording.first_frame + is_end) / recording.rate_hz
+
+
+def parse_moment(text: str) -> Moment:
+    """The time that a person wrote: `1.5`, `0:01.5`, `1:02:03` or `45f`.
+
+    Raises
+    ------
+    BadParameter
+    """
+    if re.fullmatch(r"\d+f", text):
+        return Moment(int(text[:-1]), is_frame=True)
+    seconds = 0.0
+    *higher, last = text.split(":")
+    try:
+        if len(higher) > 2 or not all(re.fullmatch(r"\d+", part) for part in higher):
+            raise ValueError
+        for part in (*higher, last):
+            seconds = 60 * seconds + float(part)
+    except ValueError:
+        raise typer.BadParameter(
+            f"expected seconds (1.5), minutes and seconds (0:01.5) or a frame (45f), got {text!r}"
+        ) from None
+    return Moment(seconds)
 
 
 # -- checks before the work -------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from motionary.cli.options import LibraryDefault, wrong
+from motionary.cli.options import LibraryDefault, Moment, parse_moment, wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
@@ -35,12 +35,21 @@ class QueryOptions:
     like: Annotated[
         str | None, typer.Option(metavar="FILE", help="A recording with an example.")
     ] = None
-    from_s: Annotated[
-        float | None,
-        typer.Option("--from", metavar="SECONDS", help="Where in FILE the example starts."),
+    start: Annotated[
+        Moment | None,
+        typer.Option(
+            "--from",
+            metavar="TIME",
+            parser=parse_moment,
+            help="Where in FILE the example starts: seconds, minutes as in 0:01.5, or the number "
+            "of a frame as in 45f.",
+        ),
     ] = None
-    to_s: Annotated[
-        float | None, typer.Option("--to", metavar="SECONDS", help="Where it ends.")
+    stop: Annotated[
+        Moment | None,
+        typer.Option(
+            "--to", metavar="TIME", parser=parse_moment, help="Where it ends; a frame is included."
+        ),
     ] = None
     expand: Annotated[
         int,
@@ -139,7 +148,7 @@ def check_query(options: QueryOptions) -> None:
     if options.query_name is not None and not _is_collection(options.query):
         raise wrong("--query-name", "goes with --query FILE.json, a collection of queries")
     for_examples = {
-        "--from": options.from_s, "--to": options.to_s,
+        "--from": options.start, "--to": options.stop,
         "--relevant": options.relevant, "--irrelevant": options.irrelevant,
     }  # fmt: skip
     for option, value in for_examples.items():
@@ -166,7 +175,7 @@ def read_query(options: QueryOptions, reading: ReadOptions) -> Query:
         name = Path(options.query or "").stem if _is_file(options.query) else "keyframes"
         return Query(keyframes, FULL_BODY, options.query_name or name)
     path = Path(options.like)
-    example = _read_example(path, options.from_s, options.to_s, reading)
+    example = _read_example(path, options.start, options.stop, reading)
     return Query(example.features, FULL_BODY, f"like {path.stem}", example, keyframes)
 
 
@@ -174,22 +183,23 @@ def read_query(options: QueryOptions, reading: ReadOptions) -> Query:
 
 
 def _read_example(
-    path: Path, from_s: float | None, to_s: float | None, reading: ReadOptions
+    path: Path, start: Moment | None, stop: Moment | None, reading: ReadOptions
 ) -> Example:
-    """A recording from one second to another; to its ends where left out."""
+    """A recording from one time to another; to its ends where left out."""
     from motionary.features import SEQUENCE_HZ, compute_features
 
     motion = read_recording(path, reading).renamed(path.name)
-    start_s, stop_s = _check_part(motion, from_s, to_s)
+    start_s, stop_s = _check_part(motion, start, stop)
     whole = compute_features(motion)
-    stop = min(round(stop_s * SEQUENCE_HZ), len(whole))
-    start = min(round(start_s * SEQUENCE_HZ), stop - 1)
-    return Example(whole.part(start, stop), motion)
+    last = min(round(stop_s * SEQUENCE_HZ), len(whole))
+    first = min(round(start_s * SEQUENCE_HZ), last - 1)
+    return Example(whole.part(first, last), motion)
 
 
-def _check_part(motion: "Motion", from_s: float | None, to_s: float | None) -> tuple[float, float]:
+def _check_part(motion: "Motion", start: Moment | None, stop: Moment | None) -> tuple[float, float]:
     length = motion.duration_s
-    start_s, stop_s = 0.0 if from_s is None else from_s, length if to_s is None else to_s
+    start_s = 0.0 if start is None else start.seconds_in(motion.recording)
+    stop_s = length if stop is None else stop.seconds_in(motion.recording, is_end=True)
     inside = f"{motion.source} lasts from 0 to {length:.2f} s"
     if not 0 <= start_s < length:
         raise wrong("--from", f"{inside}, got {start_s:g}")

@@ -8,6 +8,7 @@ as wide as their widest cell, so that each row stays one line.
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _BETWEEN = "  "
+_LONGEST = 420
+_CUT = " ... "
+_SILENT_S = 30.0
 _MOST_NAMES = 5
 
 
@@ -35,7 +39,7 @@ def prepare_streams() -> None:
 def warn(text: str) -> None:
     """A message, one line on stderr."""
     line = " ".join(printable(line) for line in text.splitlines())
-    sys.stderr.write(f"motionary: {line}\n")
+    sys.stderr.write(f"motionary: {shorten(line)}\n")
 
 
 def say(*lines: str) -> None:
@@ -143,6 +147,14 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
+def shorten(text: str) -> str:
+    """A message with its middle left out where it is long: place and remedy stay."""
+    if len(text) <= _LONGEST:
+        return text
+    half = (_LONGEST - len(_CUT)) // 2
+    return text[:half] + _CUT + text[-half:]
+
+
 def percent(fraction: float | None) -> str:
     """A fraction in whole percent; nothing for None."""
     return "" if fraction is None else f"{100 * fraction:.0f} %"
@@ -158,10 +170,13 @@ def enumerate_names(names: Sequence[str], *, most: int = _MOST_NAMES) -> str:
 def progress(what: str, total: int) -> Iterator[Callable[..., None]]:
     """A bar on stderr while many things are done; call what it yields after each.
 
-    There is none where stderr is no terminal, or for a single thing.
+    Where stderr is no terminal, a line every half a minute; for a single thing, nothing.
     """
-    if not sys.stderr.isatty() or total < 2:
+    if total < 2:
         yield lambda *_: None
+        return
+    if not sys.stderr.isatty():
+        yield _count_in_lines(what, total)
         return
     from rich.console import Console
     from rich.progress import Progress
@@ -172,3 +187,17 @@ def progress(what: str, total: int) -> Iterator[Callable[..., None]]:
     ) as bar:
         task = bar.add_task(what, total=total)
         yield lambda *_: bar.advance(task)
+
+
+def _count_in_lines(what: str, total: int) -> Callable[..., None]:
+    """Counts its calls, and says now and then how far it is."""
+    done, said = 0, time.monotonic()
+
+    def count(*_: Any) -> None:
+        nonlocal done, said
+        done += 1
+        if time.monotonic() - said >= _SILENT_S:
+            said = time.monotonic()
+            warn(f"{what}: {done} of {total}")
+
+    return count

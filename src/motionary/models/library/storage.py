@@ -24,7 +24,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, set_from_rows
-from motionary.files import read_bytes
+from motionary.files import is_leftover, read_bytes, remove_leftovers
 from motionary.models.library.class_files import CLASS_KEYS, read_class, write_class
 from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
 from motionary.models.library.scoring import Scoring
@@ -153,6 +153,7 @@ def _save(library: ClassLibrary, folder: Path) -> None:
         written |= write_class(motion_class, folder, stems[motion_class.name], library.feature_set)
     _write_index(library, stems, folder)
     _remove_stale(folder, {*before.values(), *stems.values()}, kept=written)
+    remove_leftovers(folder, {path.name for path in written})
 
 
 def _check_name(feature_set: FeatureSet) -> None:
@@ -166,7 +167,9 @@ def _check_name(feature_set: FeatureSet) -> None:
 def _check_target(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise UnwritableFile(f"{folder}: is a file; a library needs a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / INDEX).exists():
+    found = folder.iterdir() if folder.is_dir() else ()
+    is_foreign = not all(is_leftover(path, INDEX) for path in found)
+    if is_foreign and not (folder / INDEX).exists():
         raise UnwritableFile(f"{folder}: holds files but no library; give a new or empty folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -25,6 +25,7 @@ from motionary.errors import (
     UnreadableFile,
 )
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
+from motionary.files import LEFT_ALONE_S
 from motionary.io import ReadOptions
 from motionary.retrieval.index.changes import Changes, Seen, find_changes
 from motionary.retrieval.index.collection import Collection
@@ -58,7 +59,6 @@ _KINDS: dict[str, type[MotionaryError]] = {
 }
 
 _ATTEMPTS = 3
-_LEFT_ALONE_S = 3600.0
 
 
 class Index:
@@ -221,7 +221,7 @@ class Index:
             kept = latest.names if latest else ()
             self._keep([pair for pair in ready if pair[0] not in kept], changes)
         self._join_small()
-        remove_leftovers(self.place, self._manifest.shards, before=time.time() - _LEFT_ALONE_S)
+        remove_leftovers(self.place, self._manifest.shards, before=time.time() - LEFT_ALONE_S)
         return changes
 
     def _load(self) -> None:
