@@ -206,7 +206,7 @@ def test_merging_tells_what_clashes(motionary, world, tmp_path):
     assert load_library(out)["squat"].prototypes[0].examples == ()
     assert (tmp_path / "x.png").read_bytes().startswith(PNG)
     ran = motionary("library", "merge", world / "plain", world / "kept", "-o", out,
-                    "--on-clash", "both")  # fmt: skip
+                    "--on-clash", "both", "--force")  # fmt: skip
     assert ran.code == 0
     assert [s.name for s in load_library(out)["squat"].prototypes] == ["squat", "squat-2"]
 
@@ -298,7 +298,7 @@ def test_learning_advises_chooses_thresholds_and_tells_what_to_expect(motionary,
     told = motionary("learn", examples, "-o", tmp_path / "lib2", "--threshold", 0.07, "--json")
     assert {row["threshold"] for row in rows_of(told.out)} == {0.07}
     assert {row["promised_recall"] for row in rows_of(told.out)} == {None}
-    told = motionary("learn", examples, "-o", tmp_path / "lib2", "--json")
+    told = motionary("learn", examples, "-o", tmp_path / "lib2", "--json", "--force")
     assert {row["threshold"] for row in rows_of(told.out)} == {0.06}
 
 
@@ -310,7 +310,7 @@ def test_learning_with_groups_and_another_set(motionary, world, tmp_path):
     ran = motionary("annotate", world / "examples" / "squat", "--library", tmp_path / "lib")
     assert ran.code == 0
     ran = motionary("learn", world / "examples", "-o", tmp_path / "lib",
-                    "--calibrate", "--groups", "actor(.)")  # fmt: skip
+                    "--calibrate", "--groups", "actor(.)", "--force")  # fmt: skip
     assert ran.code == 1
     assert "groups 'actor(.)' matches nothing in 'kick_left/kick_left 0.bvh'" in ran.err
 
