@@ -25,6 +25,10 @@ class InvalidInput(MotionaryError, ValueError):
         self.key, self.place = key, place
 
 
+class WrongKind(InvalidInput, TypeError):
+    """An argument is of a kind that the call does not take."""
+
+
 class UnknownSkeleton(InvalidInput):
     """Joint names belong to no known skeleton, or no skeleton has the given name."""
 
@@ -73,3 +77,22 @@ class UnwritableFile(MotionaryError, OSError):
 
 class ProgramFault(MotionaryError, RuntimeError):
     """Something went wrong in the program, not by its input, while one of many was done."""
+
+
+def check_kind(value: object, kinds: tuple[type, ...], *, name: str, remedy: str) -> None:
+    """Refuse an argument of another kind.
+
+    Parameters
+    ----------
+    value : the argument
+    kinds : what the call takes
+    name : of the argument
+    remedy : what to do instead
+
+    Raises
+    ------
+    WrongKind
+    """
+    if not isinstance(value, kinds):
+        wanted = " or ".join(kind.__name__ for kind in kinds)
+        raise WrongKind(f"{name} must be {wanted}, got {type(value).__name__}; {remedy}")

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, NotHuman, UnknownSkeleton
+from motionary.errors import InvalidInput, NotHuman, UnknownSkeleton, check_kind
 from motionary.recording import Recording
 from motionary.rotations import unit_vectors
 
@@ -232,6 +232,13 @@ class Motion:
 
     def cut(self, first: int, stop: int) -> Self:
         """Frames `first` to `stop` (half-open, counted from 0) as a motion."""
+        for name, value in (("first", first), ("stop", stop)):
+            check_kind(
+                value,
+                (int, np.integer),
+                name=name,
+                remedy=f"for seconds multiply by rate_hz ({self.rate_hz:g}) and round",
+            )
         if not 0 <= first < stop <= self.n_frames:
             raise InvalidInput(
                 f"a cut needs 0 <= first < stop <= {self.n_frames} frames, got {first}, {stop}"

@@ -20,7 +20,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_kind
 from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
 from motionary.labels import Label, LabelTrack
 from motionary.matching import (
@@ -283,6 +283,19 @@ def unassessed(sequence: FeatureSequence) -> tuple[Segment, ...]:
 
 
 def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
+    check_kind(
+        recording,
+        (Motion, FeatureSequence),
+        name="recording",
+        remedy="read files first, and annotate one after the other: "
+        "[annotate(read(path), library) for path in paths]",
+    )
+    check_kind(
+        library,
+        (ClassLibrary,),
+        name="library",
+        remedy="it comes second: annotate(recording, ClassLibrary.load(folder))",
+    )
     if not library:
         raise InvalidInput("the library has no classes, so there is nothing to look for")
     if isinstance(recording, Motion):

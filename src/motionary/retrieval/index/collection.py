@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.batch import Failure
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_kind
 from motionary.features import (
     FULL_BODY,
     FeatureSequence,
@@ -164,7 +164,11 @@ def collect(
         If a path does not exist or holds no recording. A file that is there and cannot be
         read is listed in `failures` instead.
     """
+    remedy = "give a folder, paths, or motions in a list; motionary.read reads a file"
+    check_kind(recordings, (str, Path, Iterable), name="recordings", remedy=remedy)
     given = [recordings] if isinstance(recordings, str | Path) else list(recordings)
+    for item in given:
+        check_kind(item, (str, Path, Motion, FeatureSequence), name="a recording", remedy=remedy)
     paths = [g for g in given if isinstance(g, str | Path)]
     packed = [
         _sequence_of(g, feature_set) for g in given if isinstance(g, Motion | FeatureSequence)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_kind
 from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
 from motionary.io import ReadOptions
 from motionary.matching import Pattern, align, distance_function
@@ -93,6 +93,9 @@ Query = (
     | KeyframeQuery
     | Sequence[KeyframeQuery]
 )
+_QUERY_KINDS = (
+    Motion, FeatureSequence, RelevanceFeedback, MotionTemplate, MotionClass, KeyframeQuery,
+)  # fmt: skip
 #: What can be searched.
 Recordings = Collection | Index | str | Path | Sequence[str | Path | Motion | FeatureSequence]
 
@@ -130,6 +133,11 @@ def search(
         If there is nothing to search, a template is free everywhere or over other features,
         or the limit is below 1.
     """
+    parts = query if isinstance(query, Sequence) and not isinstance(query, str) else (query,)
+    for part in parts:
+        check_kind(
+            part, _QUERY_KINDS, name="query", remedy="read files first: search(read(path), …)"
+        )
     if limit is not None and limit < 1:
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
     if isinstance(recordings, Index):
