@@ -112,4 +112,4 @@ def test_a_batch_becomes_a_file_of_each_of_its_recordings(motionary, tmp_path):
     assert motionary("convert", batch, "-o", one, "--take", "2").code == 0
     run = motionary("convert", batch, "-o", out, "--to", ".npz")
     assert run.code == 1
-    assert "is there already" in run.err
+    assert "exists; say --force" in run.err
