@@ -178,7 +178,7 @@ def distance(world: World) -> list[Figure]:
         sought = [pattern for _, pattern in world.library[name].sought()]
         each = [distance_function(p, world.take.packed, world.take.known) for p in sought]
         curves[title] = np.minimum.reduce(each)
-    track = mo.annotate(world.take, world.library)
+    track = mo.annotate(world.take, world.library, assignment="published")
     labels = {title: [x for x in track if x.name == name] for name, title in titles.items()}
     title = f"{world.take.source}: cost of the best match that ends at each moment"
     return [plot_distance(curves, hits=labels, threshold=TEACHING.threshold, title=title)]
@@ -186,7 +186,7 @@ def distance(world: World) -> list[Figure]:
 
 def annotation(world: World) -> list[Figure]:
     """Labels of the take, over those of people."""
-    track = mo.annotate(world.take, world.library)
+    track = mo.annotate(world.take, world.library, assignment="published")
     named = replace(track, labels=tuple(replace(x, name=NAMES[x.name]) for x in track))
     curves: dict[str, np.ndarray] = {}
     for name, title in NAMES.items():

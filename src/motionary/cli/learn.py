@@ -59,6 +59,14 @@ class TrainingFlags:
         bool,
         typer.Option("--mirror", help="Learn the mirror image of each class, too."),
     ] = False
+    fold_sides: Annotated[
+        bool,
+        typer.Option(
+            "--fold-sides",
+            help="Take each example as it is or mirrored, as it fits the others of its class: for "
+            "motions that people do on either side.",
+        ),
+    ] = False
     features: FeatureSetName = None
     keep_examples: Annotated[
         bool,
@@ -149,6 +157,7 @@ class TrainingFlags:
         training = TrainingOptions(
             tolerance=self.tolerance,
             mirror=self.mirror,
+            fold_sides=self.fold_sides,
             keep_examples=self.keep_examples,
             calibrate=self.calibrate,
             groups=self.groups,
