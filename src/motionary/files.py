@@ -173,11 +173,16 @@ def is_leftover(path: Path, name: str) -> bool:
     return re.fullmatch(rf"{stem}[a-z0-9_]{{8}}{suffix}", path.name) is not None
 
 
-def remove_leftovers(folder: Path, names: Collection[str]) -> None:
-    """Remove what writes of files of these names left that were killed."""
+def holds_others(folder: Path, name: str) -> bool:
+    """Whether a folder holds more than what killed writes of a file of this name left."""
+    return folder.is_dir() and not all(is_leftover(path, name) for path in folder.iterdir())
+
+
+def remove_leftovers(folder: Path, files: Collection[Path]) -> None:
+    """Remove what writes of these files of a folder left that were killed."""
     latest = time.time() - LEFT_ALONE_S
     hidden = [path for path in folder.iterdir() if path.name.startswith(".")]
-    for path in (path for path in hidden if any(is_leftover(path, name) for name in names)):
+    for path in (path for path in hidden if any(is_leftover(path, file.name) for file in files)):
         with suppress(OSError):
             if path.lstat().st_mtime < latest:
                 path.unlink()

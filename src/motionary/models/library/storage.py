@@ -24,7 +24,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, set_from_rows
-from motionary.files import is_leftover, read_bytes, remove_leftovers
+from motionary.files import holds_others, read_bytes, remove_leftovers
 from motionary.models.library.class_files import CLASS_KEYS, read_class, write_class
 from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
 from motionary.models.library.scoring import Scoring
@@ -153,7 +153,7 @@ def _save(library: ClassLibrary, folder: Path) -> None:
         written |= write_class(motion_class, folder, stems[motion_class.name], library.feature_set)
     _write_index(library, stems, folder)
     _remove_stale(folder, {*before.values(), *stems.values()}, kept=written)
-    remove_leftovers(folder, {path.name for path in written})
+    remove_leftovers(folder, written)
 
 
 def _check_name(feature_set: FeatureSet) -> None:
@@ -167,9 +167,7 @@ def _check_name(feature_set: FeatureSet) -> None:
 def _check_target(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise UnwritableFile(f"{folder}: is a file; a library needs a folder")
-    found = folder.iterdir() if folder.is_dir() else ()
-    is_foreign = not all(is_leftover(path, INDEX) for path in found)
-    if is_foreign and not (folder / INDEX).exists():
+    if not (folder / INDEX).exists() and holds_others(folder, INDEX):
         raise UnwritableFile(f"{folder}: holds files but no library; give a new or empty folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -240,11 +238,10 @@ def _replace_table(document: Any, key: str, content: Any, *, required: bool) -> 
     """Give a document a table, or tables; one that holds the same already stays as it is."""
     before = document.get(key)
     # The order of classes counts, which equality of tables passes over.
-    if before == content and list(before or ()) == list(content or ()):
-        return
-    document.pop(key, None)
-    if content or required:
-        document[key] = content
+    if before != content or list(before or ()) != list(content or ()):
+        document.pop(key, None)
+        if content or required:
+            document[key] = content
 
 
 def _remove_stale(folder: Path, stems: Collection[str], *, kept: Collection[Path]) -> None:
