@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io import find_recordings, read
-from motionary.io.normalise.units_axes import METRES
+from motionary.io.normalise.units import METRES
 from motionary.motion import forward_kinematics
 from motionary.rotations import quaternions_to_matrices
 from oracles import kinematics as oracle

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from motionary import read, write
-from motionary.io.normalise.units_axes import METRES, Length, detect_unit
+from motionary.io.normalise.units import METRES, Length, detect_unit
 from motionary.samples import synthetic_motion
 
 LEG = (0.85, "legs")

@@ -146,7 +146,7 @@ class ReadOptions:
         if self.rate_hz is not None and not 0 < self.rate_hz < _MOST_RATE_HZ:
             raise InvalidInput(f"rate_hz must be a positive number below 1e6, got {self.rate_hz:g}")
         if self.unit is not None:
-            from motionary.io.normalise.units_axes import metres_per_unit
+            from motionary.io.normalise.units import metres_per_unit
 
             metres_per_unit(self.unit)
         if self.up is not None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.numbers import check_frames, end_alike, find_line
-from motionary.io.normalise.units_axes import metres_per_unit
+from motionary.io.normalise.units import metres_per_unit
 from motionary.io.text import write_text
 from motionary.motion import Motion, Skeleton
 from motionary.rotations import (

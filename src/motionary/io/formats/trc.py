@@ -22,7 +22,8 @@ from motionary.io.formats.content import (
     rate_of_times,
 )
 from motionary.io.formats.numbers import parse_number, read_table
-from motionary.io.normalise.units_axes import NAMES_OF_UNITS, FileMetadata
+from motionary.io.normalise.units import NAMES_OF_UNITS
+from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import PACKED, read_text, write_text
 from motionary.motion import Motion

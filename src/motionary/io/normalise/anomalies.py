@@ -50,7 +50,7 @@ _WHOLE = 0.6
 # Two points exchange places if that explains all but this fraction of their steps.
 _EXCHANGED = 0.4
 # A jump changes the distance to the nearest neighbour by this fraction of the step.
-_APART = 0.3
+_APART = 0.1
 
 
 class Track(NamedTuple):

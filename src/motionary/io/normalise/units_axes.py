@@ -4,14 +4,9 @@ What the caller gives counts before what the file says, that before what the bod
 before what the format usually has; it is noted which. Where the caller or the file clearly
 contradict the body, neither is taken: that is an error with both readings.
 
-The legs give the unit: hip to knee to ankle is about 0.85 m in a grown person. All candidates but
-1/0.45 inch and dm lie more than a factor of two apart, so a child is still distinguished from a
-giant; a body that is of no person's size in any of them has a unit of its own. A leg counts if both
-of its bones have a length. Without legs the arms count, without a known skeleton the longest way
-through the body from end to end, taken for 2.2 m. Legs that no adult has are doubted in the note.
+The legs give the unit, see `units`.
 """
 
-from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -20,52 +15,24 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.io.normalise import axes
-from motionary.motion import GENERIC_JOINTS, Motion, Skeleton
+from motionary.io.normalise.units import (
+    METRES,
+    Length,
+    detect_unit,
+    doubt_of,
+    insists,
+    is_absurd,
+    measure_body,
+    metres_per_unit,
+    nearest_unit,
+)
+from motionary.motion import Motion, Skeleton
 from motionary.rotations import matrices_to_quaternions, multiply_quaternions
 
 Floats = NDArray[np.float64]
 
 # Frames that suffice to see how a body stands.
 _LOOKED_AT = 1000
-
-METRES: Mapping[str, float] = {
-    "m": 1.0,
-    "cm": 0.01,
-    "mm": 0.001,
-    "inch": 0.0254,
-    "1/0.45 inch": 0.0254 / 0.45,
-    "dm": 0.1,
-}
-
-_NEAR_ANOTHER = "dm"
-
-#: What files write for these.
-NAMES_OF_UNITS: Mapping[str, str] = {
-    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
-    "dm": "dm", "decimeter": "dm", "decimeters": "dm", "decimetres": "dm",
-    "cm": "cm", "centimeter": "cm", "centimeters": "cm",
-    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetres": "mm",
-    "in": "inch", "inch": "inch", "inches": "inch",
-}  # fmt: skip
-
-SPAN_M = 2.2
-
-# Limbs of a grown person.
-_LIMBS = (
-    (("hip", "knee", "ankle"), 0.85, "legs"),
-    (("shoulder", "elbow", "wrist"), 0.53, "arms"),
-)
-# As fractions of a grown person: a child and a giant; and what no figure is.
-_POSSIBLE = (0.35, 1.65)
-_ABSURD = 3.5
-
-# Legs of adults, hip to knee to ankle, in metres: shorter is a child, or another unit.
-_ADULT_M = (0.65, 1.05)
-
-# Of a limb's two bones, one shorter than this fraction of the other has collapsed.
-_COLLAPSED = 0.1
-# A bone is rigid if its length varies by less than this fraction.
-_RIGID = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,23 +69,6 @@ class _Decision(NamedTuple):
     axis: str
     note: str
     is_doubtful: bool = False
-
-
-class Length(NamedTuple):
-    """A length of a body in file units, what it is in a grown person, and its name.
-
-    `sure` is whether it is that of a limb; a tree may hold more than a body.
-    """
-
-    units: float
-    metres: float
-    what: str
-    sure: bool = True
-
-    def said(self, metres: float) -> str:
-        """The length in words, if a unit has so many metres."""
-        size = self.units * metres
-        return f"{self.what} of {size:.2f} m" if size >= 0.1 else f"{self.what} of {size:.2g} m"
 
 
 def normalise(
@@ -166,19 +116,6 @@ def _at_rest(motion: Motion) -> Motion:
     for joint, parent in enumerate(skeleton.parents.tolist()):
         places[joint] = skeleton.offsets[joint] + (places[parent] if parent >= 0 else 0.0)
     return replace(motion, positions=places[None], rotations=None)
-
-
-def doubt_of(length: Length, metres: float) -> str:
-    """Words of doubt for a note, where legs are none of an adult; else nothing."""
-    size = length.units * metres
-    if length.what != "legs" or not length.sure or _ADULT_M[0] <= size <= _ADULT_M[1]:
-        return ""
-    than = "shorter" if size < _ADULT_M[0] else "longer"
-    return (
-        f"; {length.said(metres)} are {than} than those of adults "
-        f"({_ADULT_M[0]} to {_ADULT_M[1]} m): a child, a figure, or another unit, which --unit "
-        "(unit=...) says"
-    )
 
 
 def rescale(motion: Motion, metres: float) -> Motion:
@@ -313,126 +250,3 @@ def _rest_axis(motion: Motion) -> str | None:
     if stance is None:
         return None
     return next((axis for axis in axes.UPS if stance.stands(axis)), None)
-
-
-def metres_per_unit(unit: float | str) -> float:
-    """Metres of a unit given by name or as a number.
-
-    Raises
-    ------
-    InvalidInput
-        If the name is unknown or the number not positive.
-    """
-    if isinstance(unit, str):
-        unit = unit.removesuffix(axes.INSISTS)
-        if unit in METRES:
-            return METRES[unit]
-    try:
-        metres = float(unit)
-    except ValueError:
-        metres = np.nan
-    if not 0 < metres < np.inf:
-        raise InvalidInput(
-            f"unit must be one of {', '.join(METRES)} or metres per unit, got {unit!r}"
-        )
-    return metres
-
-
-def insists(unit: float | str) -> bool:
-    """Whether a unit is meant whatever the body says: a number, or with an exclamation mark."""
-    return (
-        not isinstance(unit, str)
-        or unit.removesuffix(axes.INSISTS) not in METRES
-        or (unit.endswith(axes.INSISTS))
-    )
-
-
-def measure_body(
-    generic: Floats | None, positions: Floats, skeleton: Skeleton | None
-) -> Length | None:
-    """A length that tells the unit: of the legs, the arms, or through the whole tree.
-
-    Parameters
-    ----------
-    generic : array, shape (frames, 24, 3), generic joints, file units; None if unknown
-    positions : array, shape (frames, joints, 3), file units; some frames suffice
-    skeleton : the tree of the joints, where there is one
-    """
-    if generic is not None:
-        for joints, expected, what in _LIMBS:
-            length = _limb(generic, joints)
-            if 0 < length < np.inf:
-                return Length(length, expected, what)
-    span = _span(positions, skeleton) if skeleton is not None else 0.0
-    return Length(span, SPAN_M, "a longest span", sure=False) if 0 < span < np.inf else None
-
-
-def detect_unit(length: Length, likely: Collection[str] = METRES) -> str | None:
-    """The unit of those likely in which a body is of a person's size, None if it is in none."""
-    name = nearest_unit(length, likely)
-    return name if _is_possible(length, name) or not length.sure else None
-
-
-def nearest_unit(length: Length, likely: Collection[str] = METRES) -> str:
-    """The unit of those likely in which a body is nearest to a person's size."""
-    others = [unit for unit in likely if unit != _NEAR_ANOTHER]
-    name = _nearest(length, others)
-    if _NEAR_ANOTHER not in likely or not length.sure:
-        return name
-    # 1/0.45 inch lies so near to dm that a child in the one is a giant in the other.
-    most = _ADULT_M[1] / _LIMBS[0][1]
-    is_giant = length.units * METRES[_NEAR_ANOTHER] / length.metres > most
-    if not is_giant or not _is_possible(length, name):
-        return _nearest(length, (name, _NEAR_ANOTHER))
-    return name
-
-
-def _nearest(length: Length, units: Iterable[str]) -> str:
-    return min(units, key=lambda unit: abs(np.log(length.units * METRES[unit] / length.metres)))
-
-
-def _is_possible(length: Length, unit: str) -> bool:
-    """Whether a person, of any age, is of the body's size in a unit."""
-    least, most = _POSSIBLE
-    return least < length.units * METRES[unit] / length.metres < most
-
-
-def is_absurd(length: Length, metres: float) -> bool:
-    """Whether no person or figure has such a length, if a unit has so many metres."""
-    ratio = length.units * metres / length.metres
-    return length.sure and not 1 / _ABSURD < ratio < _ABSURD
-
-
-def _limb(generic: Floats, joints: tuple[str, str, str]) -> float:
-    """Median length over frames, mean of the sides that are seen and whole; NaN if neither is."""
-    lengths = []
-    for side in "lr":
-        a, b, c = (generic[:, GENERIC_JOINTS.index(side + joint)] for joint in joints)
-        upper, lower = np.linalg.norm(a - b, axis=1), np.linalg.norm(b - c, axis=1)
-        seen = np.isfinite(upper + lower)
-        if not seen.any():
-            continue
-        bones = float(np.median(upper[seen])), float(np.median(lower[seen]))
-        if min(bones) > _COLLAPSED * max(bones):
-            lengths.append(float(np.median((upper + lower)[seen])))
-    return float(np.mean(lengths)) if lengths else np.nan
-
-
-def _span(positions: Floats, skeleton: Skeleton) -> float:
-    """Length of the longest way between two joints along rigid bones."""
-    below = np.zeros(len(skeleton.names))
-    longest = 0.0
-    for joint in range(len(skeleton.names) - 1, -1, -1):
-        parent = skeleton.parents[joint]
-        if parent < 0:
-            continue
-        lengths = np.linalg.norm(positions[:, joint] - positions[:, parent], axis=-1)
-        bone = float(np.median(lengths))
-        # Between the origin and a body that walks away from it lies no bone.
-        if np.ptp(lengths) > _RIGID * bone:
-            longest = max(longest, float(below[joint]))
-            continue
-        way = below[joint] + bone
-        longest = max(longest, float(below[parent] + way))
-        below[parent] = max(below[parent], way)
-    return longest
