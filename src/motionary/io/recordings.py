@@ -154,9 +154,10 @@ def _check_options(options: ReadOptions, form: Format, path: Path) -> None:
 
 def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
     """The motion, in the file's unit and axes, with its joints mapped."""
-    # Before anything is told by the body.
-    positions, zeros = unsee_zeros(content)
-    content = replace(content, positions=positions, notes=(*content.notes, *zeros))
+    # Before anything is told by the body; the joints of a rig are computed, and never missing.
+    if content.rotations is None and content.skeleton is None:
+        positions, zeros = unsee_zeros(content.positions, content.names)
+        content = replace(content, positions=positions, notes=(*content.notes, *zeros))
     mapping = _find_mapping(content, table)
     return Motion(
         names=tuple(content.names),

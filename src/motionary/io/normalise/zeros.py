@@ -5,10 +5,10 @@ beside it, as the root of a trajectory that starts there does, or always lies am
 the root of poses without a trajectory does.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-
-from motionary.io.formats.content import FileContent
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -90,20 +90,16 @@ def _size(positions: Floats) -> float:
     return float(np.nanmedian(np.nanmax(extents, axis=1)))
 
 
-def unsee_zeros(content: FileContent) -> tuple[Floats, tuple[str, ...]]:
-    """Positions with NaN for points that stand at the origin unseen, and a note on them."""
-    positions = content.positions
-    # The joints of a rig are computed, and never missing.
-    if content.rotations is not None or content.skeleton is not None:
-        return positions, ()
+def unsee_zeros(positions: Floats, names: Sequence[str]) -> tuple[Floats, tuple[str, ...]]:
+    """Positions with NaN for points that stand at the origin unseen, and notes on them."""
     zeros = find_zeros(positions)
     if not zeros.any():
         return positions, ()
     positions = np.where(zeros[:, :, None], np.nan, positions)
-    return positions, tuple(_notes(zeros, tuple(content.names)))
+    return positions, tuple(_notes(zeros, names))
 
 
-def _notes(zeros: Mask, names: tuple[str, ...]) -> list[str]:
+def _notes(zeros: Mask, names: Sequence[str]) -> list[str]:
     whole = zeros.all(axis=1)
     notes = []
     if whole.any():
