@@ -105,7 +105,7 @@ def _notes(zeros: Mask, names: Sequence[str]) -> list[str]:
     if whole.any():
         frames = "1 frame has" if whole.sum() == 1 else f"{whole.sum()} frames have"
         notes.append(f"{frames} all points at zero, which counts as not seen")
-    concerned = [names[i] for i in np.flatnonzero(zeros[~whole].any(axis=0))]
+    concerned = [names[i] for i in np.flatnonzero(zeros[~whole].any(axis=0)).tolist()]
     if concerned:
         said = ", ".join(concerned[:_MOST_NAMES])
         said += ", ..." if len(concerned) > _MOST_NAMES else ""
