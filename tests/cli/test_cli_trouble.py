@@ -11,10 +11,10 @@ import sys
 import threading
 import time
 
+import numpy as np
 import pytest
 
-from cli_cases import CLASSES, RATE_HZ, write_bvh, write_examples, write_stream
-from motionary.samples import synthetic_motion
+from cli_cases import CLASSES, write_examples, write_stream
 
 COMMAND = [sys.executable, "-m", "motionary"]
 
@@ -212,11 +212,31 @@ def test_a_class_whose_examples_share_nothing_is_left_out(motionary, world, tmp_
 
 
 def write_rootlings(folder):
-    """Files in which, taken as generic skeletons, only the root is there."""
+    """Files in which, taken as generic skeletons, only the root is there: a rod has no limbs."""
+    folder.mkdir(parents=True)
     for seed in range(2):
-        path = folder / f"{seed}.bvh"
-        write_bvh(synthetic_motion("squat", seed=seed, rate_hz=RATE_HZ), path)
-        path.write_text(re.sub(r"JOINT (\w+)", r"JOINT no \1", path.read_text()))
+        places = np.random.default_rng(seed).normal(scale=10.0, size=(60, 3)).cumsum(axis=0)
+        frames = "\n".join(f"{x:.4f} {y:.4f} {z:.4f} 0 0 0" for x, y, z in places)
+        (folder / f"{seed}.bvh").write_text(f"""HIERARCHY
+ROOT root
+{{
+ OFFSET 0 0 0
+ CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+ JOINT rod
+ {{
+  OFFSET 0 100 0
+  CHANNELS 0
+  End Site
+  {{
+   OFFSET 0 80 0
+  }}
+ }}
+}}
+MOTION
+Frames: 60
+Frame Time: 0.0333333
+{frames}
+""")
 
 
 def test_recordings_beside_the_class_folders_are_told(motionary, world, tmp_path):
