@@ -1,4 +1,4 @@
-"""How long do whole commands take, from the start of the process to its end?
+"""Times of whole commands, from the start of the process to its end.
 
 The help, beside an import of NumPy; labelling CMU 86_01 (38 s) with the eleven classes of
 HDM05; a search by one example over all 288 clips of HDM05, which are read and measured
@@ -17,6 +17,7 @@ from timing import compare, print_ratios
 RUNS = 9
 MOTIONARY = (sys.executable, "-m", "motionary")
 
+START = "motionary --help"
 EXAMPLE = "squat1Reps/HDM_mm_squat1Reps_037_120.amc"
 
 
@@ -45,14 +46,14 @@ def time_main_commands(data: Path, library: Path) -> None:
     print("whole commands")
     medians = compare(
         {
+            START: process(*MOTIONARY, "--help"),
             "annotate 86_01, 11 classes and mirror images": process(*annotate),
             "search by example, 288 clips": process(*search),
             "search by example, 288 clips, --jobs 2": process(*search, "--jobs", "2"),
         },
         runs=RUNS,
     )
-    for name, seconds in medians.items():
-        print(f"  {name:<46} {seconds:8.2f} s")
+    print_ratios(medians, reference=START)
 
 
 def process(*command: str) -> Callable[[], object]:

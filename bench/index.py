@@ -1,10 +1,10 @@
-"""How fast is a folder of 10^6 words (9 h 15 min, as long as all of CMU's) read and searched?
+"""Times to read and search a folder of 10^6 frames (9 h 15 min, as long as all of CMU's).
 
-Words of the HDM05 clips at hand stand for recordings under other names: one after the other
-in documents of 400 words, as long as CMU's are in the mean, and each clip a document. Their
+Features of the HDM05 clips at hand under other names: one after the other in recordings of
+400 frames, as long as CMU's are in the mean, and each clip a recording. Their
 files are empty; the index knows their state, as it does of real ones. Measured are whole
 commands in processes of their own, beside the same command on a folder of one file (which
-is what starting costs), and the building of the index: files read, and words kept.
+is what starting costs), and the building of the index: files read, and features kept.
 """
 
 import os
@@ -22,8 +22,8 @@ from motionary.features import FULL_BODY, FeatureSequence
 from motionary.recording import Recording
 from motionary.retrieval.index import Index, collect
 
-N_WORDS = 1_000_000
-DOCUMENT = 400
+N_TOTAL = 1_000_000
+LENGTH = 400
 ROUNDS = 5
 READ = 40
 QUERY = "right hand fast, right hand above neck, then within 0.1 to 0.5 s right elbow bent"
@@ -38,47 +38,46 @@ def main() -> None:
     example = next(Path(folder, "hdm05").rglob("*squat1Reps_001*"))
     with tempfile.TemporaryDirectory() as place:
         report_reading(Path(folder) / "hdm05", Path(place))
-        for name, documents in (
-            ("takes", list(joined(clips, N_WORDS))),
-            ("clips", list(repeated(clips, N_WORDS))),
+        for name, sequences in (
+            ("takes", list(joined(clips, N_TOTAL))),
+            ("clips", list(repeated(clips, N_TOTAL))),
             ("one", [clips[0]]),
         ):
-            build(documents, Path(place), name)
+            build(sequences, Path(place), name)
         report_commands(Path(place), example)
 
 
-def repeated(clips: Sequence[FeatureSequence], n_integers: int) -> Iterator[FeatureSequence]:
-    """Clips over and over until there are so many words."""
+def repeated(clips: Sequence[FeatureSequence], n_frames: int) -> Iterator[FeatureSequence]:
+    """Clips over and over until there are so many frames."""
     total = number = 0
-    while total < n_integers:
+    while total < n_frames:
         clip = clips[number % len(clips)]
         yield clip
         total, number = total + len(clip), number + 1
 
 
-def joined(clips: Sequence[FeatureSequence], n_integers: int) -> Iterator[FeatureSequence]:
-    """The same, several clips a document."""
+def joined(clips: Sequence[FeatureSequence], n_frames: int) -> Iterator[FeatureSequence]:
+    """The same, several clips a recording."""
     parts: list[FeatureSequence] = []
-    for clip in repeated(clips, n_integers):
+    for clip in repeated(clips, n_frames):
         parts.append(clip)
-        if sum(map(len, parts)) >= DOCUMENT:
+        if sum(map(len, parts)) >= LENGTH:
             packed = np.concatenate([part.packed for part in parts])
             known = np.concatenate([part.known for part in parts])
             yield FeatureSequence(packed, known, FULL_BODY, recording=Recording(rate_hz=120.0))
             parts = []
 
 
-def build(documents: Sequence[FeatureSequence], place: Path, name: str) -> None:
-    """A folder of empty files with an index of these documents."""
+def build(sequences: Sequence[FeatureSequence], place: Path, name: str) -> None:
+    """A folder of empty files with an index of these recordings."""
     recordings = place / name
     recordings.mkdir()
-    for number in range(len(documents)):
+    for number in range(len(sequences)):
         (recordings / f"take {number:05d}.bvh").touch()
     index = Index.open(recordings, at=place / f"{name} index")
     changes = index.changes()
     named = [
-        (file, document.renamed(file))
-        for file, document in zip(changes.to_read, documents, strict=True)
+        (file, one.renamed(file)) for file, one in zip(changes.to_read, sequences, strict=True)
     ]
     start = time.perf_counter()
     index._forget(changes)
@@ -87,9 +86,9 @@ def build(documents: Sequence[FeatureSequence], place: Path, name: str) -> None:
     index._join_small()
     seconds = time.perf_counter() - start
     print(
-        f"  {name}: {index.n_frames} words of {len(index)} recordings kept in {seconds:.2f} s "
-        f"({index.n_frames / seconds / 1e6:.2f} million words/s), "
-        f"{index.n_bytes / index.n_frames:.1f} bytes a word"
+        f"  {name}: {index.n_frames} frames of {len(index)} recordings kept in {seconds:.2f} s "
+        f"({index.n_frames / seconds / 1e6:.2f} million frames/s), "
+        f"{index.n_bytes / index.n_frames:.1f} bytes a frame"
     )
 
 
@@ -128,8 +127,8 @@ def report_commands(place: Path, example: Path) -> None:
             for i in (0, 1)
         )
         beyond = ", ".join(
-            f"{name} {wall[name]:.2f} s ({wall[name] - wall['one']:+.2f}; processor "
-            f"{busy[name] - busy['one']:+.2f})"
+            f"{name} {wall[name]:.2f} s ({wall[name] / wall['one']:.2f} x a folder of one file; "
+            f"{wall[name] - wall['one']:+.2f} s, processor {busy[name] - busy['one']:+.2f} s)"
             for name in ("takes", "clips")
         )
         print(f"  search by {way}: start {wall['one']:.2f} s; {beyond}")

@@ -1,10 +1,10 @@
-"""How fast is a keyframe query over hours of motion?
+"""Time of a keyframe query over hours of motion.
 
-The authors' 57 queries (Baak, Müller and Seidel 2008, Table 2) over the words of all HDM05
-clips at hand, repeated to 10^6 frames (9 h 15 min) and to 42 586, every clip a document.
+The authors' 57 queries (Baak, Müller and Seidel 2008, Table 2) over the features of all HDM05
+clips at hand, repeated to 10^6 frames (9 h 15 min) and to 42 586, every clip a recording.
 Against a plain NumPy scan: a mask per keyframe, ((Y ^ v) & m) == 0, frames joined over the
-gaps; and against the layout of the paper, an inverted list of runs for each distinct word.
-All give the same ranges. Indexes are built once and not counted.
+gaps; and against the layout of the paper, an inverted list of runs for each distinct integer of
+features. All give the same ranges. Indexes are built once and not counted.
 """
 
 import itertools
@@ -55,20 +55,20 @@ def read_queries(folder: Path) -> list[KeyframeQuery]:
 
 def repeated(clips: Sequence[PackedFeatures], n_frames: int) -> list[PackedFeatures]:
     """Clips over and over until there are at least so many frames."""
-    documents, total = [], 0
+    recordings, total = [], 0
     for clip in itertools.cycle(clips):
         if total >= n_frames:
-            return documents
-        documents.append(clip)
+            return recordings
+        recordings.append(clip)
         total += len(clip)
-    return documents
+    return recordings
 
 
-def compare_on(documents: list[PackedFeatures], queries: list[KeyframeQuery]) -> None:
+def compare_on(recordings: list[PackedFeatures], queries: list[KeyframeQuery]) -> None:
     start = time.perf_counter()
-    index = index_packed(documents, feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids)
+    index = index_packed(recordings, feature_set=FULL_BODY.name, feature_ids=FULL_BODY.ids)
     seconds = time.perf_counter() - start
-    scan, inverted = PlainScan(documents), InvertedLists(documents)
+    scan, inverted = PlainScan(recordings), InvertedLists(recordings)
     print(
         f"  {index.n_frames} frames in {index.n_sequences} recordings: indexed in {seconds:.2f} s "
         f"({index.n_frames / seconds / 1e6:.1f} million frames/s), "
@@ -110,20 +110,20 @@ def report(seconds: dict[str, list[float]]) -> None:
         median = statistics.median(times)
         print(
             f"    {name:<23} median {median * 1e6:9.0f} µs  mean {np.mean(times) * 1e6:9.0f} µs"
-            f"  most {max(times) * 1e6:9.0f} µs  {plain / median:7.1f} x"
+            f"  most {max(times) * 1e6:9.0f} µs  {plain / median:7.1f} x plain scan"
         )
 
 
 class PlainScan:
     """The same search without an index: a mask per keyframe, frames joined over the gaps."""
 
-    def __init__(self, documents: list[PackedFeatures]) -> None:
-        self.packed = np.concatenate(documents)[:, 0]
-        self.lengths = np.array([len(document) for document in documents])
+    def __init__(self, recordings: list[PackedFeatures]) -> None:
+        self.packed = np.concatenate(recordings)[:, 0]
+        self.lengths = np.array([len(recording) for recording in recordings])
         self.starts = np.cumsum(self.lengths) - self.lengths
 
     def search(self, query: KeyframeQuery) -> list[tuple[int, int, int]]:
-        """Hit ranges (document, start, stop)."""
+        """Hit ranges (recording, start, stop)."""
         frames = [
             np.flatnonzero(((self.packed ^ value) & fixed) == 0)
             for value, fixed in zip(query.values[:, 0], query.fixed[:, 0], strict=True)
@@ -145,27 +145,27 @@ class PlainScan:
         return self.ranges(frames[0], ends + 1)
 
     def last_frames(self, frames: np.ndarray) -> np.ndarray:
-        """Last frame of the document of each frame."""
-        document = np.searchsorted(self.starts, frames, side="right") - 1
-        return self.starts[document] + self.lengths[document] - 1
+        """Last frame of the recording of each frame."""
+        recording = np.searchsorted(self.starts, frames, side="right") - 1
+        return self.starts[recording] + self.lengths[recording] - 1
 
     def ranges(self, starts: np.ndarray, stops: np.ndarray) -> list[tuple[int, int, int]]:
-        """Ranges merged where they meet, by document."""
-        document = np.searchsorted(self.starts, starts, side="right") - 1
-        apart = (starts[1:] > stops[:-1]) | (document[1:] != document[:-1])
+        """Ranges merged where they meet, by recording."""
+        recording = np.searchsorted(self.starts, starts, side="right") - 1
+        apart = (starts[1:] > stops[:-1]) | (recording[1:] != recording[:-1])
         first, last = np.concatenate([[True], apart]), np.concatenate([apart, [True]])
-        begin = self.starts[document[first]]
-        columns = (document[first], starts[first] - begin, stops[last] - begin)
+        begin = self.starts[recording[first]]
+        columns = (recording[first], starts[first] - begin, stops[last] - begin)
         return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 class InvertedLists:
-    """The paper's index: the runs of every distinct word; those of a keyframe are united."""
+    """The paper's index: the runs of every distinct integer; those of a keyframe are united."""
 
-    def __init__(self, documents: list[PackedFeatures]) -> None:
-        lengths = np.array([len(document) for document in documents])
+    def __init__(self, recordings: list[PackedFeatures]) -> None:
+        lengths = np.array([len(recording) for recording in recordings])
         self.layout = Layout.of_lengths(lengths)
-        packed = np.concatenate(documents)[:, 0]
+        packed = np.concatenate(recordings)[:, 0]
         before = np.cumsum(lengths) - lengths
         at = np.repeat(self.layout.starts - before, lengths) + np.arange(len(packed))
         change = (packed[1:] != packed[:-1]) | (at[1:] != at[:-1] + 1)
@@ -176,7 +176,7 @@ class InvertedLists:
         self.ends = np.cumsum(np.bincount(number))
 
     def search(self, query: KeyframeQuery) -> list[tuple[int, int, int]]:
-        """Hit ranges (document, start, stop)."""
+        """Hit ranges (recording, start, stop)."""
         keyframes = zip(query.values[:, 0], query.fixed[:, 0], strict=True)
         lists = [self.runs(value, fixed) for value, fixed in keyframes]
         found, number = join(lists, query.gaps, self.layout)

@@ -1,4 +1,4 @@
-"""How long does it take to learn a template?
+"""Time to learn a template.
 
 The eleven training halves of HDM05 (`half_split.json`), 40 features, one thread; the
 authors report 3 s for an average template in 2009, 7.5 s in 2006, on machines of their
@@ -16,9 +16,10 @@ import numpy as np
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import read
 from motionary.models.templates import learn_template
-from timing import compare
+from timing import compare, print_ratios
 
 RUNS = 9
+AUTHORS_S = 3.0
 
 # Number of examples and their mean length in columns, of the eleven training halves.
 SIZES = {
@@ -43,17 +44,22 @@ def main() -> None:
     named = os.environ.get("MOTIONARY_DATA", "")
     classes = recorded(Path(named)) if named else invented()
     print(f"learning a template, {'HDM05 training halves' if named else 'invented clips'}, ms")
-    print(f"  {'class':<28} {'clips':>5} {'columns':>7} {'numpy':>8} {'compiled':>8}")
+    print(f"  {'class':<28} {'clips':>5} {'columns':>7} {'numpy':>8} {'compiled':>8}  beside numpy")
     medians: dict[str, list[float]] = {"numpy": [], "compiled": []}
     for name, matrices in classes.items():
         seconds = compare({engine: learner(matrices, engine) for engine in medians}, runs=RUNS)
         for engine, measured in seconds.items():
             medians[engine].append(measured)
         columns = learner(matrices, "numpy")()
-        times = " ".join(f"{seconds[engine] * 1e3:8.1f}" for engine in medians)
-        print(f"  {name:<28} {len(matrices):5} {columns:7} {times}")
-    times = " ".join(f"{statistics.median(values) * 1e3:8.1f}" for values in medians.values())
-    print(f"  {'median of the classes':<42} {times}   (authors: 3000)")
+        print(f"  {name:<28} {len(matrices):5} {columns:7} {beside_numpy(seconds)}")
+    medians_of_all = {engine: statistics.median(values) for engine, values in medians.items()}
+    print(f"  {'median of the classes':<42} {beside_numpy(medians_of_all)}")
+    print_ratios(medians_of_all, reference="authors, 2009 (3 s)", seconds=AUTHORS_S)
+
+
+def beside_numpy(seconds: dict[str, float]) -> str:
+    times = " ".join(f"{seconds[engine] * 1e3:8.1f}" for engine in ("numpy", "compiled"))
+    return f"{times}  {seconds['numpy'] / seconds['compiled']:5.1f} x numpy"
 
 
 def learner(matrices: list[np.ndarray], engine: str) -> Callable[[], int]:

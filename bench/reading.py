@@ -1,4 +1,4 @@
-"""How fast are recordings read, and how much memory do two hours take?
+"""Speed of reading recordings, and the memory that two hours take.
 
 Speed: megabytes of file per second of whole `read`, with joint positions, medians of
 interleaved runs, one thread; AMC beside a loop over its lines that keeps nothing but the
@@ -62,9 +62,11 @@ def report_speed(name: str, path: Path, others: dict[str, Callable[[Path], objec
             continue
         ways[other] = lambda way=way: way(path)
     megabytes = path.stat().st_size / 1e6
-    for way, seconds in compare(ways, runs=RUNS).items():
+    medians = compare(ways, runs=RUNS)
+    for way, seconds in medians.items():
         speed = f"{megabytes / seconds:7.1f} MB/s"
-        print(f"  {name:<4} {way:<12} {speed}   {path.name}, {megabytes:.1f} MB")
+        beside = ", ".join(f"{medians[o] / seconds:.1f} x {o}" for o in medians if o != way)
+        print(f"  {name:<4} {way:<12} {speed}  {beside}   {path.name}, {megabytes:.1f} MB")
 
 
 def loop_over_lines(path: Path) -> list[list[float]]:
@@ -95,7 +97,7 @@ def report_memory(data: Path, place: Path) -> None:
         options = [f"asf={data / 'cmu' / '86.asf'}"] if suffix == ".amc" else []
         command = [sys.executable, "-c", PEAK, str(path), *options]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
-        frames, motion, peak = (float(word) for word in done.stdout.split())
+        frames, motion, peak = (float(number) for number in done.stdout.split())
         size = path.stat().st_size / 1e6
         print(
             f"  {suffix:<5} {size:8.0f} MB {motion:8.0f} MB {peak:8.0f} MB"

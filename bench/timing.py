@@ -1,4 +1,4 @@
-"""How long does one way take beside another?
+"""Times of several ways of doing the same.
 
 Runs are interleaved, so that a busy moment of the machine meets all ways alike, and
 medians are compared, so that a single stall decides nothing. Only ratios hold across
@@ -33,9 +33,18 @@ def compare(ways: Mapping[str, Callable[[], object]], *, runs: int = 9) -> dict[
     return {name: statistics.median(measured) for name, measured in seconds.items()}
 
 
-def print_ratios(medians: Mapping[str, float], *, reference: str) -> None:
-    """Print each median and how many times faster than `reference` it is."""
+def print_ratios(
+    medians: Mapping[str, float], *, reference: str, seconds: float | None = None
+) -> None:
+    """Print each median, and how many times as fast as the reference it is.
+
+    Parameters
+    ----------
+    medians : seconds by name
+    reference : one of these names; or, with `seconds`, what took so long elsewhere
+    """
     width = max(len(name) for name in medians)
+    compared = medians[reference] if seconds is None else seconds
     for name, median in medians.items():
-        ratio = medians[reference] / median
-        print(f"  {name:<{width}}  {median * 1e3:12.3f} ms  {ratio:8.2f} x")
+        ratio = f"{compared / median:8.2f} x {reference}" if name != reference else "reference"
+        print(f"  {name:<{width}}  {median * 1e3:12.3f} ms  {ratio}")

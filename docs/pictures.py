@@ -1,4 +1,4 @@
-"""Which pictures do the README and the documentation show?
+"""Pictures of the README and the documentation.
 
 `make docs-pictures`, or `python docs/pictures.py [NAME ...]`, draws them with the package
 from real recordings: MOTIONARY_DATA names the folder that has `hdm05` (clips of HDM05, a
@@ -23,8 +23,8 @@ from motionary.features import FULL_BODY
 from motionary.files import write_atomically
 from motionary.matching import distance_function
 from motionary.models.library import TrainingOptions, learn_classes
+from motionary.plots import features as grid
 from motionary.plots import (
-    grid,
     plot_annotation,
     plot_distance,
     plot_features,
@@ -44,18 +44,18 @@ from motionary.samples import synthetic_motion, synthetic_stream
 IMAGES = Path(__file__).resolve().parent / "images"
 
 EXAMPLE = "squat1Reps/HDM_mm_squat1Reps_037_120.amc"
-#: The first performance of each of three actors, to see what they share.
+#: The first performance of each of three actors, to see what they have in common.
 PERFORMANCES = (
     "squat1Reps/HDM_bk_squat1Reps_013_120.amc",
     "squat1Reps/HDM_dg_squat1Reps_025_120.amc",
     "squat1Reps/HDM_mm_squat1Reps_037_120.amc",
 )
-#: Relations that tell most of a squat.
+#: Features that say most of a squat.
 TELLING = (
     "F13", "F14", "F19", "F20", "F21", "F27", "F28", "F29", "F30", "F31", "F37", "F39",
 )  # fmt: skip
 UNSEEN_ACTOR = "bd"
-TEACHING = TrainingOptions(mirror=True)
+TRAINING = TrainingOptions(mirror=True)
 TAKE = "86_01"
 #: Classes as the annotators of the take call them.
 NAMES = {
@@ -89,7 +89,7 @@ class World:
             name = sequence.source.split("/")[0]
             if actor(sequence.source) != UNSEEN_ACTOR:
                 examples.setdefault(name, {}).setdefault(name, []).append(sequence)
-        return learn_classes(examples, training=TEACHING)
+        return learn_classes(examples, training=TRAINING)
 
     @cached_property
     def found(self) -> SearchResult:
@@ -102,7 +102,7 @@ class World:
 
     @cached_property
     def take(self) -> mo.FeatureSequence:
-        """Words of a recording with several motions."""
+        """Features of a recording with several motions."""
         motion = mo.read(self.data / "cmu" / f"{TAKE}.amc")
         return mo.compute_features(motion.renamed(f"CMU {TAKE}"))
 
@@ -138,7 +138,7 @@ def pose(world: World) -> list[Figure]:
     lowest = int(np.argmin(motion.generic_positions()[:, 0, 1]))
     frame = round(lowest / motion.rate_hz * sequence.rate_hz)
     drawn = plot_pose(motion.generic_positions()[lowest], title="one pose")
-    return [drawn, _matrices("one pose", {"": sequence.part(frame, frame + 1)}, width=0.4)]
+    return [drawn, _matrices("its features", {"": sequence.part(frame, frame + 1)}, width=0.4)]
 
 
 def features(world: World) -> list[Figure]:
@@ -167,7 +167,7 @@ def template(world: World) -> list[Figure]:
         feature_set=telling.name,
         provenance="squats of four actors",
     )
-    return [plot_template(shown, tolerance=TEACHING.tolerance, feature_set=telling)]
+    return [plot_template(shown, tolerance=TRAINING.tolerance, feature_set=telling)]
 
 
 def distance(world: World) -> list[Figure]:
@@ -175,13 +175,13 @@ def distance(world: World) -> list[Figure]:
     titles = {"kickLFront1Reps": "kick", "sneak2StepsLStart": "sneaking, two steps"}
     curves = {}
     for name, title in titles.items():
-        sought = [pattern for _, pattern in world.library[name].sought()]
-        each = [distance_function(p, world.take.packed, world.take.known) for p in sought]
+        patterns = [pattern for _, pattern in world.library[name].patterns]
+        each = [distance_function(p, world.take.packed, world.take.known) for p in patterns]
         curves[title] = np.minimum.reduce(each)
     track = mo.annotate(world.take, world.library, assignment="published")
     labels = {title: [x for x in track if x.name == name] for name, title in titles.items()}
     title = f"{world.take.source}: cost of the best match that ends at each moment"
-    return [plot_distance(curves, hits=labels, threshold=TEACHING.threshold, title=title)]
+    return [plot_distance(curves, hits=labels, threshold=TRAINING.threshold, title=title)]
 
 
 def annotation(world: World) -> list[Figure]:

@@ -59,14 +59,6 @@ WAYS = {
 }
 #: Of five classes in print three are at hand; the last two take the place of the others.
 FIVE = ("squat1Reps", "lieDownFloor", "grabHighR", "depositFloorR", "kickLFront1Reps")
-PUBLISHED = {
-    "squat1Reps": {"MT": ((5, 10, 10), 259.5), "RF": ((5, 10, 10), 16.1),
-                   "Q": ((5, 7, 9), 2.79), "3D": ((4, 6, 7), 2.52)},
-    "lieDownFloor": {"MT": ((5, 9, 10), 11.65), "RF": ((5, 9, 10), 2.10),
-                     "Q": ((4, 7, 9), 1.69), "3D": ((2, 3, 7), 1.29)},
-    "grabHighR": {"MT": ((5, 7, 9), 33.93), "RF": ((5, 8, 8), 9.72),
-                  "Q": ((3, 5, 8), 3.39), "3D": ((1, 3, 4), 2.22)},
-}  # fmt: skip
 
 
 def measure(recordings: Recordings) -> Results:

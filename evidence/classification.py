@@ -24,8 +24,6 @@ SEED = 2
 DATA = ("clips",)
 
 SIZES = (1, 2, 3, 5, 7, 9)
-#: An earlier prototype, whole clip, one actor left out.
-PROTOTYPE = 0.99
 
 
 def measure(recordings: Recordings) -> Results:

@@ -36,12 +36,6 @@ DATA = (
 THRESHOLDS = (0.01, 0.02, 0.04, 0.06, 0.08, 0.1)
 BACKWARD, FORWARD = "rotateArmsBothBackward1Reps", "the same clips played backwards"
 DEPOSIT, GRAB = "depositFloorR", "grabHighR"
-#: Hits and relevant hits of the two classes and of the joined one, table 2 of 2006.
-PUBLISHED = {
-    "RotateRArmBwd1": (8, [6, 6, 7, 34, 70, 151], [6, 6, 7, 8, 8, 8], 27),
-    "RotateRArmFwd1": (8, [6, 6, 7, 39, 77, 186], [6, 6, 7, 8, 8, 8], 28),
-    "RotateRArm(Bwd&Fwd)1": (16, [12, 12, 39, 101, 235, 453], [12, 12, 13, 15, 16, 16], 26),
-}
 UPPER = 14
 
 #: As designed in 2006: "an MT of length 50, setting all matrix entries to 0.5 except for

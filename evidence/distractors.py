@@ -26,14 +26,6 @@ DATA = (
 )
 
 RECALLS = (0.5, 0.8, 0.9, 1.0)
-#: Motion among the distractors that a person might call the same as the class.
-RELATED = {
-    "jogLeftCircle4StepsRstart": "straight runs (CMU 09_06, HDM_dg_06-03_03, Bandai run, dash)",
-    "kickLFront1Reps": "kicks (CMU 86_01 with the right foot, Bandai kick)",
-    "hopBothLegs1hops": "jumps (CMU 01_01, 86_01)",
-    "sneak2StepsLStart": "walks (CMU, Bandai)",
-    "throwBasketball": "throws with one hand (HDM_bd_03-03_01)",
-}
 SHOWN_FALSE = 3
 #: A take from which a clip was cut: class, recording, and the frames of the clip in it.
 CUT_FROM = ("throwBasketball", "hdm05_takes/HDM_bd_03-03_01_120.amc", 443, 585)

@@ -42,18 +42,6 @@ SPLIT = "the authors' training half is learned, their evaluation half is searche
 SEED = 0
 DATA = ("clips", ("{cmu}: 13_29", (1, 0.64)))
 
-#: Size, N, average length, passes, seconds: table 1, classes at hand, of which elbow to knee
-#: starts with the other elbow.
-TABLE_1 = {
-    "elbowToKnee1RepsLelbowStart": (27, 14, 36.6, 5, 4.9),
-    "lieDownFloor": (20, 10, 165.0, 5, 25.6),
-    "squat1Reps": (52, 26, 47.3, 5, 24.6),
-}
-#: Recall and precision at τ = .02 and .06, and of fuzzy queries: table 5, classes at hand.
-TABLE_5 = {
-    "hopBothLegs1hops": (0.94, 0.89, 1.00, 0.52, 0.58, 0.62),
-    "lieDownFloor": (0.70, 1.00, 0.85, 0.81, 0.95, 0.90),
-}
 TAUS = (0.02, 0.06)
 #: The class of the figures: a motion of the whole body, in the place of the cartwheel.
 SHOWN = "lieDownFloor"

@@ -41,8 +41,6 @@ DATA = (
 )
 
 WAYS = {"templates": False, "with keyframes": True}
-#: F1 and F2 in print (table 2), all recordings, without and with keyframes.
-PUBLISHED = {"templates": (0.60, 0.70), "with keyframes": (0.74, 0.82)}
 #: What is shown of a distance function: a recording, a class of it, and a template.
 SHOWN = ("cmu/86_01.amc", "kick", "kickLFront1RepsMirrored")
 #: One for all classes, and so large that labels to look at remain.

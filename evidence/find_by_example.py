@@ -42,13 +42,6 @@ Floats = NDArray[np.float64]
 JUDGED = 10
 AS_IT_IS = QueryExpansion(hits=0, by_self_information=False)
 WEIGHED = QueryExpansion(hits=0)
-#: Orientation: a prototype before the package; settings chosen on the queries reported.
-PROTOTYPE = {
-    "hdm05": {"chance": (0.09, None), "positions": (0.870, 0.818), "as it is": (0.897, 0.845),
-              "by surprise": (0.908, 0.862), "grown": (0.963, 0.945)},
-    "bandai": {"chance": (0.06, None), "positions": (0.32, 0.23), "as it is": (0.34, 0.24)},
-}  # fmt: skip
-AIM = (0.98, 0.97)
 WAYS = {
     "chance": "recordings in random order",
     "positions": "joint positions, root, heading and size normalised, subsequence DTW",

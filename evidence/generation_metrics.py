@@ -37,16 +37,6 @@ RATES = (120, 60, 40, 30, 20)
 GOLDEN = ("86_01_kick", "01_01_jump", "49_18_dance", "bd_throw")
 #: Who stands for the real motions, and who for the generated ones.
 REAL, OTHERS = ("bd", "bk", "dg"), ("mm", "tr")
-#: Columns whose computation is not what they are called, and what it is.
-FAULTS = {
-    0: "counts the right hand moving backward: the normal points there",
-    4: "velocity of the chest away from the belly; no hand in it",
-    5: "the same number as the column before",
-    9: "counts the hands moving apart",
-    10: "velocity of the left hand relative to the right, along right hand to root",
-    11: "velocity of the right hand relative to the left, along left hand to root",
-    14: "counts the right foot in front of the left leg: the normal is turned",
-}
 
 
 def measure(recordings: Recordings) -> Results:

@@ -68,13 +68,6 @@ Trials = dict[tuple[str, ...], dict[str, Row]]
 MANUAL = {"by hand, 2008": RETRIEVAL_2008, "by hand, 2009": ANNOTATION_2009}
 LEARNED = "bred, 3 of 5 agree"
 WAYS = (HEURISTIC, CHOSEN, LEARNED, *MANUAL)
-#: Table 3 of 2006, over 210 minutes: fraction of the frames, right hits at .06, motions there.
-PUBLISHED = {
-    "elbowToKnee1RepsLelbowStart": (0.004, 16, 29),
-    "grabHighR": (0.042, 30, 30),
-    "lieDownFloor": (0.072, 16, 20),
-    "squat1Reps": (0.011, 55, 56),
-}
 
 
 def measure(recordings: Recordings) -> Results:

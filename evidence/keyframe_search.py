@@ -23,20 +23,6 @@ SPLIT = "none: the queries were written by the authors, who had seen the clips"
 SEED = 0
 DATA = EVERYTHING
 
-#: Table 2 of 2008, by the order of the queries at hand: milliseconds of the search, per cent
-#: of 3.5 hours left. Printed is not standUpSitTable but walkRightCrossFront2Steps (ID 57).
-PUBLISHED_MS = (
-    0.3, 36.6, 11.8, 17.5, 21.5, 0.5, 2.0, 19.3, 17.9, 22.0, 4.5, 15.8, 2.8, 27.6, 1.8, 5.6, 1.5,
-    26.9, 2.0, 5.3, 10.5, 2.2, 12.5, 29.8, 19.3, 42.8, 1.0, 6.5, 6.0, 0.8, 2.1, 0.6, 22.9, 31.6,
-    3.8, 4.5, 0.7, 19.9, 5.2, 5.6, 18.3, 1.2, 10.5, 4.0, 0.7, 7.9, None, 6.9, 33.8, 61.8, 14.8,
-    18.4, 9.8, 0.5, 13.8, 16.0, 14.1,
-)  # fmt: skip
-PUBLISHED_PERCENT = (
-    1.2, 14.0, 1.7, 6.0, 2.2, 0.6, 0.6, 2.5, 2.9, 1.0, 0.5, 1.1, 1.4, 30.4, 1.3, 1.2, 0.9,
-    2.0, 1.1, 1.1, 1.2, 2.7, 1.4, 2.6, 2.5, 1.7, 1.5, 0.7, 0.6, 0.7, 0.6, 0.7, 0.4, 2.0,
-    2.4, 4.7, 2.2, 29.3, 0.8, 1.5, 2.0, 1.0, 6.5, 1.7, 1.7, 3.6, None, 3.0, 10.6, 20.1, 10.5, 13.2,
-    1.1, 0.9, 13.5, 35.9, 11.5,
-)  # fmt: skip
 #: Frames of 3.5 hours at 30 Hz.
 PUBLISHED_FRAMES = 378_000
 ROUNDS = 9

@@ -40,19 +40,7 @@ DATA = ("clips",)
 Floats = NDArray[np.float64]
 Distance = Callable[[Corpus], Floats]
 
-WAYS = {
-    "masked": "template of all training clips, quantised, masked cost",
-    "Manhattan": "the same template as it is, Manhattan distance",
-    "one example": "features of the first training clip, Manhattan distance",
-}
 RANKS = (5, 10, 20)
-#: Table 4 of 2006 for classes that are at hand: recall among the first 5, 10, 20 hits, and
-#: separation, of templates (masked) and of one example's features.
-PUBLISHED = {
-    "squat1Reps": {"masked": ((5, 10, 10), 259.5), "one example": ((5, 10, 10), 16.1)},
-    "lieDownFloor": {"masked": ((5, 9, 10), 11.65), "one example": ((5, 9, 10), 2.10)},
-    "grabHighR": {"masked": ((5, 7, 9), 33.93), "one example": ((5, 8, 8), 9.72)},
-}
 #: The stream of the figure: four clips of each, in turns.
 STREAM = ("kickLFront1Reps", "elbowToKnee1RepsLelbowStart", "squat1Reps")
 PER_CLASS = 4

@@ -15,9 +15,13 @@ from bench.timing import compare
 
 from evidence.common.drawing import BLACK, BLUE, ORANGE, RULE, VERMILLION, house_style, new_figure
 from evidence.common.labelling import (
-    Matches,
+    Found,
     Setting,
+    Task,
+    Tasks,
+    find_all,
     find_matches,
+    label_all,
     labels_at,
     learn_all,
     with_setting,
@@ -66,11 +70,6 @@ RETRIEVED_AT = (0.06, 0.1)
 TIMED_PAIR = ("mm", "tr")
 MEASURES = ("P1", "R1", "F1", "P2", "R2", "F2")
 Row = dict[str, Any]
-#: Table 5.2 of the thesis, all 74 minutes: P1, R1, F1, P2, R2, F2.
-PUBLISHED = {
-    "without keyframes": (0.48, 0.78, 0.60, 0.57, 0.91, 0.70),
-    "with keyframes": (0.69, 0.79, 0.74, 0.78, 0.88, 0.82),
-}
 MOST = 0.13
 SETTINGS = {
     "plain cost, as published": Setting(by_self_information=False),
@@ -93,26 +92,16 @@ def measure(recordings: Recordings) -> Results:
     for name, setting in SETTINGS.items():
         results[name] = {}
         for way in WAYS:
-            found = {
-                (pair, kind): find_matches(stream.packed, classes, most=MOST, setting=setting)
+            tasks = {
+                (pair, kind): Task(one.packed, one.truth, known[pair], trained[pair][way])
                 for pair in PAIRS
-                for classes in [with_setting(trained[pair][way], setting, known[pair])]
-                for kind, stream in streams[pair].items()
+                for kind, one in streams[pair].items()
             }
-            results[name][way] = _scores(found, streams)
+            results[name][way] = _scores(tasks, find_all(tasks, setting, most=MOST))
     return {
         "settings": results,
         "looked_at": {
-            way: {
-                kind: _mean(
-                    fraction_looked_at(
-                        with_setting(trained[pair][way], RETRIEVAL, ()), streams[pair][kind].packed
-                    )
-                    for pair in REPORTING
-                )
-                for kind in KINDS
-            }
-            for way in WAYS
+            way: {kind: _looked_at(trained, streams, way, kind) for kind in KINDS} for way in WAYS
         },
         "retrieval": {way: _retrieve(way, trained, streams) for way in WAYS},
         "true": _true_recordings(recordings, results),
@@ -121,6 +110,13 @@ def measure(recordings: Recordings) -> Results:
             kind: sum(streams[pair][kind].seconds for pair in REPORTING) / 60 for kind in KINDS
         },
     }
+
+
+def _looked_at(
+    trained: Mapping[Any, Any], streams: Mapping[Any, Mapping[str, Stream]], way: str, kind: str
+) -> float:
+    classes = {pair: with_setting(trained[pair][way], RETRIEVAL, ()) for pair in REPORTING}
+    return _mean(fraction_looked_at(classes[p], streams[p][kind].packed) for p in REPORTING)
 
 
 def _known(recordings: Recordings, unseen: Sequence[str]) -> tuple[Clip, ...]:
@@ -151,17 +147,15 @@ def _train(recordings: Recordings, clips: Sequence[Clip]) -> dict[str, tuple[Mot
     return {EVERYWHERE: classes, **queried}
 
 
-def _scores(
-    found: Mapping[tuple[tuple[str, str], str], Matches],
-    streams: Mapping[tuple[str, str], Mapping[str, Stream]],
-) -> Row:
+def _scores(tasks: Tasks, found: Found) -> Row:
     """Scores at the threshold that does best on the choosing pairs, on the others."""
 
     def score(pairs: Iterable[tuple[str, str]], threshold: float, kinds: Sequence[str]) -> Row:
-        keys = [(pair, kind) for pair in pairs for kind in kinds]
+        own = {(pair, kind): found[pair, kind] for pair in pairs for kind in kinds}
+        labelled = {str(key): one for key, one in label_all(tasks, own, threshold).items()}
         return _score(
-            {streams[p][k].packed.source: labels_at(found[p, k], threshold) for p, k in keys},
-            {streams[p][k].packed.source: list(streams[p][k].truth) for p, k in keys},
+            {key: list(one.predicted) for key, one in labelled.items()},
+            {key: list(one.truth) for key, one in labelled.items()},
         )
 
     chosen = {t: score(CHOOSING, t, KINDS) for t in THRESHOLDS}
@@ -232,19 +226,12 @@ def _true_recordings(recordings: Recordings, results: Results) -> Row:
 
 def _superclasses(classes: Sequence[MotionClass]) -> list[MotionClass]:
     """The authors' classes of whatever prototypes are at hand."""
-    return [
-        replace(
-            next(one for one in classes if NAMES[one.name] == name),
-            name=name,
-            prototypes=tuple(
-                prototype
-                for one in classes
-                if NAMES[one.name] == name
-                for prototype in one.prototypes
-            ),
-        )
-        for name in dict.fromkeys(NAMES.values())
-    ]
+    merged = []
+    for name in dict.fromkeys(NAMES.values()):
+        own = [one for one in classes if NAMES[one.name] == name]
+        prototypes = tuple(prototype for one in own for prototype in one.prototypes)
+        merged.append(replace(own[0], name=name, prototypes=prototypes))
+    return merged
 
 
 def _times(
@@ -335,14 +322,8 @@ def hits_in(one: MotionClass, stream: Stream, *, threshold: float) -> StreamHits
 
 def fraction_looked_at(classes: Sequence[MotionClass], packed: FeatureSequence) -> float:
     """Fraction of the frames in which a template is matched, mean over all templates."""
-    return float(
-        np.mean(
-            [
-                sum(b - a for a, b in windows_of(s, packed)) / len(packed)
-                for s in _prototypes(classes)
-            ]
-        )
-    )
+    windows = (windows_of(prototype, packed) for prototype in _prototypes(classes))
+    return _mean(sum(b - a for a, b in own) / len(packed) for own in windows)
 
 
 def search_keyframes(classes: Sequence[MotionClass], packed: FeatureSequence) -> None:

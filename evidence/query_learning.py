@@ -49,25 +49,6 @@ BINS = 20
 STIFF = 0.8
 
 GROUPS = {"mm, tr": ("mm", "tr"), "bd, bk, dg": ("bd", "bk", "dg"), "all five": ACTORS}
-SHOWN = ("f2", "f1", "precision", "recall", "frames left", "recall lost", "precision left")
-#: Measure, what it is called, what is wanted, and whether more is better.
-AIMS = (
-    ("f2", "F2 of clips found", 0.9, True),
-    ("recall", "recall of clips found", 0.9, True),
-    ("recall lost", "recall lost at τ = .06", 0.02, False),
-    ("precision left", "precision at τ = .1", 0.9, True),
-    ("frames left", "frames left", 0.15, False),
-)
-NAMES = {
-    "random": "random search, one run",
-    "published": "as published, one run",
-    "combined": "as published, runs combined",
-    "one run": "simplified, one run",
-    "usual": "3 of 5 agree, the default",
-    "committee": "committee chosen without the actor",
-    "picked": "one query, chosen and not learned",
-    "manual": "by hand (authors, all actors seen)",
-}
 
 
 def measure(recordings: Recordings) -> Results:

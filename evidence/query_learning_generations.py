@@ -23,7 +23,6 @@ DATA = ("clips",)
 
 RUNS = 30
 FIRST_THREE, LAST_TWO = ACTORS[:3], ACTORS[3:]
-SHOWN = (1, 10, 20, 40, 60, 80, 100)
 MEASURES = ("fitness", "precision", "recall")
 CLIPS = ("examples", "verification")
 

@@ -41,10 +41,6 @@ ROUNDS = 2
 #: No cost is so low: queries and distance functions alone are timed.
 NO_MATCH = -1.0
 SOURCES = {"all": ("cmu", "bandai"), "gestures": ("bandai",)}
-MATERIAL = {"all": "clips of tr, CMU, Bandai Namco", "gestures": "clips of tr, Bandai Namco"}
-ORIGINS = {
-    "nothing": "none, everywhere", "learned": "learned", "picked": "chosen", "manual": "by hand"
-}  # fmt: skip
 
 
 class Material(NamedTuple):

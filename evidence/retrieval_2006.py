@@ -49,8 +49,6 @@ SQUAT = {
     "relevant": 26, "hits": [23, 24, 26, 26, 26, 27], "relevant_hits": [23, 24, 26, 26, 26, 26],
     "template_length": 48, "seconds": 5.69,
 }  # fmt: skip
-#: Lengths of templates in the authors' programs that no table prints.
-LENGTHS = {"sneak2StepsLStart": 58, "throwBasketball": 95}
 #: Orientation: a plain prototype, before the package; (mAP, precision, recall, right class).
 PROTOTYPE = {
     "halves, step counts once": (0.974, 0.65, 0.98, 0.951),

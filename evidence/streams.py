@@ -1,26 +1,27 @@
 """Labels of streams by unseen actors, between other motion: figure 5.6 of the thesis."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.labelling import (
+    Found,
     Labelled,
-    Matches,
     Setting,
+    Tasks,
     best_of,
-    find_matches,
+    curve_of,
+    find_all,
     interval_over_actors,
-    labels_at,
-    learn_all,
+    label_all,
     merit,
-    with_setting,
+    tasks_of,
 )
 from evidence.common.labelling import measure as measure_labels
-from evidence.common.recordings import ACTORS, Clip, Recordings, Results
+from evidence.common.recordings import Recordings, Results
 from evidence.common.streams import (
     AMC_SEGMENTS,
     CHOOSING,
@@ -31,7 +32,7 @@ from evidence.common.streams import (
     make_streams,
     other_motion,
 )
-from motionary.evaluation import Measures, evaluate
+from motionary.evaluation import evaluate
 
 TITLE = "Labels of streams by unseen actors, beside figure 5.6 of the thesis"
 SPLIT = (
@@ -45,19 +46,13 @@ DATA = (
     ("{bandai}", lambda r: [part.packed for part in other_motion(r, "bvh")]),
 )
 
-Pair = tuple[str, str]
 
 THRESHOLDS = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.1, 0.13)
+MOST = THRESHOLDS[-1]
 N_KNOWN = 6
 N_DRAWS = 5
 SELF_INFORMATION, EQUAL = "by surprise", "all alike"
 WAYS = (SELF_INFORMATION, EQUAL)
-WORLDS = {"closed": "all 11", "open": "6 of 11"}
-SOURCES = {"amc": "CMU", "bvh": "Bandai Namco"}
-#: Of an earlier prototype, without queries: F1, F2 with all classes known, at its best
-#: threshold, and with six of eleven at two thresholds.
-PROTOTYPE_CLOSED = (0.91, 0.98)
-PROTOTYPE_OPEN = {0.06: (0.81, 0.90), 0.13: (0.58, 0.68)}
 #: One of these is chosen.
 CHOICES = {
     f"{SELF_INFORMATION}, δ = .05": Setting(),
@@ -75,73 +70,31 @@ CHANGES: dict[str, dict[str, Any]] = {
 NEAR = ("sneak2StepsLStart", "grabHighR", "throwBasketball")
 
 
-class _Bench:
-    """Streams and learned classes of each pair; each pair is not learned from."""
-
-    def __init__(self, recordings: Recordings) -> None:
-        self.names = recordings.classes
-        self.streams = {p: make_streams(recordings, p, seed=SEED) for p in CHOOSING + REPORTING}
-        self.clips: dict[Pair, tuple[Clip, ...]] = {
-            pair: recordings.of(actors=set(ACTORS) - set(pair)) for pair in self.streams
-        }
-        self.learned = {pair: learn_all(clips) for pair, clips in self.clips.items()}
-
-    def find(
-        self,
-        setting: Setting,
-        pairs: Sequence[Pair],
-        *,
-        names: Sequence[str] = (),
-        streams: Mapping[Pair, Mapping[str, Stream]] | None = None,
-    ) -> dict[tuple[Pair, str], Matches]:
-        """Matches in every stream of some pairs, of all classes by default."""
-        found = {}
-        for pair in pairs:
-            known = [one for one in self.learned[pair] if not names or one.name in names]
-            classes = with_setting(known, setting, self.clips[pair])
-            for kind, stream in (streams or self.streams)[pair].items():
-                found[pair, kind] = find_matches(
-                    stream.packed, classes, most=THRESHOLDS[-1], setting=setting
-                )
-        return found
-
-    def label(
-        self,
-        matches: Mapping[tuple[Pair, str], Matches],
-        threshold: float,
-        *,
-        kinds: Sequence[str] = KINDS,
-        names: Sequence[str] | None = None,
-        extended: bool = True,
-        streams: Mapping[Pair, Mapping[str, Stream]] | None = None,
-    ) -> dict[tuple[Pair, str], Labelled]:
-        """Labels and truth of every stream of some kinds, of some classes."""
-        result = {}
-        for (pair, kind), found in matches.items():
-            if kind not in kinds:
-                continue
-            stream = (streams or self.streams)[pair][kind]
-            labels = labels_at(found, threshold, names=names, extended=extended)
-            truth = stream.known_to(names or self.names)
-            result[pair, kind] = Labelled(labels, truth, stream.seconds)
-        return result
-
-
 def measure(recordings: Recordings) -> Results:
     """Choice on five pairs, report on the other five, and what would change."""
-    bench = _Bench(recordings)
-    choice, matches = _choose(bench)
+    streams = {p: make_streams(recordings, p, seed=SEED) for p in CHOOSING + REPORTING}
+    tasks = tasks_of(recordings, streams)
+    choosing = {key: task for key, task in tasks.items() if key[0] in CHOOSING}
+    reporting = {key: task for key, task in tasks.items() if key[0] in REPORTING}
+    found = {name: find_all(choosing, one, most=MOST) for name, one in CHOICES.items()}
+    choice = {name: _at_best(curve_of(choosing, one, THRESHOLDS)) for name, one in found.items()}
     by_way = {way: _best_choice(choice, way) for way in WAYS}
     chosen = _best_choice(choice)
-    setting, threshold = CHOICES[chosen["setting"]], chosen["threshold"]
-    draws = _draws(bench.names)
+    matches, threshold = found[chosen["setting"]], chosen["threshold"]
+    rng = np.random.default_rng(SEED)
+    draws = [
+        tuple(sorted(rng.permutation(recordings.classes)[:N_KNOWN].tolist()))
+        for _ in range(N_DRAWS)
+    ]
     closed, opened = {}, {}
     for way, own in by_way.items():
-        closed[way] = _closed(bench, CHOICES[own["setting"]], own["threshold"])
-        opened[way] = _open(bench, CHOICES[own["setting"]], own["threshold"], draws)
+        setting = CHOICES[own["setting"]]
+        closed[way], _ = _report(reporting, setting, own["threshold"], [None])
+        opened[way], opened[way]["by_draw"] = _report(reporting, setting, own["threshold"], draws)
+    alone = tasks_of(recordings, {p: clips_alone(recordings, p, seed=SEED) for p in CHOOSING})
     return {
         "thresholds": THRESHOLDS,
-        "streams": _describe(bench),
+        "streams": {kind: _describe([own[kind] for own in streams.values()]) for kind in KINDS},
         "other": [list(row) for row in AMC_SEGMENTS],
         "bandai": sorted(part.name for part in other_motion(recordings, "bvh")),
         "choice": choice,
@@ -150,21 +103,16 @@ def measure(recordings: Recordings) -> Results:
         "draws": draws,
         "closed": closed,
         "open": opened,
-        "changes": _changes(bench, recordings, setting, threshold, matches[chosen["setting"]]),
-        "false": _where_false(bench, matches[chosen["setting"]], threshold),
+        "changes": _changes(choosing, alone, CHOICES[chosen["setting"]], threshold, matches),
+        "false": _where_false(streams, label_all(choosing, matches, threshold)),
         "pairs": {"choosing": CHOOSING, "reporting": REPORTING},
     }
 
 
-def _choose(bench: _Bench) -> tuple[Results, dict[str, dict[tuple[Pair, str], Matches]]]:
-    """Each setting at its threshold with the best mean of F1 and F2, all classes known."""
-    table, found = {}, {}
-    for name, setting in CHOICES.items():
-        found[name] = bench.find(setting, CHOOSING)
-        curve = {t: measure_labels(list(bench.label(found[name], t).values())) for t in THRESHOLDS}
-        best = best_of(curve)
-        table[name] = {"threshold": best, **curve[best]}
-    return table, found
+def _at_best(curve: Mapping[float, Mapping[str, float]]) -> Results:
+    """Measures at the threshold with the best mean of F1 and F2."""
+    best = best_of(curve)
+    return {"threshold": best, **curve[best]}
 
 
 def _best_choice(choice: Results, way: str = "") -> Results:
@@ -173,129 +121,97 @@ def _best_choice(choice: Results, way: str = "") -> Results:
     return {"setting": name, "threshold": choice[name]["threshold"]}
 
 
-def _draws(names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Which classes are known: seeded."""
-    rng = np.random.default_rng(SEED)
-    return [tuple(sorted(rng.permutation(names)[:N_KNOWN].tolist())) for _ in range(N_DRAWS)]
+def _report(
+    tasks: Tasks, setting: Setting, threshold: float, draws: Sequence[Sequence[str] | None]
+) -> tuple[Results, list[dict[str, float]]]:
+    """Curves, and all measures at the chosen threshold; and F1 and F2 of each draw.
 
+    Of a draw some classes are known, clips of the others are other motion; all are pooled.
+    """
+    found = [find_all(tasks, setting, most=MOST, names=names or ()) for names in draws]
 
-def _closed(bench: _Bench, setting: Setting, threshold: float) -> Results:
-    matches = bench.find(setting, REPORTING)
-    return {
-        "curves": {
-            kind: [measure_labels(list(bench.label(matches, t, kinds=[kind]).values()))
-                   for t in THRESHOLDS]
-            for kind in KINDS
-        },
-        **_report([bench.label(matches, threshold)]),
-        "pooled": [measure_labels(list(bench.label(matches, t).values())) for t in THRESHOLDS],
-    }  # fmt: skip
+    def labelled(t: float, kinds: Sequence[str]) -> Iterator[dict[Any, Labelled]]:
+        for names, matches in zip(draws, found, strict=True):
+            own = {key: one for key, one in matches.items() if key[1] in kinds}
+            yield label_all(tasks, own, t, names=names)
 
-
-def _open(
-    bench: _Bench, setting: Setting, threshold: float, draws: Sequence[Sequence[str]]
-) -> Results:
-    """Six classes known, clips of the others are other motion; all draws pooled."""
-    matches = [bench.find(setting, REPORTING, names=names) for names in draws]
-
-    def labelled(threshold: float, kinds: Sequence[str]) -> Iterator[Any]:
-        for names, found in zip(draws, matches, strict=True):
-            yield bench.label(found, threshold, kinds=kinds, names=names)
-
-    curves = {
-        kind: [
-            measure_labels([one for draw in labelled(t, [kind]) for one in draw.values()])
+    def pooled(kinds: Sequence[str]) -> list[dict[str, float]]:
+        return [
+            measure_labels(one for draw in labelled(t, kinds) for one in draw.values())
             for t in THRESHOLDS
         ]
-        for kind in KINDS
-    }
-    pooled = [
-        measure_labels([one for draw in labelled(t, KINDS) for one in draw.values()])
-        for t in THRESHOLDS
-    ]
-    of_draws = [measure_labels(list(draw.values())) for draw in labelled(threshold, KINDS)]
+
+    kinds = {"amc": ["amc"], "bvh": ["bvh"], "both": list(KINDS)}
+    by_draw = [measure_labels(draw.values()) for draw in labelled(threshold, KINDS)]
     return {
-        "curves": curves,
-        "pooled": pooled,
-        "by_draw": [{key: one[key] for key in ("F1", "F2")} for one in of_draws],
-        **_report(list(labelled(threshold, KINDS))),
+        "curves": {kind: pooled([kind]) for kind in KINDS},
+        "pooled": pooled(KINDS),
+        "report": {title: _score(labelled(threshold, own)) for title, own in kinds.items()},
+    }, [{key: one[key] for key in ("F1", "F2")} for one in by_draw]
+
+
+def _score(draws: Iterable[Mapping[Any, Labelled]]) -> Results:
+    """All measures, with intervals over actors."""
+    chosen = {
+        f"{number} {'+'.join(pair)} {kind}": (pair, one)
+        for number, draw in enumerate(draws)
+        for (pair, kind), one in draw.items()
     }
-
-
-def _report(draws: Sequence[Mapping[tuple[Pair, str], Labelled]]) -> Results:
-    """All measures at the chosen threshold: AMC, BVH, both; with intervals over actors."""
-    rows = {}
-    for title, kinds in {"amc": ["amc"], "bvh": ["bvh"], "both": list(KINDS)}.items():
-        chosen = {
-            f"{number} {'+'.join(pair)} {kind}": (pair, one)
-            for number, draw in enumerate(draws)
-            for (pair, kind), one in draw.items()
-            if kind in kinds
-        }
-        scores = evaluate(
-            {name: one.predicted for name, (_, one) in chosen.items()},
-            {name: one.truth for name, (_, one) in chosen.items()},
-            durations_s={name: one.seconds for name, (_, one) in chosen.items()},
-        )
-        values: dict[str, dict[Pair, list[float]]] = {"F1": {}, "F2": {}}
-        for name, (pair, _) in chosen.items():
-            one = scores.recordings[name]
-            values["F1"].setdefault(pair, []).append(one.frames.f)
-            values["F2"].setdefault(pair, []).append(one.segments.f)
-        rows[title] = {
-            **scores.concatenated.as_dict(),
-            "intervals": {key: interval_over_actors(own) for key, own in values.items()},
-            "classes": {name: _short(one) for name, one in scores.classes.items()},
-        }
-    return {"report": rows}
-
-
-def _short(one: Measures) -> dict[str, Any]:
-    return {"frames": list(one.frames), "segments": list(one.segments)}
+    scores = evaluate(
+        {name: one.predicted for name, (_, one) in chosen.items()},
+        {name: one.truth for name, (_, one) in chosen.items()},
+        durations_s={name: one.seconds for name, (_, one) in chosen.items()},
+    )
+    values: dict[str, dict[tuple[str, str], list[float]]] = {"F1": {}, "F2": {}}
+    for name, (pair, _) in chosen.items():
+        one = scores.recordings[name]
+        values["F1"].setdefault(pair, []).append(one.frames.f)
+        values["F2"].setdefault(pair, []).append(one.segments.f)
+    return {
+        **scores.concatenated.as_dict(),
+        "intervals": {key: interval_over_actors(own) for key, own in values.items()},
+        "classes": {
+            name: {"frames": list(one.frames), "segments": list(one.segments)}
+            for name, one in scores.classes.items()
+        },
+    }
 
 
 def _changes(
-    bench: _Bench,
-    recordings: Recordings,
-    setting: Setting,
-    threshold: float,
-    matches: Mapping[tuple[Pair, str], Matches],
+    tasks: Tasks, alone: Tasks, setting: Setting, threshold: float, matches: Found
 ) -> Results:
     """F1 and F2 on the pairs for choosing, if one thing is changed."""
-    alone = {pair: clips_alone(recordings, pair, seed=SEED) for pair in CHOOSING}
-    others = tuple(name for name in bench.names if name not in NEAR)
-    rows = {"as chosen": _row(bench, matches, threshold)}
-    for name, change in CHANGES.items():
-        rows[name] = _row(bench, bench.find(setting._replace(**change), CHOOSING), threshold)
-    rows["labels not extended"] = _row(bench, matches, threshold, extended=False)
-    rows["without sneaking, grabbing and throwing"] = _row(bench, matches, threshold, names=others)
-    of_clips = bench.find(setting, CHOOSING, streams=alone)
-    single = {"kinds": ["clips"], "streams": alone}
-    rows["clips alone, nothing between"] = _row(bench, of_clips, threshold, **single)
-    rows["clips alone, labels not extended"] = _row(
-        bench, of_clips, threshold, extended=False, **single
-    )
-    return rows
 
+    def row(tasks: Tasks, found: Found, **how: Any) -> Results:
+        curve = curve_of(tasks, found, THRESHOLDS, **how)
+        best = best_of(curve)
+        return {"same": curve[threshold], "best_threshold": best, "best": curve[best]}
 
-def _row(
-    bench: _Bench, matches: Mapping[tuple[Pair, str], Matches], threshold: float, **more: Any
-) -> Results:
-    curve = {t: measure_labels(list(bench.label(matches, t, **more).values())) for t in THRESHOLDS}
-    best = best_of(curve)
-    return {"same": curve[threshold], "best_threshold": best, "best": curve[best]}
+    classes = next(iter(tasks.values())).learned
+    others = [one.name for one in classes if one.name not in NEAR]
+    of_clips = find_all(alone, setting, most=MOST)
+    return {
+        "as chosen": row(tasks, matches),
+        **{
+            name: row(tasks, find_all(tasks, setting._replace(**change), most=MOST))
+            for name, change in CHANGES.items()
+        },
+        "labels not extended": row(tasks, matches, extended=False),
+        "without sneaking, grabbing and throwing": row(tasks, matches, names=others),
+        "clips alone, nothing between": row(alone, of_clips),
+        "clips alone, labels not extended": row(alone, of_clips, extended=False),
+    }
 
 
 def _where_false(
-    bench: _Bench, matches: Mapping[tuple[Pair, str], Matches], threshold: float
+    streams: Mapping[Any, Mapping[str, Stream]], labelled: Mapping[Any, Labelled]
 ) -> list[list[Any]]:
     """False labels by class and by what they lie on most; recordings of a kind together."""
     counts: Counter[tuple[str, str]] = Counter()
-    for (pair, kind), one in bench.label(matches, threshold).items():
-        stream = bench.streams[pair][kind]
-        parts = [(s.name, s.start, s.end) for s in (*stream.truth, *stream.others)]
+    for (pair, kind), one in labelled.items():
+        parts = (*streams[pair][kind].truth, *streams[pair][kind].others)
         for x in one.predicted:
-            common = [(min(x.end, b) - max(x.start, a), name) for name, a, b in parts]
+            common = [(min(x.end, s.end) - max(x.start, s.start), s.name) for s in parts]
             if not any(name == x.name and length > 1e-6 for length, name in common):
                 counts[x.name, _kind_of(max(common)[1])] += 1
     return [[name, place, n] for (name, place), n in counts.most_common(14)]
@@ -306,17 +222,12 @@ def _kind_of(name: str) -> str:
     return "_".join(name.split("_")[:-2]) if name.startswith("bandai/") else name
 
 
-def _describe(bench: _Bench) -> Results:
+def _describe(streams: Sequence[Stream]) -> Results:
+    of_clips = sum(s.end - s.start for own in streams for s in own.truth)
     return {
-        kind: {
-            "seconds": [round(own[kind].seconds) for own in bench.streams.values()],
-            "clips": [len(own[kind].truth) for own in bench.streams.values()],
-            "share_of_clips": float(
-                sum(s.end - s.start for own in bench.streams.values() for s in own[kind].truth)
-                / sum(own[kind].seconds for own in bench.streams.values())
-            ),
-        }
-        for kind in KINDS
+        "seconds": [round(own.seconds) for own in streams],
+        "clips": [len(own.truth) for own in streams],
+        "share_of_clips": float(of_clips / sum(own.seconds for own in streams)),
     }
 
 

@@ -7,23 +7,24 @@ import numpy as np
 
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.labelling import (
+    Found,
     Labelled,
-    Matches,
+    Pair,
     Setting,
+    Tasks,
     best_of,
-    find_matches,
+    curve_of,
+    find_all,
     interval_over_actors,
-    labels_at,
-    learn_all,
-    with_setting,
+    label_all,
+    tasks_of,
 )
 from evidence.common.labelling import measure as measure_labels
-from evidence.common.recordings import ACTORS, Clip, Recordings, Results, examples
+from evidence.common.recordings import ACTORS, Recordings, Results, examples
 from evidence.common.streams import (
     CHOOSING,
     KINDS,
     REPORTING,
-    Stream,
     make_streams,
     negatives,
     other_motion,
@@ -46,9 +47,6 @@ DATA = (
     ("to choose thresholds by: {bandai}", negatives),
 )
 
-Pair = tuple[str, str]
-Streams = Mapping[tuple[Pair, str], Stream]
-Found = Mapping[tuple[Pair, str], Matches]
 
 TAUS = (0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.1)
 MOST = 0.15
@@ -61,37 +59,27 @@ ALONE, OTHERS = "told from each other", "told from other recordings too"
 def measure(recordings: Recordings) -> Results:
     """Estimated and measured by class, and what the thresholds do to all labels."""
     given = {ALONE: [], OTHERS: negatives(recordings)}
-    one_side = {p: _calibrate(recordings, p, given, mirrored=False) for p in CHOOSING + REPORTING}
-    mirrored = {p: _calibrate(recordings, p, given, mirrored=True) for p in CHOOSING}
-    streams = {
-        (pair, kind): stream
-        for pair in CHOOSING + REPORTING
-        for kind, stream in make_streams(recordings, pair, seed=SEED).items()
-    }
-    found = _find(recordings, streams, CHOOSING + REPORTING, mirrored=False)
-    both_sides = _find(recordings, streams, CHOOSING, mirrored=True)
-    curve = _curve(found, streams, CHOOSING)
-    best = best_of(curve)
+    one_side = {p: _calibrate(recordings, p, given, mirror=False) for p in CHOOSING + REPORTING}
+    mirrored = {p: _calibrate(recordings, p, given, mirror=True) for p in CHOOSING}
+    streams = {p: make_streams(recordings, p, seed=SEED) for p in CHOOSING + REPORTING}
+    tasks = tasks_of(recordings, streams)
+    choosing = {key: task for key, task in tasks.items() if key[0] in CHOOSING}
+    found = find_all(tasks, Setting(), most=MOST)
+    both_sides = find_all(choosing, Setting(mirrored=True), most=MOST)
+    best = best_of(curve_of(tasks, {key: found[key] for key in choosing}, TAUS))
+    mirrored_best = best_of(curve_of(tasks, both_sides, TAUS))
     return {
         "classes": {
-            way: _by_class(found, streams, {p: one_side[p][way] for p in REPORTING})
-            for way in given
+            way: _by_class(tasks, found, {p: one_side[p][way] for p in REPORTING}) for way in given
         },
         "best": best,
-        "report": _compare(found, streams, one_side, REPORTING, best),
-        "choosing": _compare(found, streams, one_side, CHOOSING, best),
-        "mirrored": _compare(
-            both_sides, streams, mirrored, CHOOSING, best_of(_curve(both_sides, streams, CHOOSING))
-        ),
+        "report": _compare(tasks, found, one_side, REPORTING, best),
+        "choosing": _compare(tasks, found, one_side, CHOOSING, best),
+        "mirrored": _compare(tasks, both_sides, mirrored, CHOOSING, mirrored_best),
         "negatives": {
-            "files": len(given[OTHERS]),
-            "minutes": sum(map(len, given[OTHERS])) / 30 / 60,
+            "files": len(given[OTHERS]), "minutes": sum(map(len, given[OTHERS])) / 30 / 60
         },
-    }
-
-
-def _learned_from(recordings: Recordings, pair: Pair) -> tuple[Clip, ...]:
-    return recordings.of(actors=set(ACTORS) - set(pair))
+    }  # fmt: skip
 
 
 def _calibrate(
@@ -99,41 +87,26 @@ def _calibrate(
     unseen: Pair,
     given: Mapping[str, Sequence[FeatureSequence]],
     *,
-    mirrored: bool,
+    mirror: bool,
 ) -> dict[str, dict[str, Calibration]]:
     """Calibrations from three actors, each left out in turn."""
-    clips = examples(_learned_from(recordings, unseen))
+    clips = examples(recordings.of(actors=set(ACTORS) - set(unseen)))
+    training = TrainingOptions(mirror=mirror, groups="HDM_(..)_")
     return {
-        way: calibrate_thresholds(
-            clips, negatives=others, training=TrainingOptions(mirror=mirrored, groups="HDM_(..)_")
-        )
+        way: calibrate_thresholds(clips, negatives=others, training=training)
         for way, others in given.items()
     }
 
 
-def _find(
-    recordings: Recordings, streams: Streams, pairs: Sequence[Pair], *, mirrored: bool
-) -> dict[tuple[Pair, str], Matches]:
-    setting = Setting(mirrored=mirrored)
-    found = {}
-    for pair in pairs:
-        clips = _learned_from(recordings, pair)
-        classes = with_setting(learn_all(clips), setting, clips)
-        for kind in KINDS:
-            packed = streams[pair, kind].packed
-            found[pair, kind] = find_matches(packed, classes, most=MOST, setting=setting)
-    return found
-
-
-def _curve(found: Found, streams: Streams, pairs: Sequence[Pair]) -> dict[float, dict[str, float]]:
-    return {
-        t: measure_labels([_label(found[key], streams[key], t) for key in found if key[0] in pairs])
-        for t in TAUS
-    }
-
-
-def _label(found: Matches, stream: Stream, thresholds: float | Mapping[str, float]) -> Labelled:
-    return Labelled(labels_at(found, thresholds), stream.truth, stream.seconds)
+def _label(
+    tasks: Tasks, found: Found, thresholds: Mapping[Pair, float | Mapping[str, float]]
+) -> dict[Any, Labelled]:
+    """Labels of the streams of some pairs, with the thresholds of each pair."""
+    labelled: dict[Any, Labelled] = {}
+    for pair, own in thresholds.items():
+        of_pair = {(pair, kind): found[pair, kind] for kind in KINDS}
+        labelled |= label_all(tasks, of_pair, own)
+    return labelled
 
 
 def _of(calibrations: Mapping[str, Calibration]) -> dict[str, float]:
@@ -141,34 +114,30 @@ def _of(calibrations: Mapping[str, Calibration]) -> dict[str, float]:
 
 
 def _by_class(
-    found: Found, streams: Streams, calibrated: Mapping[Pair, Mapping[str, Calibration]]
+    tasks: Tasks, found: Found, calibrated: Mapping[Pair, Mapping[str, Calibration]]
 ) -> Results:
     """Estimated (mean over pairs) and measured (all pairs together) of each class."""
     counts: dict[str, list[Counts]] = {}
-    for pair, calibrations in calibrated.items():
-        for kind in KINDS:
-            one = _label(found[pair, kind], streams[pair, kind], _of(calibrations))
-            for name, counted in count_overlaps(one.predicted, one.truth).items():
-                counts.setdefault(name, []).append(counted)
+    for one in _label(tasks, found, {p: _of(own) for p, own in calibrated.items()}).values():
+        for name, counted in count_overlaps(one.predicted, one.truth).items():
+            counts.setdefault(name, []).append(counted)
     rows = {}
     for name in sorted(counts):
-        promised = [own[name] for own in calibrated.values()]
-        rates = compute_rates(pool_counts(counts[name]))
+        estimated = [own[name] for own in calibrated.values()]
+        pooled = pool_counts(counts[name])
+        rates = compute_rates(pooled)
         rows[name] = {
-            "thresholds": [one.threshold for one in promised],
-            "promised": [
-                np.mean([one.precision for one in promised]),
-                np.mean([one.recall for one in promised]),
-            ],
+            "thresholds": [one.threshold for one in estimated],
+            "promised": np.mean([(one.precision, one.recall) for one in estimated], axis=0),
             "measured": [rates.precision, rates.recall],
-            "clips": pool_counts(counts[name]).true,
+            "clips": pooled.true,
         }
     return rows
 
 
 def _compare(
+    tasks: Tasks,
     found: Found,
-    streams: Streams,
     calibrated: Mapping[Pair, Mapping[str, Mapping[str, Calibration]]],
     pairs: Sequence[Pair],
     best: float,
@@ -182,18 +151,13 @@ def _compare(
         ways[f"per class, {way}"] = {pair: _of(calibrated[pair][way]) for pair in pairs}
     rows = {}
     for way, thresholds in ways.items():
-        own = {
-            (pair, kind): _label(found[pair, kind], streams[pair, kind], thresholds[pair])
-            for pair in pairs
-            for kind in KINDS
-        }
-        values = {
-            key: interval_over_actors(
-                {p: [measure_labels([own[p, kind]])[key] for kind in KINDS] for p in pairs}
-            )
+        own = _label(tasks, found, thresholds)
+        scores = {key: measure_labels([one]) for key, one in own.items()}
+        intervals = {
+            key: interval_over_actors({p: [scores[p, k][key] for k in KINDS] for p in pairs})
             for key in ("F1", "F2")
         }
-        rows[way] = {**measure_labels(list(own.values())), "intervals": values}
+        rows[way] = {**measure_labels(own.values()), "intervals": intervals}
     return rows
 
 

@@ -5,15 +5,18 @@ from typing import Any
 
 from evidence.common.drawing import Panel, draw_panels
 from evidence.common.labelling import (
+    Found,
     Labelled,
-    Matches,
     Setting,
+    Task,
+    Tasks,
     best_of,
-    find_matches,
-    labels_at,
+    curve_of,
+    find_all,
+    label_all,
     learn_all,
     merit,
-    with_setting,
+    tasks_of,
 )
 from evidence.common.labelling import measure as measure_labels
 from evidence.common.recordings import (
@@ -44,6 +47,7 @@ DATA = (
 )
 
 THRESHOLDS = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12, 0.13)
+MOST = THRESHOLDS[-1]
 SELF_INFORMATION, EQUAL = "by surprise", "all alike"
 WAYS = {
     SELF_INFORMATION: Setting(mirrored=True),
@@ -67,31 +71,30 @@ LOOKED_AT: dict[tuple[str, str, int], str] = {
     (_TAKE, "throwR", 23): "straightens up and lifts both arms into a T-pose; the truth says "
     "tpose, which was not trained",
 }
-#: Of an earlier prototype: F1 / F2 at its best threshold, .03, and at .06, entries all alike.
-PROTOTYPE = (".59 / .82", ".37 / .55")
-
-Truth = Mapping[str, Sequence[LabelledSegment]]
 
 
 def measure(recordings: Recordings) -> Results:
     """Labels of the four recordings, by threshold, and what is false."""
-    truth = _truth(recordings)
-    chosen = {way: _choose(recordings, setting) for way, setting in WAYS.items()}
     clips = recordings.of(actors=set(ACTORS) - {UNSEEN})
-    found = {way: _find(recordings, clips, setting) for way, setting in WAYS.items()}
+    tasks, everyone = (_tasks(recordings, own) for own in (clips, recordings.clips))
+    chosen = {way: _choose(recordings, setting) for way, setting in WAYS.items()}
+    found = {way: find_all(tasks, setting, most=MOST) for way, setting in WAYS.items()}
+    by_all = find_all(everyone, WAYS[SELF_INFORMATION], most=MOST)
+    longer = {
+        way: find_all(tasks, setting._replace(to_plateau_end=True), most=MOST)
+        for way, setting in WAYS.items()
+    }
     calibrated = {
         "told from each other": _calibrate(clips, []),
         "told from other recordings too": _calibrate(clips, negatives(recordings)),
     }
-    everyone = _find(recordings, recordings.clips, WAYS[SELF_INFORMATION])
-    curves = {
-        way: {t: _label(recordings, own, t, truth) for t in THRESHOLDS}
-        for way, own in found.items()
+    curves = {way: {t: _label(tasks, own, t) for t in THRESHOLDS} for way, own in found.items()}
+    measured = {
+        way: {t: measure_labels(own.values()) for t, own in curve.items()}
+        for way, curve in curves.items()
     }
-    measured = {way: {t: _all(own) for t, own in curve.items()} for way, curve in curves.items()}
     by_class = {
-        name: _label(recordings, found[SELF_INFORMATION], own, truth)
-        for name, own in calibrated.items()
+        name: _label(tasks, found[SELF_INFORMATION], own) for name, own in calibrated.items()
     }
     seen_best = best_of(measured[SELF_INFORMATION])
     one = {way: curves[way][chosen[way]] for way in WAYS}
@@ -100,16 +103,14 @@ def measure(recordings: Recordings) -> Results:
         "chosen": chosen,
         "curves": {way: list(curve.values()) for way, curve in measured.items()},
         "one": {way: measured[way][chosen[way]] for way in WAYS},
-        "everyone": measure_labels(
-            list(_label(recordings, everyone, chosen[SELF_INFORMATION], truth).values())
-        ),
+        "everyone": measure_labels(_label(tasks, by_all, chosen[SELF_INFORMATION]).values()),
         "to_plateau_end": {
-            way: _to_plateau_end(recordings, clips, way, chosen[way], truth) for way in WAYS
+            way: measure_labels(_label(tasks, longer[way], chosen[way]).values()) for way in WAYS
         },
-        "suggested": {name: _all(own) for name, own in by_class.items()},
+        "suggested": {name: measure_labels(own.values()) for name, own in by_class.items()},
         "suggested_thresholds": calibrated,
-        "trivial": _trivial(recordings, truth),
-        "seconds": {name: len(recordings.others[name]) / 30 for name in LABELLED},
+        "trivial": _trivial(tasks),
+        "seconds": {name: task.seconds for name, task in tasks.items()},
         "recordings": {
             way: {name: measure_labels([own]) for name, own in labelled.items()}
             for way, labelled in one.items()
@@ -126,53 +127,27 @@ def measure(recordings: Recordings) -> Results:
     }
 
 
-def _all(labelled: Mapping[str, Labelled]) -> dict[str, float]:
-    """Measures over all recordings."""
-    return measure_labels(list(labelled.values()))
-
-
-def _truth(recordings: Recordings) -> dict[str, list[LabelledSegment]]:
-    """Labels of the authors, of classes that the clips' classes belong to."""
+def _tasks(recordings: Recordings, clips: Sequence[Clip]) -> dict[str, Task]:
+    """The recordings, with the labels of the authors that clips' classes belong to."""
     tables = read_labels(recordings.folder / "truth" / "annotation_2009.csv")
-    known = set(NAMES.values())
+    known, learned = set(NAMES.values()), learn_all(clips)
     return {
-        name: [s for s in to_segments(tables[row], where=row) if s.name in known]
+        name: Task(
+            recordings.others[name],
+            [s for s in to_segments(tables[row], where=row) if s.name in known],
+            clips,
+            learned,
+        )
         for name, row in LABELLED.items()
     }
 
 
 def _choose(recordings: Recordings, setting: Setting) -> float:
     """Threshold with the best mean of F1 and F2 on streams that hold none of the recordings."""
-    found: list[tuple[Matches, tuple[LabelledSegment, ...], float]] = []
-    for pair in CHOOSING:
-        clips = recordings.of(actors=set(ACTORS) - set(pair))
-        classes = with_setting(learn_all(clips), setting, clips)
-        for stream in make_streams(recordings, pair, seed=SEED, without=tuple(LABELLED)).values():
-            matches = find_matches(stream.packed, classes, most=THRESHOLDS[-1], setting=setting)
-            found.append((matches, stream.truth, stream.seconds))
-    curve = {
-        t: measure_labels(
-            [Labelled(labels_at(one, t), truth, seconds) for one, truth, seconds in found]
-        )
-        for t in THRESHOLDS
-    }
-    return best_of(curve)
-
-
-def _find(recordings: Recordings, clips: Sequence[Clip], setting: Setting) -> dict[str, Matches]:
-    classes = with_setting(learn_all(clips), setting, clips)
-    return {
-        name: find_matches(recordings.others[name], classes, most=THRESHOLDS[-1], setting=setting)
-        for name in LABELLED
-    }
-
-
-def _to_plateau_end(
-    recordings: Recordings, clips: Sequence[Clip], way: str, threshold: float, truth: Truth
-) -> dict[str, float]:
-    """If a match goes on as long as it costs the same."""
-    found = _find(recordings, clips, WAYS[way]._replace(to_plateau_end=True))
-    return _all(_label(recordings, found, threshold, truth))
+    without = tuple(LABELLED)
+    streams = {p: make_streams(recordings, p, seed=SEED, without=without) for p in CHOOSING}
+    tasks = tasks_of(recordings, streams)
+    return best_of(curve_of(tasks, find_all(tasks, setting, most=MOST), THRESHOLDS))
 
 
 def _calibrate(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]:
@@ -183,35 +158,27 @@ def _calibrate(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]
 
 
 def _label(
-    recordings: Recordings,
-    found: Mapping[str, Matches],
-    thresholds: float | Mapping[str, float],
-    truth: Truth,
+    tasks: Tasks, found: Found, thresholds: float | Mapping[str, float]
 ) -> dict[str, Labelled]:
     """Labels under the names of the truth."""
     return {
-        name: Labelled(
-            rename_segments(labels_at(matches, thresholds), NAMES),
-            truth[name],
-            len(recordings.others[name]) / 30,
-        )
-        for name, matches in found.items()
+        name: own._replace(predicted=rename_segments(own.predicted, NAMES))
+        for name, own in label_all(tasks, found, thresholds).items()
     }
 
 
-def _trivial(recordings: Recordings, truth: Truth) -> Results:
+def _trivial(tasks: Tasks) -> Results:
     """No labels at all, and the most frequent class from end to end."""
     lengths: dict[str, float] = {}
-    for segments in truth.values():
-        for s in segments:
+    for task in tasks.values():
+        for s in task.truth:
             lengths[s.name] = lengths.get(s.name, 0.0) + s.end - s.start
     most = max(sorted(lengths), key=lambda name: lengths[name])
-    seconds = {name: len(recordings.others[name]) / 30 for name in LABELLED}
     everywhere = [
-        Labelled([LabelledSegment(most, 0.0, seconds[name])], truth[name], seconds[name])
-        for name in LABELLED
+        Labelled([LabelledSegment(most, 0.0, one.seconds)], one.truth, one.seconds)
+        for one in tasks.values()
     ]
-    nothing = [Labelled([], truth[name], seconds[name]) for name in LABELLED]
+    nothing = [Labelled([], one.truth, one.seconds) for one in tasks.values()]
     return {
         "most": most,
         "everywhere": measure_labels(everywhere),
@@ -225,37 +192,29 @@ def _overlaps(a: LabelledSegment, b: LabelledSegment) -> bool:
 
 def _false(ways: Mapping[str, Mapping[str, Labelled]]) -> list[Results]:
     """Labels that overlap no true one, in any of some ways to label."""
-    rows: list[Results] = []
+    rows: list[tuple[LabelledSegment, Results]] = []
     for way, labelled in ways.items():
         for name, own in labelled.items():
             for x in own.predicted:
-                if any(t.name == x.name and _overlaps(t, x) for t in own.truth):
+                there = [t for t in own.truth if _overlaps(t, x)]
+                if any(t.name == x.name for t in there):
                     continue
-                known = _same(rows, name, x)
-                if known is None:
-                    rows.append(_false_row(name, x, own.truth, way))
-                elif way not in known["ways"]:
-                    known["ways"].append(way)
-    return sorted(rows, key=lambda row: (row["recording"], row["start"], row["label"]))
+                row: Results = {
+                    "recording": name, "label": x.name, "start": x.start, "end": x.end,
+                    "cost": x.cost, "truth": sorted({t.name for t in there}), "ways": [],
+                }  # fmt: skip
+                same = (r for s, r in rows if _same(r, row) and _overlaps(s, x))
+                known = next(same, row)
+                if known is row:
+                    rows.append((x, row))
+                known["ways"] += [] if way in known["ways"] else [way]
+    return sorted(
+        (row for _, row in rows), key=lambda row: (row["recording"], row["start"], row["label"])
+    )
 
 
-def _same(rows: Sequence[Results], name: str, x: LabelledSegment) -> Results | None:
-    """A row of the same label that overlaps."""
-    for row in rows:
-        if (row["recording"], row["label"]) == (name, x.name) and _overlaps(
-            LabelledSegment(x.name, row["start"], row["end"]), x
-        ):
-            return row
-    return None
-
-
-def _false_row(
-    name: str, x: LabelledSegment, truth: Sequence[LabelledSegment], way: str
-) -> Results:
-    return {
-        "recording": name, "label": x.name, "start": x.start, "end": x.end, "cost": x.cost,
-        "truth": sorted({t.name for t in truth if _overlaps(t, x)}), "ways": [way],
-    }  # fmt: skip
+def _same(a: Results, b: Results) -> bool:
+    return (a["recording"], a["label"]) == (b["recording"], b["label"])
 
 
 def _missed(labelled: Mapping[str, Labelled]) -> list[list[Any]]:

@@ -66,11 +66,6 @@ WRONG_FROM = 0.01
 SAME, REFUSED, ALARM, WARNED, WRONG = (
     "same", "error, rightly", "false alarm", "read with a warning", "silently wrong",
 )  # fmt: skip
-# Kinds in which features are unknown that the recording knows, or the rest pose is seen, too.
-LACKING = (
-    "legs alone", "no legs", "no legs, sides exchanged", "gaps", "kept in place",
-    "lying still alone", "rest pose first",
-)  # fmt: skip
 #: From good to bad.
 VERDICTS = (SAME, REFUSED, WARNED, ALARM, WRONG)
 _COLOURS = dict(zip(VERDICTS, (BLUE, TRUNK, RULE, ORANGE, VERMILLION), strict=True))

@@ -17,7 +17,7 @@ _UNDERLINE = re.compile(r"-{3,}")
 _SECTIONS = ("Parameters", "Attributes")
 _LONGEST_SIGNATURE = 600
 _LONGEST_DEFAULT = 60
-_ENTRY = re.compile(r"(?P<names>\*?\w[\w, ]*?) : (?P<words>.*)")
+_ENTRY = re.compile(r"(?P<names>\*{0,2}\w[\w, ]*?) : (?P<text>.*)")
 
 
 def _rewrite(lines: list[str]) -> Iterator[str]:
@@ -47,8 +47,8 @@ def _entries(lines: list[str]) -> Iterator[str]:
     for number, line in enumerate(lines):
         entry = _ENTRY.fullmatch(line)
         if entry:
-            words = f"    - **{entry['names']}** – {entry['words']}"
-            yield words + _stop_before(lines, number + 1)
+            names = entry["names"].replace("*", r"\*")
+            yield f"    - **{names}** – {entry['text']}" + _stop_before(lines, number + 1)
         elif line.strip():
             yield f"      {line.strip()}"
 

@@ -4,14 +4,15 @@ Matches up to a large cost are computed once per class; for each threshold only 
 decision between the classes is made anew. `annotate` with that threshold gives the same.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evidence.common.recordings import Clip, examples
+from evidence.common.recordings import ACTORS, Clip, Recordings, examples
+from evidence.common.streams import Stream
 from motionary.evaluation import (
     LabelledSegment,
     compute_mean_average_precision,
@@ -66,6 +67,80 @@ class Labelled(NamedTuple):
     predicted: Sequence[LabelledSegment]
     truth: Sequence[LabelledSegment]
     seconds: float
+
+
+class Task(NamedTuple):
+    """What is labelled, what is true of it, and what classes are learned from."""
+
+    packed: FeatureSequence
+    truth: Sequence[LabelledSegment]
+    clips: Sequence[Clip]
+    learned: Sequence[MotionClass]
+
+    @property
+    def seconds(self) -> float:
+        """Length."""
+        return len(self.packed) / 30
+
+
+Tasks = Mapping[Any, Task]
+Found = Mapping[Any, Matches]
+Pair = tuple[str, str]
+
+
+def tasks_of(
+    recordings: Recordings, streams: Mapping[Pair, Mapping[str, Stream]]
+) -> dict[tuple[Pair, str], Task]:
+    """Streams of pairs of actors by pair and kind, learned from the other actors."""
+    tasks = {}
+    for pair, kinds in streams.items():
+        clips = recordings.of(actors=set(ACTORS) - set(pair))
+        learned = learn_all(clips)
+        for kind, stream in kinds.items():
+            tasks[pair, kind] = Task(stream.packed, stream.truth, clips, learned)
+    return tasks
+
+
+def find_all(
+    tasks: Tasks, setting: Setting, *, most: float, names: Collection[str] = ()
+) -> dict[Any, Matches]:
+    """Matches in every task, of all classes by default."""
+    found = {}
+    for key, task in tasks.items():
+        known = [one for one in task.learned if not names or one.name in names]
+        classes = with_setting(known, setting, task.clips)
+        found[key] = find_matches(task.packed, classes, most=most, setting=setting)
+    return found
+
+
+def label_all(
+    tasks: Tasks,
+    found: Found,
+    thresholds: float | Mapping[str, float],
+    *,
+    names: Sequence[str] | None = None,
+    extended: bool = True,
+) -> dict[Any, Labelled]:
+    """Labels of every task in which something was found; of some classes only."""
+    result = {}
+    for key, matches in found.items():
+        task = tasks[key]
+        truth = [s for s in task.truth if names is None or s.name in names]
+        labels = labels_at(matches, thresholds, names=names, extended=extended)
+        result[key] = Labelled(labels, truth, task.seconds)
+    return result
+
+
+def curve_of(
+    tasks: Tasks, found: Found, thresholds: Iterable[float], **how: Any
+) -> dict[float, dict[str, float]]:
+    """Measures over all tasks at each threshold."""
+    return {t: measure(label_all(tasks, found, t, **how).values()) for t in thresholds}
+
+
+def of_kind(found: Mapping[Any, Any], kind: str) -> dict[Any, Any]:
+    """What is of one kind of streams."""
+    return {key: one for key, one in found.items() if key[1] == kind}
 
 
 def learn_all(clips: Iterable[Clip]) -> tuple[MotionClass, ...]:
@@ -167,8 +242,9 @@ def _not_extended(modified: Sequence[NDArray[np.float64]]) -> list[tuple[int, in
     return [(int(best[a]), a, b) for a, b in split_runs(best) if best[a] >= 0]
 
 
-def measure(labelled: Sequence[Labelled]) -> dict[str, float]:
+def measure(labels: Iterable[Labelled]) -> dict[str, float]:
     """The measures that are drawn against the threshold, over all recordings."""
+    labelled = list(labels)
     pairs = [(list(one.predicted), list(one.truth)) for one in labelled]
     frames = compute_rates(pool_counts(c for pair in pairs for c in count_frames(*pair).values()))
     segments = compute_rates(

@@ -39,8 +39,9 @@ SAME, ERROR, OPEN = "same", "error", "not told by the body"
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 _Y_DOWN = np.diag([1.0, -1, -1])
 _X_UP = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
-_METRES = {"m": 1.0, "mm": 0.001, "inch": 0.0254, "odd": 0.0137}
-_WRITTEN = {"m": "m", "mm": "mm", "inch": "in", "odd": "?"}
+# Metres, and the unit as a file says it.
+_UNITS = {"m": (1.0, "m"), "mm": (0.001, "mm"), "inch": (0.0254, "in"), "odd": (0.0137, "?")}
+_ARMS = ("lclavicle", "lshoulder", "lelbow", "lwrist", "lfingers")
 
 _LEGS = ("root", "lhip", "lknee", "lankle", "ltoes", "rhip", "rknee", "rankle", "rtoes")
 _UPPER = tuple(j for j in GENERIC_JOINTS if j not in _LEGS or j == "root")
@@ -224,8 +225,20 @@ def _mapping(motion: Motion) -> Any:
 
 # -- kinds --------------------------------------------------------------------------------
 
+Make = Callable[[Motion, str, np.random.Generator], Draft]
 
-def _rate(rate_hz: float) -> Callable[[Motion, str, np.random.Generator], Draft]:
+
+def _of(change: Callable[[Motion], Motion], *, changes_truth: bool = False) -> Make:
+    """A change that needs neither format nor chance."""
+
+    def make(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
+        changed = change(motion)
+        return Draft(changed, changed if changes_truth else motion)
+
+    return make
+
+
+def _rate(rate_hz: float) -> Make:
     def make(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
         given = {"rate_hz": rate_hz} if suffix == "amc" else {}
         return Draft(at_rate(motion, rate_hz), motion, given)
@@ -233,22 +246,21 @@ def _rate(rate_hz: float) -> Callable[[Motion, str, np.random.Generator], Draft]
     return make
 
 
-def _axes(
-    turn: Floats, *, whole_rig: bool = False, up_word: str | None = None
-) -> Callable[[Motion, str, np.random.Generator], Draft]:
+def _axes(turn: Floats, *, whole_rig: bool = False, up_word: str = "?") -> Make:
     def make(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
         # The writer of C3D turns z up by itself: take that back first.
         full = _Z_UP.T @ turn if suffix == "c3d" else turn
-        word = ("?" if up_word is None else up_word) if suffix == "c3d" else None
+        word = up_word if suffix == "c3d" else None
         return Draft(turned(motion, full, whole_rig=whole_rig), motion, up_word=word)
 
     return make
 
 
-def _unit(name: str, said: str | None = None) -> Callable[..., Draft]:
+def _unit(name: str, said: str | None = None) -> Make:
+    metres, written = _UNITS[name]
+
     def make(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-        word = _WRITTEN[name] if said is None else said
-        return Draft(motion, motion, metres=_METRES[name], unit_word=word)
+        return Draft(motion, motion, metres=metres, unit_word=written if said is None else said)
 
     return make
 
@@ -261,11 +273,6 @@ def _rotated(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
     return Draft(replace(moved, positions=moved.positions + step), motion)
 
 
-def _mirrored(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-    mirror = renamed(reflected(motion), twins(motion))
-    return Draft(mirror, mirror)
-
-
 def _names_swapped(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
     names = twins(motion)
     if suffix == "amc":
@@ -273,39 +280,28 @@ def _names_swapped(motion: Motion, suffix: str, rng: np.random.Generator) -> Dra
     return Draft(renamed(motion, names), motion)
 
 
-def _arms_swapped(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-    arms = ("lclavicle", "lshoulder", "lelbow", "lwrist", "lfingers")
-    return Draft(renamed(motion, twins(motion, arms)), motion)
-
-
-def _left_handed(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-    return Draft(reflected(motion), motion)
-
-
-def _half(joints: tuple[str, ...], *, swapped: bool = False) -> Callable[..., Draft]:
+def _half(joints: tuple[str, ...], *, swapped: bool = False) -> Make:
     def make(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-        given = {"skeleton": _mapping(motion).name}
         half = part_of(motion, joints)
-        return Draft(renamed(half, twins(motion)) if swapped else half, motion, given)
+        half = renamed(half, twins(motion)) if swapped else half
+        return Draft(half, motion, {"skeleton": _mapping(motion).name})
 
     return make
 
 
-def _gaps(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-    return Draft(with_gaps(motion, rng), motion)
+def _mirrored(motion: Motion) -> Motion:
+    return renamed(reflected(motion), twins(motion))
 
 
-def _in_place(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
-    still = on_the_spot(motion)
-    return Draft(still, motion)
+def _arms_swapped(motion: Motion) -> Motion:
+    return renamed(motion, twins(motion, _ARMS))
 
 
-def _lying(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
+def _lying(motion: Motion) -> Motion:
     body = motion.generic_positions()
     low, high = (body[:, GENERIC_JOINTS.index(joint), 1] for joint in ("root", "head"))
     first = int(np.flatnonzero(np.abs(high - low) > 0.2)[-1]) + 1
-    lying = motion.cut(min(first, motion.n_frames - 10), motion.n_frames)
-    return Draft(lying, lying)
+    return motion.cut(min(first, motion.n_frames - 10), motion.n_frames)
 
 
 def _rest_pose(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
@@ -331,16 +327,16 @@ KINDS: dict[str, Kind] = {
     "an odd unit": Kind(_unit("odd"), NO_AMC, SAME),
     "metres, file says mm": Kind(_unit("m", "mm"), ("c3d", "trc"), ERROR),
     "rotated and moved": Kind(_rotated, ALL, SAME),
-    "mirrored": Kind(_mirrored, NO_AMC, SAME),
+    "mirrored": Kind(_of(_mirrored, changes_truth=True), NO_AMC, SAME),
     "names of sides exchanged": Kind(_names_swapped, ALL, ERROR),
-    "names of arms exchanged": Kind(_arms_swapped, NO_AMC, ERROR),
-    "left-handed axes": Kind(_left_handed, NO_AMC, ERROR),
+    "names of arms exchanged": Kind(_of(_arms_swapped), NO_AMC, ERROR),
+    "left-handed axes": Kind(_of(reflected), NO_AMC, ERROR),
     "legs alone": Kind(_half(_LEGS), NO_AMC, SAME),
     "no legs": Kind(_half(_UPPER), NO_AMC, SAME),
     "no legs, sides exchanged": Kind(_half(_UPPER, swapped=True), NO_AMC, OPEN),
-    "gaps": Kind(_gaps, POINTS, SAME),
-    "kept in place": Kind(_in_place, ALL, SAME),
-    LYING: Kind(_lying, ALL, SAME),
+    "gaps": Kind(lambda one, _, rng: Draft(with_gaps(one, rng), one), POINTS, SAME),
+    "kept in place": Kind(_of(on_the_spot), ALL, SAME),
+    LYING: Kind(_of(_lying, changes_truth=True), ALL, SAME),
     "rest pose first": Kind(_rest_pose, RIGS, SAME),
 }
 
