@@ -1,6 +1,6 @@
 """What motion templates are compared with: one example by DTW, and frames one by one.
 
-Random search, beside the evolution of queries and with as many evaluations, is
+Random search, beside the genetic algorithm and with as many evaluations, is
 `motionary.models.query_learning.learn_runs(..., random_search=True)`.
 """
 

@@ -1,7 +1,7 @@
-"""Where does an example end in a document, whatever a cell costs?
+"""The distance function of an example over a recording, whatever a cell costs.
 
 The distance function of Müller and Röder (2006), eq. 2, on a full matrix of costs: the
-steps are those of `motionary.matching`, which compares packed words and keeps no matrix.
+steps are those of `motionary.matching`, which compares packed features and keeps no matrix.
 """
 
 from typing import Any, NamedTuple

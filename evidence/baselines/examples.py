@@ -1,7 +1,7 @@
-"""How is one example sought without a template?
+"""One example searched for without a template.
 
 DTW of the example's frames in a document, after Müller and Röder (2006), section 5.5: on
-relations with the Manhattan distance, on local rotations with the geodesic distance of
+features with the Manhattan distance, on local rotations with the geodesic distance of
 unit quaternions, and on normalised joint positions with the Euclidean distance.
 """
 
@@ -88,7 +88,7 @@ def _same(one: Hit, other: Hit) -> bool:
 
 
 def feature_costs(example: Floats, document: Floats) -> Floats:
-    """Share of the relations known in both that disagree; 1 if fewer than half are known."""
+    """Fraction of the features known in both that disagree; 1 if fewer than half are known."""
     seen_x, seen_y = np.isfinite(example), np.isfinite(document)
     x, y = np.where(seen_x, example, 0.0), np.where(seen_y, document, 0.0)
     n_known = seen_x.astype(np.float64) @ seen_y.T.astype(np.float64)
@@ -127,11 +127,11 @@ def _check_joints(example: Floats, document: Floats) -> None:
     if example.shape[1:] != document.shape[1:]:
         raise InvalidInput(
             "example and motion must have the same joints, got frames of shape "
-            f"{example.shape[1:]} and {document.shape[1:]}; compare relations instead"
+            f"{example.shape[1:]} and {document.shape[1:]}; compare features instead"
         )
 
 
-#: By name: relations with equal weights, rotations, and positions whose heading, or whole
+#: By name: features with equal weights, rotations, and positions whose heading, or whole
 #: rotation as in print, is removed.
 BASELINES: Mapping[str, Baseline] = MappingProxyType(
     {

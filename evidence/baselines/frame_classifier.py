@@ -1,4 +1,4 @@
-"""Which class does each frame belong to, looked at by itself?
+"""Frames classified one by one from what surrounds them.
 
 Arikan, Forsyth and O'Brien (2003) classify frames by support vector machines with a radial
 kernel on windows of positions. The kernel is approximated here by random cosines (Rahimi

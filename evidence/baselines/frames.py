@@ -1,7 +1,7 @@
-"""What is compared frame by frame: relations, rotations, or places of joints?
+"""What is compared frame by frame: features, rotations, or places of joints.
 
 The features of the methods that Müller and Röder (2006), section 5.5, compare templates
-with. All at 30 Hz, as words are.
+with. All at 30 Hz, as features are.
 """
 
 from typing import Literal
@@ -22,7 +22,7 @@ _SEGMENTS = (("lhip", "lknee"), ("rhip", "rknee"), ("root", "neck"))
 
 
 def feature_frames(motion: Motion) -> Floats:
-    """The 40 relations of a motion, shape (frames, 40): 0, 1, or NaN where unknown."""
+    """The 40 features of a motion, shape (frames, 40): 0, 1, or NaN where unknown."""
     packed = compute_features(motion)
     frames = packed.features.astype(np.float64)
     frames[packed.known_features == 0] = np.nan

@@ -1,4 +1,4 @@
-"""What does a body do around each frame, as a fixed window of joint positions?
+"""Windows of joint positions around each frame, of fixed length.
 
 The features of Arikan, Forsyth and O'Brien (2003), who classify frames one by one:
 positions around a frame, seen from the body at that frame.
