@@ -214,7 +214,9 @@ def _to_floats(words: _Words) -> Floats:
     n_dots = is_dot.sum(axis=0, dtype=np.uint8)
     first = words.buffer[words.starts]
     n_signs = (first == _MINUS) | (first == _PLUS)
-    decimals = (is_dot * place).sum(axis=0, dtype=np.uint8)
+    # Of several dots the places add up; such a word is no plain number.
+    decimals = np.minimum((is_dot * place).sum(axis=0, dtype=np.uint16), len(_POWERS) - 1)
+    decimals = decimals.astype(np.uint8)
     plain = (n_digits > 0) & (n_digits <= _MAX_DIGITS) & (n_dots <= 1)
     plain &= n_digits + n_dots + n_signs == lengths
     values = _mantissas(np.where(is_digit, digits, 0), n_dots, decimals)
