@@ -79,7 +79,9 @@ class ProgramFault(MotionaryError, RuntimeError):
     """Something went wrong in the program, not by its input, while one of many was done."""
 
 
-def check_kind(value: object, kinds: tuple[type, ...], *, name: str, remedy: str) -> None:
+def check_kind(
+    value: object, kinds: tuple[type, ...], *, name: str, remedy: str, role: str = ""
+) -> None:
     """Refuse an argument of another kind.
 
     Parameters
@@ -88,6 +90,7 @@ def check_kind(value: object, kinds: tuple[type, ...], *, name: str, remedy: str
     kinds : what the call takes
     name : of the argument
     remedy : what to do instead
+    role : what the argument is to be, before its kinds
 
     Raises
     ------
@@ -95,4 +98,5 @@ def check_kind(value: object, kinds: tuple[type, ...], *, name: str, remedy: str
     """
     if not isinstance(value, kinds):
         wanted = " or ".join(kind.__name__ for kind in kinds)
+        wanted = f"{role}: {wanted}" if role else wanted
         raise WrongKind(f"{name} must be {wanted}, got {type(value).__name__}; {remedy}")

@@ -22,7 +22,10 @@ LIBRARY = ClassLibrary(())
         (lambda: annotate(MOTION, "library"), r"library must be ClassLibrary, got str.*\.load"),
         (lambda: MOTION.cut(1.5, 3.5), r"first must be int.*got float; for seconds.*rate_hz"),
         (lambda: MOTION.cut(1, 3.5), "stop must be int"),
-        (lambda: search(np.zeros((9, 3)), [MOTION]), r"query must be Motion .*got ndarray"),
+        (
+            lambda: search(np.zeros((9, 3)), [MOTION]),
+            r"query must be an example.*Motion .*got ndarray",
+        ),
         (lambda: search("take.bvh", [MOTION]), r"got str; read files first"),
         (lambda: search([MOTION, "x"], [MOTION]), r"query must be .*got str"),
         (lambda: collect(MOTION), r"recordings must be str or Path or Iterable, got Motion"),

@@ -115,6 +115,7 @@ def annotate(
     InvalidInput
         If the library is empty, has another feature set, or lacks what scores need.
     """
+    _check_kinds(recording, library)
     if assignment is None and at_most_false_per_min is not None:
         assignment = "scores"
     if assignment is None:
@@ -282,7 +283,7 @@ def unassessed(sequence: FeatureSequence) -> tuple[Segment, ...]:
     )
 
 
-def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
+def _check_kinds(recording: Motion | FeatureSequence, library: ClassLibrary) -> None:
     check_kind(
         recording,
         (Motion, FeatureSequence),
@@ -296,6 +297,10 @@ def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> 
         name="library",
         remedy="it comes second: annotate(recording, ClassLibrary.load(folder))",
     )
+
+
+def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
+    _check_kinds(recording, library)
     if not library:
         raise InvalidInput("the library has no classes, so there is nothing to look for")
     if isinstance(recording, Motion):

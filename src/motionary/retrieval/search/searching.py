@@ -136,7 +136,11 @@ def search(
     parts = query if isinstance(query, Sequence) and not isinstance(query, str) else (query,)
     for part in parts:
         check_kind(
-            part, _QUERY_KINDS, name="query", remedy="read files first: search(read(path), …)"
+            part,
+            _QUERY_KINDS,
+            name="query",
+            role="an example, a class or keyframes",
+            remedy="read files first: search(read(path), …)",
         )
     if limit is not None and limit < 1:
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
