@@ -39,6 +39,9 @@ _MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAMES = re.compile(r"\s*Frames\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*Frame\s+Time\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 
+# Rates of cameras and programs, where printed digits leave several.
+_USUAL_HZ = (24.0, 25.0, 30.0, 50.0, 60.0, 90.0, 100.0, 120.0, 144.0, 150.0, 200.0, 240.0)
+
 
 @dataclass(slots=True)
 class _Node:
@@ -76,7 +79,10 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     table = _read_header(text, start.end(), path.name)
     values = _read_values(table, sum(len(node.channels) for node in nodes), path.name)
     notes += _compare_length(table, len(values), path.name)
-    rate = _rate(table, path.name) if options.rate_hz is None else options.rate_hz
+    rate = options.rate_hz
+    if rate is None:
+        rate, guessed = _rate(table, path.name)
+        notes += guessed
     return _to_content(path.name, nodes, values, rate, notes)
 
 
@@ -226,13 +232,27 @@ def _compare_length(table: _Table, n_frames: int, name: str) -> list[str]:
     return []
 
 
-def _rate(table: _Table, name: str) -> float:
-    rate = rate_of_frame_time(parse_number(table.frame_time))
+def _rate(table: _Table, name: str) -> tuple[float, list[str]]:
+    """Frames per second, and a note where few digits were printed."""
+    time_s = parse_number(table.frame_time)
+    rate = rate_of_frame_time(time_s)
     if math.isnan(rate):
         raise UnreadableFile(
             f"{name}: 'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; {RATE_HINT}"
         )
-    return rate
+    usual = _usual_rate(table.frame_time, time_s, rate)
+    if usual is None:
+        return rate, []
+    return usual, [f"{usual:g} Hz, by a frame time of {table.frame_time} s"]
+
+
+def _usual_rate(printed: str, time_s: float, rate_hz: float) -> float | None:
+    """The usual rate that a frame time of few digits stands for; None if it tells its own."""
+    unit = 10.0 ** -len(printed.partition(".")[2])
+    if not printed.replace(".", "", 1).isdecimal() or rate_hz == round(rate_hz) or unit >= time_s:
+        return None
+    fits = [hz for hz in _USUAL_HZ if abs(1 / hz - time_s) <= unit / 2]
+    return min(fits, key=lambda hz: abs(hz - rate_hz), default=None)
 
 
 def _to_content(
