@@ -19,26 +19,8 @@ LONGEST_MESSAGE = 500
 # What is not read right yet, by the id of its test, or by the test's name where it has no
 # parameters: who mends one takes it out.
 NOT_YET = (
-    "faults/sto_cut_off_nrows_100.sto",
-    "faults/trc_9999999.trc",
-    "faults/trc_blanks_for_tabs.trc",
-    "faults/trc_decimal_comma.trc",
-    "faults/trc_dropped_frames.trc",
-    "faults/trc_header_30_times_29.476.trc",
-    "faults/trc_names_over_each_column.trc",
-    "faults/trc_nan_ind.trc",
-    "faults/trc_time_runs_backward.trc",
-    "wild/Biomechanical-ToolKit+BTKData/UpperLimbStatic.trc",
-    "wild/PeizhuoLi+ganimator/Baseball-Milling-Idle-edited-keyframes.bvh",
-    "wild/_made/unlabelled.trc",
     "wild/omimo+PyMO/AV_8Walk_Meredith_HVHA_Rep1.bvh",
     "wild/ufbx+ufbx/blender_293_barbarian_7400_binary.fbx",
-    "labels_cp1252.csv",
-    "labels_quote_swallows_rows.csv",
-    "labels_text_like_number_rewritten.csv",
-    "labels_two_empty_columns.csv",
-    "test_dropped_frames_are_filled_with_even_times_on_request",
-    "test_unicode_forms_of_one_label_are_the_same_label",
 )
 #: Of these, what would only wait.
 WAITS = ("hash_bomb.pkl",)

@@ -166,3 +166,38 @@ def test_what_was_measured_says_how_much_was_known(tmp_path):
     ]
     write_labels(LabelTrack(Recording("a"), (Label("walk", 0, 1),)), tmp_path / "by-hand.csv")
     assert "known" not in (tmp_path / "by-hand.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("table", "rate_hz"),
+    [
+        ("recording,label,start_s,end_s\nx,a,0:01.5,1:02:03\n", None),
+        ("recording,label,start_ms,end_ms\nx,a,1500,3723000\n", None),
+        ("recording;label;start_s;end_s\nx;a;0:01,5;3723\n", None),
+        ("recording,label,start_frame,end_frame\nx,a,15,37229\n", 10),
+        ("recording,label,start_s,end_s,cost\nx,a,1.5,3723,n/a\n", None),
+    ],
+)
+def test_times_as_people_write_them(tmp_path, table, rate_hz):
+    path = tmp_path / "labels.csv"
+    path.write_text(table, encoding="utf-8")
+    (label,) = read_labels(path, rate_hz=rate_hz)["x"]
+    assert (label.start_s, label.end_s, label.cost) == (1.5, 3723, None)
+
+
+def test_frames_without_a_rate_and_cells_without_a_column_are_refused(tmp_path):
+    path = tmp_path / "labels.csv"
+    path.write_text("recording,label,start_frame,end_frame\nx,a,1,2\n", encoding="utf-8")
+    with pytest.raises(UnreadableFile, match=r"line 2: says frames and no times"):
+        read_labels(path)
+    path.write_text("recording,label,start_s,end_s,\nx,a,1,2,what\n", encoding="utf-8")
+    with pytest.raises(UnreadableFile, match=r"line 2: 'what' stands in a column without a name"):
+        read_labels(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-16", "cp1252"])
+def test_text_of_other_encodings(tmp_path, encoding):
+    path = tmp_path / "labels.csv"
+    path.write_bytes("recording,label,start_s,end_s\nx,Höhe – é,1,2\n".encode(encoding))
+    (label,) = read_labels(path)["x"]
+    assert label.name == "Höhe – é"

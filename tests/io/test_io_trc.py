@@ -132,10 +132,61 @@ def test_joint_angles_say_what_to_export(tmp_path):
     [
         ("0\t1,2,3\n0.01\t1,2\n", "line 6: a frame has 4 numbers, this one 3"),
         ("0\t1,2,3\n", "give no frame rate"),
-        ("0\t1,2,3\n0.01\t1,2,3\n0.02\t1,2,3\n0.05\t1,2,3\n", "not evenly spaced"),
+        ("0\t1,2,3\n0.01\t1,2,3\n0.005\t1,2,3\n0.05\t1,2,3\n", "time runs backward"),
         ("0\tx,2,3\n", "line 5: expected a number, got 'x'"),
     ],
 )
 def test_broken_tables_of_opensim(tmp_path, rows, words):
     with pytest.raises(UnreadableFile, match=words):
         read(put(tmp_path, f"x\nDataType=Vec3\nendheader\ntime\ta\n{rows}", "a.sto"))
+
+
+def test_missing_frames_are_told_and_put_at_their_times_on_request(tmp_path):
+    text = "x\nDataType=Vec3\nendheader\ntime\ta\n0\t1,2,3\n0.01\t1,2,3\n0.02\t1,2,3\n0.05\t4,5,6\n"
+    path = put(tmp_path, text, "a.sto")
+    motion = read(path)
+    assert (motion.n_frames, motion.rate_hz) == (4, 100)
+    assert any("2 frames are missing between 0.02 and 0.05 s" in note for note in motion.notes)
+    even = read(path, even_times=True)
+    np.testing.assert_array_equal(even.positions[:, 0, 0], [1, 1, 1, np.nan, np.nan, 4])
+
+
+def test_uneven_times_are_told_and_resampled_on_request(tmp_path):
+    times = [0, 0.012, 0.018, 0.03, 0.041, 0.05]
+    rows = "".join(f"{t}\t{t},1,0\n" for t in times)
+    path = put(tmp_path, f"x\nDataType=Vec3\nendheader\ntime\ta\n{rows}", "a.sto")
+    assert not any("not evenly spaced" in note for note in read(path, rate_hz=100).notes)
+    assert any("not evenly spaced" in note for note in read(path).notes)
+    even = read(path, rate_hz=100, even_times=True)
+    np.testing.assert_allclose(even.positions[:, 0, 0], np.arange(6) / 100, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace("\t", ","),
+        lambda text: text.replace("\n", "\r\r\n"),
+        lambda text: text.replace(".", ","),
+        lambda text: text.replace("A\t\t\tB\t\t", "A:X\tA:Y\tA:Z\tB:X\tB:Y\tB:Z"),
+        lambda text: text.replace("A\t\t\tB\t\t", "A_x\tA_y\tA_z\tB_x\tB_y\tB_z"),
+        lambda text: text.replace("A\t\t\tB\t\t", "A\tA\tA\tB\tB\tB"),
+    ],
+    ids=["commas", "lines ended twice", "decimal commas", "A:X", "A_x", "A A A"],
+)
+def test_other_spellings_of_the_same_table(tmp_path, change):
+    wanted = read(put(tmp_path, trc_text(), "wanted.trc"))
+    motion = read(put(tmp_path, change(trc_text()), "changed.trc"))
+    assert motion.names == wanted.names
+    np.testing.assert_array_equal(motion.positions, wanted.positions)
+
+
+def test_a_table_without_the_line_of_axes_keeps_its_first_frame(tmp_path):
+    wanted = read(put(tmp_path, trc_text(), "wanted.trc"))
+    lines = trc_text().split("\n")
+    motion = read(put(tmp_path, "\n".join(lines[:4] + lines[5:]), "changed.trc"))
+    np.testing.assert_array_equal(motion.positions, wanted.positions)
+
+
+def test_a_rate_that_no_body_is_recorded_at_is_doubted(tmp_path):
+    motion = read(put(tmp_path, trc_text(), "slow.trc"), rate_hz=2)
+    assert any(note.startswith("2 Hz is slow") for note in motion.notes)

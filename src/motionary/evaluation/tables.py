@@ -9,6 +9,7 @@ as long as both tables use the same; segments may overlap and come in any order.
 """
 
 import math
+import unicodedata
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
@@ -119,10 +120,10 @@ def to_segments(labels: Labels, *, where: str) -> list[LabelledSegment]:
             continue
         try:
             cost = getattr(label, "cost", None)
+            # Letters with accents come in two forms, which are the same label.
+            name = unicodedata.normalize("NFC", label.name)
             segments.append(
-                LabelledSegment(
-                    label.name, label.start_s, label.end_s, 0.0 if cost is None else cost
-                )
+                LabelledSegment(name, label.start_s, label.end_s, 0.0 if cost is None else cost)
             )
         except AttributeError:
             raise InvalidInput(

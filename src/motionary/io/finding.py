@@ -11,6 +11,7 @@ import glob
 import hashlib
 import itertools
 import os
+import unicodedata
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path, PurePosixPath
@@ -129,9 +130,11 @@ def match_recording(name: str, names: Iterable[str]) -> str | None:
     names = list(names)
     if name in names:
         return name
-    wanted = PurePosixPath(name.replace("\\", "/"))
-    for key in (_without_suffix, lambda path: _without_suffix(path).name):
-        same = [other for other in names if key(PurePosixPath(other)) == key(wanted)]
+    # Systems write letters with accents in one form or the other.
+    wanted = PurePosixPath(unicodedata.normalize("NFC", name.replace("\\", "/")))
+    paths = {other: PurePosixPath(unicodedata.normalize("NFC", other)) for other in names}
+    for key in (lambda path: path, _without_suffix, lambda path: _without_suffix(path).name):
+        same = [other for other, path in paths.items() if key(path) == key(wanted)]
         if same:
             return same[0] if len(same) == 1 else None
     return None

@@ -52,6 +52,8 @@ class ReadOptions:
     fill_by : "cubic", with the velocities on either side, or "linear"
     trust_points : read points that are marked unseen (in C3D by a negative residual) where the
         file has places of them
+    even_times : put frames at even times where those in the file have gaps or are uneven; what
+        was not seen is unknown
     take : which recording of a file that holds several: its name, or its number from 1
 
     Raises
@@ -131,6 +133,15 @@ class ReadOptions:
             "--trust-points",
             "",
             "Read points that C3D marks unseen, though places are there.",
+        ),
+    )
+
+    even_times: bool | None = field(
+        default=None,
+        metadata=_flag(
+            "--even-times",
+            "",
+            "Put frames at even times where the file's have gaps or are uneven.",
         ),
     )
 

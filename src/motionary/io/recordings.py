@@ -20,10 +20,14 @@ from motionary.motion import JointMapping, Motion, Unmapped
 from motionary.recording import Recording
 from motionary.skeletons import SkeletonTable, known_mappings, map_joints
 
+# Slower than any recording of a body that moves.
+_SLOWEST_HZ = 10.0
+
 _REFUSALS = {
     "asf": "has its own skeleton; leave out asf=",
     "take": "holds one recording; leave out take=",
     "trust_points": "marks no points unseen; leave out trust_points=",
+    "even_times": "has no times of single frames; leave out even_times=",
     "body_model": "is no motion of a body model; leave out body_model=",
 }
 
@@ -159,6 +163,13 @@ def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
         positions, zeros = unsee_zeros(content.positions, content.names)
         content = replace(content, positions=positions, notes=(*content.notes, *zeros))
     mapping = _find_mapping(content, table)
+    notes = content.notes
+    if content.rate_hz < _SLOWEST_HZ:
+        notes = (
+            *notes,
+            f"{content.rate_hz:g} Hz is slow for a motion; if the file's rate is wrong, pass the "
+            "right one with --rate (rate_hz=...)",
+        )
     return Motion(
         names=tuple(content.names),
         positions=content.positions,
@@ -169,7 +180,7 @@ def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
         skeleton=content.skeleton,
         rotations=content.rotations,
         events=content.events,
-        notes=content.notes,
+        notes=notes,
         unmapped=mapping if isinstance(mapping, Unmapped) else None,
     )
 

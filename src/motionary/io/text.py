@@ -26,6 +26,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _MOST_RATIO = 16
 _ALWAYS_BYTES = 1 << 26
 _PIECE = 1 << 22
+_LOOKED_AT = 1 << 10
 
 
 def format_suffix(path: str | PurePath) -> str:
@@ -42,7 +43,7 @@ def stem_of(path: str | PurePath) -> str:
 
 
 def read_text(path: Path) -> str:
-    """Text of a file: UTF-8 or UTF-16 by its mark, else UTF-8, else Latin-1.
+    """Text of a file: UTF-8 or UTF-16, else as Windows writes it, else Latin-1.
 
     Lines end with a newline, whichever system wrote them. A file whose name ends in .gz
     is unpacked.
@@ -56,7 +57,10 @@ def read_text(path: Path) -> str:
     if path.suffix.lower() == PACKED:
         content = _unpack(content, path.name)
     text = _decode(content)
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    if "\r" not in text:
+        return text
+    # A file that was converted twice ends its lines with two of them.
+    return text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def write_text(path: str | Path, pieces: Iterable[str]) -> None:
@@ -111,10 +115,20 @@ def _unpack(content: bytes, name: str) -> bytes:
 def _decode(content: bytes) -> str:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16", errors="replace")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
+    # UTF-16 without its mark: text of Europe has a zero in every other byte.
+    start = content[:_LOOKED_AT]
+    for encoding, zeros, letters in (
+        ("utf-16-le", start[1::2], start[::2]),
+        ("utf-16-be", start[::2], start[1::2]),
+    ):
+        if len(zeros) > 1 and zeros.count(0) > 0.9 * len(zeros) and letters.count(0) == 0:
+            return content.decode(encoding, errors="replace")
+    for encoding in ("utf-8-sig", "cp1252"):
+        try:
+            return content.decode(encoding)
+        except UnicodeDecodeError:
+            pass
+    return content.decode("latin-1")
 
 
 def write_table(rows: Iterable[Sequence[Cell]], path: str | Path, *, excel: bool = False) -> None:

@@ -61,13 +61,20 @@ FORMATS = (
         lacks=("events", "first frame"),
     ),
     Format(".c3d", "c3d:read_c3d", "c3d:write_c3d", takes=("trust_points",), lacks=("rig",)),
-    Format(".trc", "trc:read_trc", "trc:write_trc", is_text=True, lacks=("rig", "events")),
+    Format(
+        ".trc",
+        "trc:read_trc",
+        "trc:write_trc",
+        takes=("even_times",),
+        is_text=True,
+        lacks=("rig", "events"),
+    ),
     Format(".npz", "arrays:read_npz_motion", "npz:write_npz", takes=("body_model", "take")),
     Format(".npy", "arrays:read_array", takes=("take",)),
     Format(".pkl", "pickled:read_pickle", takes=("take",)),
     Format(".fbx", "fbx:read_fbx", takes=("take",)),
-    Format(".sto", "opensim:read_opensim", is_text=True, in_folders=False),
-    Format(".mot", "opensim:read_opensim", is_text=True, in_folders=False),
+    Format(".sto", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
+    Format(".mot", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
 )
 _BY_SUFFIX = {form.suffix: form for form in FORMATS}
 _BY_SUFFIX |= {form.suffix + PACKED: form for form in FORMATS if form.is_text}

@@ -22,9 +22,9 @@ from motionary.io.formats.content import (
     FileContent,
     number_doubles,
     place_joints,
-    rate_of_frame_time,
 )
 from motionary.io.formats.numbers import parse_number, read_table
+from motionary.io.formats.times import rate_of_frame_time
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import read_text

@@ -27,13 +27,6 @@ POINT_UNITS = ("m", "dm", "cm", "mm", "inch")
 RATE_HINT = "pass the rate with --rate (rate_hz=...)"
 
 MOST_RATE_HZ = 1e5
-# Times beyond are none that a clock shows.
-_LATEST_S = 1e9
-
-# Rates are printed rounded: within this fraction of a whole number they are that number, but
-# video's rates lie just as near: 29.97 is 30 / 1.001. A hair above 0.1 %: .0333 is 30.
-_ROUNDING = 1.001e-3
-_VIDEO_HZ = (24, 30, 48, 60, 120)
 
 # Matrices of this many frames stay in the processor's cache, and memory stays flat.
 _TOGETHER = 512
@@ -180,49 +173,3 @@ def number_doubles(names: Sequence[str]) -> list[str]:
             taken.add(name)
         result.append(name)
     return result
-
-
-def rate_of_frame_time(frame_time_s: float) -> float:
-    """Frames per second of a printed time per frame; NaN where it gives none."""
-    if not frame_time_s > 1 / MOST_RATE_HZ:
-        return np.nan
-    rate = 1 / frame_time_s
-    usual = [float(round(rate)), *(hz / 1.001 for hz in _VIDEO_HZ)]
-    nearest = min(usual, key=lambda hz: abs(hz - rate))
-    return nearest if abs(frame_time_s * nearest - 1) <= _ROUNDING else rate
-
-
-def rate_of_times(times: Floats) -> tuple[float, float]:
-    """Frames per second by the times of frames, and how uneven they are; NaN for no rate.
-
-    Times are printed rounded: steps that differ by no more than that are even.
-
-    Returns
-    -------
-    rate : frames over the time from first to last where steps are even, a whole number where
-        the printed times allow one; else one over the median step
-    unevenness : largest difference of a step from the median, as a fraction of it; 0 where
-        rounding explains it
-    """
-    times = times[~np.isnan(times)]
-    steps = np.diff(times) if (np.abs(times) < _LATEST_S).all() else np.empty(0)
-    step = float(np.median(steps)) if len(steps) else np.nan
-    if not 1e-6 < step < 1e6:
-        return np.nan, np.nan
-    unit = _printed_unit(times)
-    span = float(times[-1] - times[0])
-    mean = span / len(steps)
-    if unit and mean > unit and (np.abs(steps - mean) <= unit + 1e-9).all():
-        low, high = len(steps) / (span + unit), len(steps) / (span - unit)
-        whole = float(round(1 / mean))
-        return whole if low <= whole <= high else 1 / mean, 0.0
-    return 1 / step, float(np.abs(steps / step - 1).max())
-
-
-def _printed_unit(times: Floats) -> float:
-    """Unit of the last decimal that times were printed with; 0 if they have many decimals."""
-    for decimals in range(1, 6):
-        scaled = times * 10.0**decimals
-        if (np.abs(scaled - np.round(scaled)) < 1e-6 * np.maximum(1.0, np.abs(scaled))).all():
-            return float(10.0**-decimals)
-    return 0.0

@@ -21,6 +21,11 @@ Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Places = NDArray[np.intp]
 
+#: Words that programs write where a number is not known, in lower case, without their sign.
+UNKNOWN_NUMBERS = ("nan", "nan(ind)", "nan(snan)", "1.#qnan", "1.#ind")
+
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
+
 # A piece of text and its arrays stay in the processor's cache.
 PIECE = 1 << 17
 
@@ -103,7 +108,9 @@ def to_number(word: str, where: str, *, gaps: Collection[str] = ()) -> float:
     """
     value = parse_number(word)
     if math.isnan(value) and word.strip().lower().lstrip("+-") not in gaps:
-        raise UnreadableFile(f"{where}: expected a number, got {word[:40]!r}")
+        comma = _DECIMAL_COMMA.fullmatch(word.strip())
+        why = ", which has a decimal comma; export with decimal points" if comma else ""
+        raise UnreadableFile(f"{where}: expected a number, got {word[:40]!r}{why}")
     return value
 
 

@@ -8,7 +8,6 @@ knows where the joints are, so such a table is an error that says what to export
 Conventions: metres, y up, times in seconds.
 """
 
-import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,9 +20,9 @@ from motionary.io.formats.content import (
     RATE_HINT,
     FileContent,
     number_doubles,
-    rate_of_times,
 )
-from motionary.io.formats.numbers import read_table
+from motionary.io.formats.numbers import UNKNOWN_NUMBERS, read_table
+from motionary.io.formats.times import time_frames
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import read_text
@@ -32,9 +31,8 @@ Floats = NDArray[np.float64]
 
 _END = "endheader"
 _MOST_HEADER = 200
-_EVEN = 0.02
-# A cell that is not there, as OpenSim writes it.
-_GAPS = ("nan", "inf", "infinity")
+# OpenSim writes so what it could not compute.
+_GAPS = (*UNKNOWN_NUMBERS, "inf", "infinity")
 
 
 class _Table(NamedTuple):
@@ -64,12 +62,16 @@ def read_opensim(path: Path, options: ReadOptions) -> FileContent:
         values = _read_rows(table, table.text, len(table.titles), path.name)
         places = values[:, columns]
     places[np.isnan(places).any(axis=2)] = np.nan
+    if options.rate_hz is None and np.isnan(values[:, 0]).any():
+        raise UnreadableFile(f"{path.name}: its times give no frame rate; {RATE_HINT}")
+    timed = time_frames(places, values[:, 0], options=options, source=path.name)
     return FileContent(
         names=number_doubles(names),
-        positions=places,
-        rate_hz=_rate(values[:, 0], path.name) if options.rate_hz is None else options.rate_hz,
+        positions=timed.positions,
+        rate_hz=timed.rate_hz,
         source=path.name,
         metadata=FileMetadata(likely=POINT_UNITS),
+        notes=timed.notes,
     )
 
 
@@ -109,14 +111,13 @@ def _find_points(titles: list[str], name: str) -> tuple[list[str], NDArray[np.in
 
 
 def _read_rows(table: _Table, text: str, width: int, name: str) -> Floats:
-    return read_table(text, width, source=name, line=table.line, gaps=_GAPS)
-
-
-def _rate(times: Floats, name: str) -> float:
-    # NaN and numbers that no clock shows give no rate.
-    rate, unevenness = rate_of_times(times)
-    if math.isnan(rate) or np.isnan(times).any():
-        raise UnreadableFile(f"{name}: its times give no frame rate; {RATE_HINT}")
-    if unevenness > _EVEN:
-        raise UnreadableFile(f"{name}: its frames are not evenly spaced in time; resample it")
-    return float(round(rate)) if abs(rate - round(rate)) < 1e-3 * rate else rate
+    rows = read_table(
+        text, width, source=name, line=table.line, gaps=(*UNKNOWN_NUMBERS, "inf", "infinity")
+    )
+    promised = table.header.get("nrows", "")
+    if promised.isdecimal() and int(promised[:20]) > len(rows):
+        raise UnreadableFile(
+            f"{name}: promises {promised[:20]} rows, the file ends after {len(rows)}; get the "
+            "whole file, or correct the number to read what is there"
+        )
+    return rows

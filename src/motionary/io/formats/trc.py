@@ -1,11 +1,13 @@
 """TRC files: reading and writing markers.
 
 Conventions: cells are separated by tabs; an empty one, or a point whose coordinates are all
-zero, was not seen. OpenSim has y up, most laboratories z: the body tells.
+zero, was not seen. Tables with commas or blanks for the tabs, with decimal commas, and with a
+name over each column are read too. OpenSim has y up, most laboratories z: the body tells.
 """
 
 import itertools
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -16,12 +18,12 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.content import (
     POINT_UNITS,
-    RATE_HINT,
     FileContent,
+    hide_sentinels,
     number_doubles,
-    rate_of_times,
 )
-from motionary.io.formats.numbers import parse_number, read_table
+from motionary.io.formats.numbers import UNKNOWN_NUMBERS, parse_number, read_table
+from motionary.io.formats.times import time_frames
 from motionary.io.normalise.units import NAMES_OF_UNITS
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
@@ -32,17 +34,26 @@ Floats = NDArray[np.float64]
 
 _TITLE = "PathFileType"
 _COLUMNS_BEFORE = 2
-# A rate and the times of the frames belong together if they differ by less than this fraction.
-_SAME_RATE = 0.02
+# A name over each of a point's three columns says which coordinate it is, or nothing.
+_COORDINATE = re.compile(r"[:._ -]?[xyz]$", re.IGNORECASE)
+_SUB_HEADER = re.compile(r"[XYZ]\d+", re.IGNORECASE)
 _DECIMALS = 6
 _MM = 1000.0
 
 
 class _Head(NamedTuple):
-    """Header values by name, names of the markers, and the line at which frames begin."""
+    """Header values by name, names of the points, and where and how the frames stand.
+
+    Attributes
+    ----------
+    names : "" for a point without a name
+    separator : between cells; None for blanks
+    line : number of the line at which frames begin, from 0
+    """
 
     values: dict[str, str]
     names: list[str]
+    separator: str | None
     line: int
 
 
@@ -58,52 +69,112 @@ def read_trc(path: Path, options: ReadOptions) -> FileContent:
     """
     text = read_text(path)
     head = _read_head(text, path.name)
-    table = _read_table(text, head, path.name)
-    kept = [i for i, name in enumerate(head.names) if not name.rpartition(":")[2].startswith("*")]
+    table, notes = _read_table(text, head, path.name)
+    kept = [
+        i
+        for i, name in enumerate(head.names)
+        if name and not name.rpartition(":")[2].startswith("*")
+    ]
     if not kept:
         raise UnreadableFile(f"{path.name}: no marker has a name")
+    names = number_doubles([head.names[i] for i in kept])
     places = table[:, _COLUMNS_BEFORE:].reshape(len(table), -1, 3)[:, kept]
     places[(places == 0).all(axis=2) | np.isnan(places).any(axis=2)] = np.nan
-    rate = _rate(head, table[:, 1], path.name) if options.rate_hz is None else options.rate_hz
-    first = table[0, 0]
-    unit = NAMES_OF_UNITS.get(head.values.get("Units", "").lower())
-    notes = [f"{len(head.names) - len(kept)} markers have no label and are left out"]
-    return FileContent(
-        names=number_doubles([head.names[i] for i in kept]),
-        positions=places,
-        rate_hz=rate,
+    n_left = len(head.names) - len(kept)
+    if n_left:
+        notes.append(f"{n_left} markers have no label and are left out")
+    notes.extend(hide_sentinels(places, names))
+    timed = time_frames(
+        places,
+        table[:, 1],
+        options=options,
         source=path.name,
-        metadata=FileMetadata(unit=unit, usual_unit="mm", likely=POINT_UNITS),
+        stated_hz=parse_number(head.values.get("DataRate", "").replace(",", ".")),
+    )
+    first = table[0, 0]
+    return FileContent(
+        names=names,
+        positions=timed.positions,
+        rate_hz=timed.rate_hz,
+        source=path.name,
+        metadata=FileMetadata(
+            unit=NAMES_OF_UNITS.get(head.values.get("Units", "").lower()),
+            usual_unit="mm",
+            likely=POINT_UNITS,
+        ),
         first_frame=int(first) if np.isfinite(first) and abs(first) < 1e15 else 0,
-        notes=tuple(notes if len(kept) < len(head.names) else ()),
+        notes=(*notes, *timed.notes),
     )
 
 
 def _read_head(text: str, name: str) -> _Head:
-    lines = text.split("\n", 6)
+    lines = text.split("\n", 8)
     if len(lines) < 5 or not lines[0].strip().startswith(_TITLE):
         raise UnreadableFile(f"{name}: expected a TRC file, which begins with {_TITLE}")
-    keys, cells = lines[1].split("\t"), lines[2].split("\t")
+    separator = next((mark for mark in "\t," if mark in lines[3]), None)
+    keys, cells = lines[1].split(separator), lines[2].split(separator)
     if len(keys) < 2:
         keys, cells = lines[1].split(), lines[2].split()
     values = {k.strip(): c.strip() for k, c in zip(keys, cells, strict=False)}
-    titles = [cell.strip() for cell in lines[3].split("\t")]
+    titles = [cell.strip() for cell in lines[3].split(separator)]
     if len(titles) < 3 or not titles[0].lower().startswith("frame"):
         raise UnreadableFile(f"{name}, line 4: expected Frame#, Time and names of markers")
-    # Each name stands above the first of its three columns.
-    names = [title for title in titles[_COLUMNS_BEFORE:] if title]
-    if not names:
+    # Some programs leave out the line that numbers the columns.
+    begins = 4 if math.isfinite(parse_number(lines[4].split(separator)[0] or "-")) else 5
+    counted = sum(bool(_SUB_HEADER.fullmatch(c.strip())) for c in lines[4].split(separator))
+    rows = text.split("\n")[begins:]
+    n_points = (counted or _count_numbers(rows, separator) + 2) // 3
+    if separator is not None:
+        # Points without a name may be there in some frames only.
+        most = max((row.rstrip().count(separator) for row in rows), default=0) + 1
+        most -= _COLUMNS_BEFORE
+        n_points = max(n_points, most // 3 if most % 3 == 0 else 0)
+    names = _name_points(titles[_COLUMNS_BEFORE:], n_points)
+    if not any(names):
         raise UnreadableFile(f"{name}, line 4: names no markers")
-    return _Head(values, names, 5)
+    return _Head(values, names, separator, begins)
 
 
-def _read_table(text: str, head: _Head, name: str) -> Floats:
-    """Frame number, time and coordinates, (frames, 2 + 3 markers); NaN in empty cells."""
+def _count_numbers(rows: list[str], separator: str | None) -> int:
+    """Coordinates in the first frame."""
+    row = next((row for row in rows if row.strip()), "").rstrip()
+    return len(row.split(separator)) - _COLUMNS_BEFORE
+
+
+def _name_points(titles: list[str], n_points: int) -> list[str]:
+    """A name per point from the cells over their columns, "" where none stands."""
+    while titles and not titles[-1]:
+        titles = titles[:-1]
+    stems = [_COORDINATE.sub("", title) for title in titles]
+    groups = [stems[i : i + 3] for i in range(0, len(stems), 3)]
+    if len(titles) == 3 * n_points and all(len(set(group)) == 1 for group in groups):
+        return [
+            group[0] if len(set(titles[3 * i : 3 * i + 3])) > 1 else titles[3 * i]
+            for i, group in enumerate(groups)
+        ]
+    # Each name stands above the first of its three columns; where cells are shifted, in order.
+    if any(title for i, title in enumerate(titles) if i % 3):
+        names = [title for title in titles if title]
+    else:
+        names = titles[::3]
+    return names + [""] * (n_points - len(names))
+
+
+def _read_table(text: str, head: _Head, name: str) -> tuple[Floats, list[str]]:
+    """Frame number, time and coordinates, (frames, 2 + 3 points), NaN in empty cells; notes."""
     body = text.split("\n", head.line)[head.line :]
     content = body[0] if body else ""
-    width = _COLUMNS_BEFORE + 3 * len(head.names)
+    notes = []
+    if head.separator == "\t" and "," in content:
+        content = content.replace(",", ".")
+        notes.append("numbers have decimal commas")
     table = read_table(
-        content, width, source=name, line=head.line + 1, separator="\t", gaps=("", "nan")
+        content,
+        _COLUMNS_BEFORE + 3 * len(head.names),
+        source=name,
+        line=head.line + 1,
+        separator=head.separator,
+        gaps=UNKNOWN_NUMBERS if head.separator is None else ("", *UNKNOWN_NUMBERS),
     )
     if not len(table):
         raise UnreadableFile(f"{name}: holds no frames")
@@ -113,23 +184,7 @@ def _read_table(text: str, head: _Head, name: str) -> Floats:
             f"{name}: promises {promised[:20]} frames, the file ends after {len(table)}; "
             "get the whole file, or correct the number to read what is there"
         )
-    return table
-
-
-def _rate(head: _Head, times: Floats, name: str) -> float:
-    """Frames per second that header and times agree on."""
-    stated = parse_number(head.values.get("DataRate", ""))
-    timed, _ = rate_of_times(times)
-    if not 0 < stated < 1e6:
-        stated = float(np.round(timed, 3))
-    if not 0 < stated < 1e6:
-        raise UnreadableFile(f"{name}: says no frame rate; {RATE_HINT}")
-    if abs(timed / stated - 1) > _SAME_RATE:
-        raise InvalidInput(
-            f"{name}: says {stated:g} frames per second, its times {timed:.4g}; pass the right one "
-            "with --rate (rate_hz=...)"
-        )
-    return stated
+    return table, notes
 
 
 def write_trc(motion: Motion, path: str | Path) -> None:

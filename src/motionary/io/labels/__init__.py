@@ -15,7 +15,7 @@ __all__ = ["FORMATS", "LabelFormat", "read_labels", "write_labels"]
 
 
 class LabelFormat(NamedTuple):
-    """How files of labels are handled: `read` (path), `write` (tracks, path, excel=)."""
+    """How files of labels are handled: `read` (path, rate_hz=), `write` (tracks, path, excel=)."""
 
     suffixes: tuple[str, ...]
     read: str
@@ -26,8 +26,14 @@ class LabelFormat(NamedTuple):
 FORMATS = (LabelFormat((".csv", ".tsv", ".txt"), "table:read_table", "table:write_table"),)
 
 
-def read_labels(path: str | Path) -> dict[str, LabelTrack]:
+def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
     """Labels of a file, one track per recording, sorted by recording.
+
+    Parameters
+    ----------
+    path : the file
+    rate_hz : frames per second of the recordings, for tables that say frames, from 0, and no
+        times
 
     Raises
     ------
@@ -35,7 +41,7 @@ def read_labels(path: str | Path) -> dict[str, LabelTrack]:
         If the file is missing, lacks a column, or a row makes no sense; the message
         names the line.
     """
-    tracks: dict[str, LabelTrack] = _load(_find(path).read)(Path(path))
+    tracks: dict[str, LabelTrack] = _load(_find(path).read)(Path(path), rate_hz=rate_hz)
     return tracks
 
 

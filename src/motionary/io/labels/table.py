@@ -2,8 +2,9 @@
 
 Conventions: one label a row, `recording,label,start_s,end_s` and, where known,
 `start_frame,end_frame,cost,known,score,probability,false_per_min,side`; times in seconds
-from the first frame. Further columns are kept as text. With semicolons or tabs, a decimal
-comma is understood.
+from the first frame, or `1:02:03.5`, or in columns `start_ms,end_ms`; frame numbers alone need
+a rate. Further columns are kept as text. With semicolons or tabs, a decimal comma is understood;
+tables with tabs know no quotes.
 """
 
 import csv
@@ -25,15 +26,23 @@ OPTIONAL = (
 )  # fmt: skip
 
 _SEPARATORS = ",;\t"
+# Where times may stand, the first that is there counts.
+_TIMES = {
+    "start_s": ("start_s", "start_ms", "start_frame"),
+    "end_s": ("end_s", "end_ms", "end_frame"),
+}
+_MILLISECONDS = ("start_ms", "end_ms")
+_NUMBERS = frozenset({*REQUIRED[2:], *OPTIONAL[:-1], *_MILLISECONDS})
+_NOTHING = frozenset({"", "-", "na", "n/a"})
 
 
-def read_table(path: Path) -> dict[str, LabelTrack]:
+def read_table(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
     """Labels of a table; see `read_labels`."""
     labels: dict[str, list[Label]] = {}
     for where, row in _rows(read_text(path), path.name):
         if not row["recording"]:
             raise UnreadableFile(f"{where}: the recording is empty")
-        labels.setdefault(row["recording"], []).append(_to_label(row, where))
+        labels.setdefault(row["recording"], []).append(_to_label(row, where, rate_hz))
     return {name: LabelTrack(Recording(name), tuple(labels[name])) for name in sorted(labels)}
 
 
@@ -77,7 +86,14 @@ def _rows(content: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
     header = next((line for line in lines[skipped:] if line.strip()), "")
     separator = max(_SEPARATORS, key=header.count)
     rest = io.StringIO("\n".join(lines[skipped:]))
-    reader = csv.reader(rest, delimiter=separator, strict=True)
+    # With tabs between them, cells need no quotes and have none.
+    plain = separator == "\t"
+    reader = csv.reader(
+        rest,
+        delimiter=separator,
+        strict=True,
+        quoting=csv.QUOTE_NONE if plain else csv.QUOTE_MINIMAL,
+    )
     columns: list[str] = []
     try:
         for cells in reader:
@@ -88,13 +104,13 @@ def _rows(content: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
             if not columns:
                 columns = _check_columns(cells, where)
                 continue
+            while len(cells) > len(columns) and not cells[-1]:
+                cells.pop()
             if len(cells) != len(columns):
                 raise UnreadableFile(
                     f"{where}: {len(cells)} cells, but the table has {len(columns)} columns"
                 )
-            if separator != ",":
-                cells = [_with_point(cell) for cell in cells]
-            yield where, dict(zip(columns, cells, strict=True))
+            yield where, _to_row(columns, cells, where, comma=separator != ",")
     except csv.Error as error:
         where = f"{name}, line {reader.line_num + skipped}"
         raise UnreadableFile(f"{where}: not a table: {error}") from error
@@ -102,16 +118,31 @@ def _rows(content: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
         raise UnreadableFile(f"{name}: empty; expected a table with {', '.join(REQUIRED)}")
 
 
+def _to_row(columns: list[str], cells: list[str], where: str, *, comma: bool) -> dict[str, str]:
+    """Cells by column; numbers with a decimal point."""
+    row = {}
+    for column, cell in zip(columns, cells, strict=True):
+        if column:
+            row[column] = _with_point(cell) if comma and column in _NUMBERS else cell
+        elif cell:
+            raise UnreadableFile(f"{where}: {cell[:40]!r} stands in a column without a name")
+    return row
+
+
 def _check_columns(cells: list[str], where: str) -> list[str]:
-    known = {*REQUIRED, *OPTIONAL}
+    known = {*REQUIRED, *OPTIONAL, *_MILLISECONDS}
     columns = [cell.lower() if cell.lower() in known else cell for cell in cells]
-    missing = [column for column in REQUIRED if column not in columns]
+    missing = [
+        column
+        for column in REQUIRED
+        if not any(other in columns for other in _TIMES.get(column, (column,)))
+    ]
     if missing:
         raise UnreadableFile(
             f"{where}: column {', '.join(missing)} is missing; "
             f"expected {', '.join(REQUIRED)}, got {', '.join(cells)[:80]}"
         )
-    twice = sorted({column for column in columns if columns.count(column) > 1})
+    twice = sorted({column for column in columns if column and columns.count(column) > 1})
     if twice:
         raise UnreadableFile(f"{where}: column {', '.join(twice)} occurs twice")
     return columns
@@ -119,16 +150,17 @@ def _check_columns(cells: list[str], where: str) -> list[str]:
 
 def _with_point(cell: str) -> str:
     changed = cell.replace(",", ".", 1)
-    return cell if math.isnan(parse_number(changed)) else changed
+    return cell if all(math.isnan(parse_number(part)) for part in changed.split(":")) else changed
 
 
-def _to_label(row: dict[str, str], where: str) -> Label:
+def _to_label(row: dict[str, str], where: str, rate_hz: float | None) -> Label:
     known = _number(row, "known", where)
+    own = {*REQUIRED, *OPTIONAL, *_MILLISECONDS}
     try:
         return Label(
             name=row["label"],
-            start_s=_needed(row, "start_s", where),
-            end_s=_needed(row, "end_s", where),
+            start_s=_time(row, "start_s", where, rate_hz),
+            end_s=_time(row, "end_s", where, rate_hz),
             cost=_number(row, "cost", where),
             known=1.0 if known is None else known,
             start_frame=_whole(row, "start_frame", where),
@@ -137,22 +169,42 @@ def _to_label(row: dict[str, str], where: str) -> Label:
             probability=_number(row, "probability", where),
             false_per_min=_number(row, "false_per_min", where),
             side=row.get("side", ""),
-            extra={k: v for k, v in row.items() if k not in (*REQUIRED, *OPTIONAL)},
+            extra={k: v for k, v in row.items() if k not in own},
         )
     except InvalidInput as error:
         raise UnreadableFile(f"{where}: {error}") from error
 
 
-def _needed(row: dict[str, str], column: str, where: str) -> float:
-    value = _number(row, column, where)
+def _time(row: dict[str, str], column: str, where: str, rate_hz: float | None) -> float:
+    """Seconds of a row's start or end, whichever way it is written."""
+    place = next(other for other in _TIMES[column] if other in row)
+    cell = row[place]
+    if place == column and ":" in cell:
+        parts = [parse_number(part) for part in cell.split(":")]
+        if len(parts) > 3 or any(math.isnan(part) or part < 0 for part in parts):
+            raise UnreadableFile(
+                f"{where}: {column} must be a time, as 1:02:03.5, got {cell[:40]!r}"
+            )
+        return sum(part * 60.0**i for i, part in enumerate(reversed(parts)))
+    value = _number(row, place, where)
     if value is None:
-        raise UnreadableFile(f"{where}: {column} is empty")
-    return value
+        raise UnreadableFile(f"{where}: {place} is empty" + (f" ({cell[:40]!r})" if cell else ""))
+    if place in _MILLISECONDS:
+        return value / 1000
+    if place == column:
+        return value
+    if rate_hz is None:
+        raise UnreadableFile(
+            f"{where}: says frames and no times; expected columns start_s, end_s, or a rate "
+            "(rate_hz=...), from which times follow"
+        )
+    # The last frame belongs to the label.
+    return (value + (place == "end_frame")) / rate_hz
 
 
 def _number(row: dict[str, str], column: str, where: str) -> float | None:
     cell = row.get(column, "")
-    if not cell:
+    if cell.lower() in _NOTHING:
         return None
     value = parse_number(cell)
     if math.isnan(value):
