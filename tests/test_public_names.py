@@ -19,7 +19,7 @@ PUBLIC_NAMES = {
     "read", "write", "read_labels", "write_labels", "Motion", "Skeleton", "FeatureSet",
     "FeatureSequence", "compute_features", "MotionTemplate", "MotionClass", "ClassLibrary",
     "learn", "annotate", "search", "Index", "KeyframeQuery", "Hit", "explain", "Label",
-    "LabelTrack", "Recording", "count", "evaluate", "MotionaryError",
+    "LabelTrack", "Recording", "count", "evaluate", "MotionaryError", "report",
 }
 # fmt: on
 

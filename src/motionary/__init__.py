@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from motionary.models.templates import MotionTemplate
     from motionary.motion import Motion, Skeleton
     from motionary.recording import Recording
+    from motionary.reporting import report
     from motionary.retrieval.annotation import annotate
     from motionary.retrieval.counting import count
     from motionary.retrieval.explanation import explain
@@ -49,6 +50,7 @@ __all__ = [
     "learn",
     "read",
     "read_labels",
+    "report",
     "search",
     "write",
     "write_labels",
@@ -68,6 +70,7 @@ _CONTENTS = {
     "models.library": ("ClassLibrary", "MotionClass", "learn"),
     "motion": ("Motion", "Skeleton"),
     "recording": ("Recording",),
+    "reporting": ("report",),
     "retrieval.search": ("Hit", "search"),
     "models.templates": ("MotionTemplate",),
 }

@@ -26,6 +26,7 @@ COMMANDS = {
     "search": "search",
     "annotate": "annotate",
     "count": "count",
+    "report": "report",
     "learn": "learn",
     "library": "library",
     "cut": "convert",

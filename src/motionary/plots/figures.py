@@ -120,8 +120,8 @@ def poses(positions: Floats, views: Floats, frames: Sequence[int]) -> list[Pose]
     frames : which to draw
     """
     sides: dict[str, list[tuple[int, int]]] = {"l": [], "": [], "r": []}
-    for joint, parent in _bones_over_missing(positions):
-        sides[_side(joint)].append((joint, parent))
+    for joint, parent in bones_over_missing(positions):
+        sides[side_of(joint)].append((joint, parent))
     head_joints, radius = _head(positions)
     return [
         Pose(
@@ -135,12 +135,13 @@ def poses(positions: Floats, views: Floats, frames: Sequence[int]) -> list[Pose]
     ]
 
 
-def _side(joint: int) -> str:
+def side_of(joint: int) -> str:
+    """The side of a generic joint: "l", "r", or empty."""
     name = GENERIC_JOINTS[joint]
     return name[0] if name[1:] in _SIDED else ""
 
 
-def _bones_over_missing(positions: Floats) -> list[tuple[int, int]]:
+def bones_over_missing(positions: Floats) -> list[tuple[int, int]]:
     """Bones (joint, parent) of the joints that are ever seen."""
     seen: NDArray[np.bool_] = np.asarray(np.isfinite(positions).any(axis=(0, 2)))
     bones = []

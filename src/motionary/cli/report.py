@@ -1,0 +1,140 @@
+"""`motionary report`: a page that plays recordings over their labels."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motionary.cli import screen
+from motionary.cli.options import Force, LibraryDefault, check_target, wrong
+from motionary.cli.recordings import Found, find_files, map_files, read_recording, warn_of_all
+from motionary.io.options import ReadOptions
+
+if TYPE_CHECKING:
+    from motionary.batch import Failure
+    from motionary.features import NamedFile
+    from motionary.motion import Motion
+    from motionary.reporting import Tracks
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageOptions:
+    """What a page shows beside the motions, and where it goes."""
+
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="HTML", help="The page to write.")
+    ]
+    labels: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CSV",
+            help="Labels to show; each table is a lane under its file's name. May be repeated.",
+        ),
+    ] = None
+    truth: Annotated[
+        str | None, typer.Option(metavar="CSV", help="True labels, beside the others.")
+    ] = None
+    library: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIB",
+            help="Label with the classes of a library, too: labels then say why, over curves.",
+        ),
+    ] = None
+    keep_hz: Annotated[
+        float,
+        typer.Option(
+            "--keep",
+            metavar="HZ",
+            default_factory=LibraryDefault("motionary.reporting:report", "rate_hz"),
+            help="Most frames a second that the page keeps.",
+        ),
+    ]
+    force: Force = False
+
+
+def report(
+    files: Annotated[
+        list[str], typer.Argument(metavar="RECORDING", help="Files, folders or patterns to show.")
+    ],
+    options: PageOptions,
+    *,
+    reading: ReadOptions,
+) -> int:
+    """Write a page that plays recordings over their labels, features and reasons.
+
+    One file that opens in any browser without a network. It holds positions, labels and the
+    recordings' names, no folders.
+
+    motionary report take.bvh --labels labels.csv --truth truth.csv -o take.html
+    motionary report takes/*.amc --library my-classes -o takes.html
+    """
+    from motionary.models.library import load_library
+    from motionary.reporting import report as write_report
+
+    output = options.output
+    _check_page("--output", output, replace=options.force)
+    tables = _read_tables(options.labels or [])
+    truth = _read_table(options.truth) if options.truth is not None else None
+    classes = load_library(options.library) if options.library is not None else None
+    found = find_files(files)
+    failures: list[Failure[NamedFile]] = []
+    motions = _read(found, reading, failures)
+    first = next(motions, None)
+    if first is not None:
+        write_report(
+            chain([first], motions),
+            output,
+            truth=truth,
+            lanes=tables,
+            library=classes,
+            rate_hz=options.keep_hz,
+        )
+        screen.say(f"{output}: {Path(output).stat().st_size / 1e6:.1f} MB")
+    failed = warn_of_all(found.missing.values(), failures, given=files)
+    return 1 if failed else 0
+
+
+def _check_page(option: str, path: str, *, replace: bool) -> None:
+    if Path(path).suffix.lower() not in (".html", ".htm"):
+        raise wrong(option, f"pages are written as .html, got {path}")
+    check_target(path, replace=replace)
+
+
+def _read_tables(paths: Sequence[str]) -> "dict[str, Tracks]":
+    """Tables by the names of their lanes; equal names are numbered."""
+    tables: dict[str, Tracks] = {}
+    for path in paths:
+        name, number = Path(path).stem, 2
+        while name in tables:
+            name, number = f"{Path(path).stem} {number}", number + 1
+        tables[name] = _read_table(path)
+    return tables
+
+
+def _read_table(path: str) -> "Tracks":
+    from motionary.io import read_labels
+
+    return read_labels(path)
+
+
+def _read(
+    found: Found, reading: ReadOptions, failures: "list[Failure[NamedFile]]"
+) -> "Iterator[Motion]":
+    """Motions one after the other; files that cannot be read are kept as failures."""
+    from motionary.batch import Failure
+
+    for item in map_files(partial(_read_named, reading=reading), found.files, "reading", jobs=1):
+        if isinstance(item, Failure):
+            failures.append(item)
+        else:
+            yield item
+
+
+def _read_named(file: "NamedFile", *, reading: ReadOptions) -> "Motion":
+    name, path = file
+    return read_recording(path, reading).renamed(name)

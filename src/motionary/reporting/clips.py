@@ -1,0 +1,186 @@
+"""Clips: the positions of a recording, its bones, and what of it was not seen, for a page.
+
+A joint that is not seen for a while is kept where it was on its bone, and marked as unseen,
+so that the page can draw it so; joints that are never seen are named, and bones drawn over
+them.
+
+Conventions: positions in metres, y up, at the page's rate; frame i stands for i / rate
+seconds after the recording's first frame.
+"""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.motion import GENERIC_JOINTS, Motion, resample
+from motionary.plots.figures import bones_over_missing, side_of
+from motionary.recording import find_runs
+from motionary.reporting.encoding import Block, encode_positions
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: Frames a second that a page keeps unless asked for others.
+PAGE_HZ = 30.0
+
+#: Positions are kept in pieces of so many seconds, each unpacked when it is shown.
+_PIECE_S = 60.0
+#: Shorter gaps are not hatched on the time axis: at its full length they could not be seen.
+_LEAST_GAP_S = 0.1
+
+
+class Clip(NamedTuple):
+    """A recording as the page has it.
+
+    Attributes
+    ----------
+    content : what stands in the page's JSON
+    blocks : positions in pieces
+    """
+
+    content: dict[str, Any]
+    blocks: list[Block]
+
+
+class _Body(NamedTuple):
+    """Positions (frames, joints, 3), names of the joints, bones (joint, parent), sides."""
+
+    positions: Floats
+    names: list[str]
+    bones: list[tuple[int, int]]
+    sides: list[str]
+
+
+def make_clip(motion: Motion, *, key: str, rate_hz: float = PAGE_HZ) -> Clip:
+    """A motion at the page's rate.
+
+    Parameters
+    ----------
+    motion : whose joints may be unmapped: then its own are drawn
+    key : begins the names of its blocks; unique in the page
+    rate_hz : most frames a second that are kept
+    """
+    page_hz = min(rate_hz, motion.rate_hz)
+    body = _body_of(motion)
+    positions = resample(body.positions, rate_hz=motion.rate_hz, to_hz=page_hz)
+    known: Bools = np.asarray(~np.isnan(positions).any(axis=2))
+    ever: Bools = np.asarray(known.any(axis=0))
+    filled = _fill(positions, known, body.bones)
+    piece = max(1, round(_PIECE_S * page_hz))
+    blocks = [
+        Block(f"{key}-{i}", encode_positions(filled[at : at + piece], known[at : at + piece]))
+        for i, at in enumerate(range(0, len(filled), piece))
+    ]
+    content = describe_recording(motion) | {
+        "page_hz": page_hz,
+        "page_frames": len(filled),
+        "piece": piece,
+        "positions": [block.name for block in blocks],
+        "joints": body.names,
+        "sides": body.sides,
+        "bones": body.bones,
+        "missing": [name for name, seen in zip(body.names, ever, strict=True) if not seen],
+        "radius": _radius(filled[:, ever]),
+        "height": _height(filled[:, ever]),
+        "floor": _floor(positions),
+        "gaps": _gaps(known[:, ever], page_hz),
+    }
+    return Clip(content, blocks)
+
+
+def describe_recording(motion: Motion) -> dict[str, Any]:
+    """Name, length and frame numbers of a recording."""
+    own = motion.recording
+    return {
+        "name": own.name,
+        "rate_hz": own.rate_hz,
+        "n_frames": own.n_frames,
+        "first_frame": own.first_frame,
+        "duration_s": own.duration_s,
+    }
+
+
+def _body_of(motion: Motion) -> _Body:
+    """The generic joints, or the file's own where they are unknown."""
+    if motion.mapping is not None:
+        positions = motion.generic_positions()
+        n = len(GENERIC_JOINTS)
+        sides = [side_of(i) for i in range(n)]
+        return _Body(positions, list(GENERIC_JOINTS), bones_over_missing(positions), sides)
+    names = list(motion.names)
+    bones: list[tuple[int, int]] = []
+    if motion.skeleton is not None:
+        place = {name: i for i, name in enumerate(names)}
+        own = motion.skeleton.names
+        bones = [
+            (place[own[joint]], place[own[parent]])
+            for joint, parent in enumerate(motion.skeleton.parents.tolist())
+            if parent >= 0 and own[joint] in place and own[parent] in place
+        ]
+    return _Body(motion.positions, names, bones, [""] * len(names))
+
+
+def _fill(positions: Floats, known: Bools, bones: Iterable[tuple[int, int]]) -> Floats:
+    """Positions without NaN: unseen joints keep to the joint that they hang on."""
+    filled = positions.copy()
+    frames = np.arange(len(filled))
+    parents = dict(bones)
+    for joint in _from_roots(filled.shape[1], parents):
+        seen = known[:, joint]
+        if seen.all():
+            continue
+        if not seen.any():
+            filled[:, joint] = 0.0
+            continue
+        base = filled[:, parents[joint]] if joint in parents else np.zeros_like(filled[:, joint])
+        step = filled[:, joint] - base
+        for axis in range(3):
+            away = np.interp(frames[~seen], frames[seen], step[seen, axis])
+            filled[~seen, joint, axis] = base[~seen, axis] + away
+    return filled
+
+
+def _from_roots(n_joints: int, parents: dict[int, int]) -> list[int]:
+    """Joints, each after the one that it hangs on."""
+
+    def depth(joint: int) -> int:
+        steps = 0
+        while joint in parents and steps <= n_joints:
+            joint, steps = parents[joint], steps + 1
+        return steps
+
+    return sorted(range(n_joints), key=depth)
+
+
+def _radius(positions: Floats) -> float:
+    """How far from their middle the joints reach in the first frames, metres; for the camera."""
+    if not positions.size:
+        return 1.0
+    first = positions[0] - positions[0].mean(axis=0)
+    return round(float(np.linalg.norm(first, axis=1).max()) or 1.0, 3)
+
+
+def _height(positions: Floats) -> float:
+    """Median over time of the vertical extent, metres."""
+    if not positions.size:
+        return 1.0
+    return round(float(np.median(np.ptp(positions[..., 1], axis=1))) or 1.0, 3)
+
+
+def _floor(positions: Floats) -> float:
+    """Height of the ground, metres: what the lowest joint seldom goes below."""
+    lowest = np.where(np.isnan(positions[..., 1]), np.inf, positions[..., 1]).min(axis=1)
+    lowest = lowest[np.isfinite(lowest)]
+    return round(float(np.percentile(lowest, 2)), 3) if len(lowest) else 0.0
+
+
+def _gaps(known: Bools, page_hz: float) -> list[tuple[float, float]]:
+    """Segments in which joints that are seen elsewhere are not, seconds."""
+    runs = find_runs(np.asarray(~known.all(axis=1))) / page_hz
+    return [
+        (round(start, 3), round(stop, 3))
+        for start, stop in runs.tolist()
+        if stop - start >= _LEAST_GAP_S
+    ]

@@ -1,0 +1,133 @@
+"""Pages: one file of HTML with its style, its script and its data, and nothing from outside.
+
+A content security policy names the one style and the one script by their hashes and allows
+no other, no connection, no form and no frame. Data stand in elements that no browser
+executes, as JSON without `<` or as base64; names reach the page as text only.
+"""
+
+import base64
+import hashlib
+import html
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+from motionary.errors import InvalidInput
+from motionary.files import write_atomically
+from motionary.reporting.encoding import Block
+
+#: What a page shows.
+Kind = Literal["report", "hits"]
+
+#: Browsers give up on files beyond this.
+MOST_BYTES = 400_000_000
+
+_SCRIPTS: Mapping[Kind, Sequence[str]] = {
+    "report": (
+        "words.js", "decoding.js", "stage.js", "view.js", "timeline.js", "why.js", "labels.js",
+        "player.js",
+    ),
+    "hits": ("words.js", "decoding.js", "stage.js", "hits.js"),
+}  # fmt: skip
+_POLICY = (
+    "default-src 'none'; script-src '{script}'; style-src '{style}'; img-src data: blob:; "
+    "connect-src 'none'; form-action 'none'; base-uri 'none'; "
+    "require-trusted-types-for 'script'"
+)
+# Characters that end an element or, in old browsers, a line of a script.
+_ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
+
+
+def build_page(
+    kind: Kind, content: Mapping[str, Any], blocks: Iterable[Block], *, title: str
+) -> str:
+    """The whole file.
+
+    Parameters
+    ----------
+    kind : which of the pages
+    content : what the page shows, as JSON has it
+    blocks : further data, by the names that `content` gives them
+    title : of the window
+
+    Raises
+    ------
+    InvalidInput
+        If the page would be larger than browsers open.
+    """
+    style = _style()
+    script = _script(kind)
+    pieces = [_element("text/plain", block.name, block.text) for block in blocks if block.text]
+    n_bytes = sum(map(len, pieces))
+    if n_bytes > MOST_BYTES:
+        raise InvalidInput(
+            f"the page would have {n_bytes / 1e6:.0f} MB, more than browsers open "
+            f"({MOST_BYTES / 1e6:.0f} MB); give fewer recordings or a lower rate"
+        )
+    policy = _POLICY.format(script=_hash(script), style=_hash(style))
+    values = {
+        "POLICY": policy,
+        "TITLE": html.escape(_printable(title)),
+        "STYLE": style,
+        "DATA": _element("application/json", "content", _to_json(content)),
+        "SCRIPT": script,
+        # The script is at work while the browser still reads these.
+        "BLOCKS": "\n".join(pieces),
+    }
+    # Split before anything is filled in: a title may look like one of the names.
+    parts = re.split(r"\[\[([A-Z]+)\]\]", _read("page.html"))
+    return "".join(values[part] if i % 2 else part for i, part in enumerate(parts))
+
+
+def write_page(page: str, path: str | Path) -> None:
+    """Write a page; what was there stays until the new one is complete.
+
+    Raises
+    ------
+    InvalidInput
+        If the name is no HTML file's.
+    UnwritableFile
+    """
+    if Path(path).suffix.lower() not in (".html", ".htm"):
+        raise InvalidInput(f"{Path(path).name}: pages are written as .html; give it that suffix")
+    with write_atomically(path) as beside:
+        beside.write_text(page, encoding="utf-8", newline="\n")
+
+
+@cache
+def _read(name: str) -> str:
+    return resources.files("motionary.reporting").joinpath("page", name).read_text("utf-8")
+
+
+@cache
+def _style() -> str:
+    return "\n" + _read("style.css")
+
+
+@cache
+def _script(kind: Kind) -> str:
+    own = "\n".join(_read(name) for name in _SCRIPTS[kind])
+    return f'\n{_read("three.min.js")}\n(() => {{\n"use strict";\n{own}\n}})();\n'
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _element(kind: str, name: str, text: str) -> str:
+    return f'<script type="{kind}" id="{name}">{text}</script>'
+
+
+def _to_json(content: Mapping[str, Any]) -> str:
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    for letter, escape in _ESCAPED.items():
+        text = text.replace(letter, escape)
+    return text
+
+
+def _printable(text: str) -> str:
+    return "".join(letter if letter.isprintable() else " " for letter in text).strip()

@@ -1,0 +1,404 @@
+// The page of recordings: one time, and everything that shows it.
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 1.5, 2, 4, 8];
+const KEYS = [
+  ["space", "play or pause"], ["← →", "one frame"], ["shift ← →", "one second"],
+  ["home end", "start, end"], ["n p", "next, previous label"], ["l", "loop on or off"],
+  ["i o", "loop starts, ends here"], ["+ − 0", "zoom in, out, whole"], [", .", "slower, faster"],
+  ["f", "follow the body"], ["delete", "delete the chosen label, while correcting"],
+];
+
+class Player {
+  constructor(host) {
+    this.models = content.recordings.map(makeModel);
+    this.time = 0;
+    this.speed = 1;
+    this.playing = false;
+    this.loops = false;
+    this.build(host);
+    addEventListener("keydown", (event) => this.key(event));
+    addEventListener("beforeunload", (event) => this.unsaved && event.preventDefault());
+    this.open(0);
+    requestAnimationFrame((now) => this.tick(now));
+  }
+
+  // -- the page ------------------------------------------------------------------------------
+
+  build(host) {
+    const view = h("section", { class: "view", "aria-label": "Body" });
+    const lines = h("section", { class: "time", "aria-label": "Labels over time" });
+    const why = h("div", { class: "why" }), list = h("div", { class: "labels" });
+    this.readout = h("div", { class: "readout", "aria-live": "off" });
+    this.notice = h("div", { class: "notice soft" });
+    this.hover = h("div", { class: "hover soft", role: "status" });
+    view.append(this.readout, this.notice, legend());
+    host.append(
+      this.header(),
+      h("main", { class: "work" },
+        view,
+        h("aside", { class: "side", "aria-label": "Labels and reasons" },
+          h("section", { class: "panel" }, h("h2", {}, "Why"), why),
+          h("section", { class: "panel" }, h("h2", {}, "Labels"), list))),
+      this.transport(), this.hover, lines,
+    );
+    this.view = new View(view);
+    this.timeline = new Timeline(lines, {
+      seek: (s) => this.seek(s),
+      select: (lane, label) => this.select(lane, label),
+      hover: (text) => (this.hover.textContent = shown(text)),
+      edit: (label, end, s) => this.labels.change(label, { [end]: s }),
+      edited: () => this.labels.list(),
+    });
+    this.why = new Why(why, { seek: (s) => this.seek(s) });
+    this.labels = new Labels(list, {
+      select: (lane, label) => this.select(lane, label),
+      changed: (lane, label) => this.changed(lane, label),
+      startCorrecting: (lane) => this.startCorrecting(lane),
+      save: (lane) => this.save(lane),
+      time: () => this.time,
+      loop: () => this.model.loop,
+    });
+  }
+
+  header() {
+    const names = content.recordings.map((one) => one.name || "motion");
+    this.choice = h("select", { "aria-label": "Recording", onchange: () => this.open(Number(this.choice.value)) },
+      names.map((name, i) => h("option", { value: i }, name)));
+    const help = h("dialog", { class: "help", "aria-label": "Keys" },
+      h("h2", {}, "Keys"),
+      h("dl", {}, KEYS.map(([keys, what]) => [h("dt", {}, keys), h("dd", {}, what)])),
+      h("p", { class: "soft" }, "On the time axis: drag to move the playhead, scroll or pinch to zoom, shift and scroll to move along."),
+      button("Close", "Close", () => help.close()));
+    document.body.append(help);
+    return h("header", { class: "bar" },
+      h("h1", {}, names.length > 1 ? this.choice : names[0]),
+      (this.facts = h("span", { class: "soft facts" })),
+      h("span", { class: "grow" }),
+      themeButton(() => this.recolour()),
+      button("?", "Keys", () => help.showModal()));
+  }
+
+  transport() {
+    this.playButton = button("▶", "Play", () => this.toggle(), { class: "main play" });
+    this.loopButton = button("loop", "Loop the chosen part", () => this.setLoops(!this.loops), { "aria-pressed": "false" });
+    this.followButton = button("follow", "Follow the body", () => this.setFollow(!this.view.follow), { "aria-pressed": "true" });
+    this.speedChoice = h("select", { "aria-label": "Speed", onchange: () => (this.speed = Number(this.speedChoice.value)) },
+      SPEEDS.map((speed) => h("option", { value: speed, selected: speed === 1 }, `${speed}×`)));
+    this.range = h("output", { class: "range", "aria-label": "Chosen part" });
+    this.copied = h("span", { class: "soft", role: "status" });
+    this.curveChoice = h("details", { class: "curves" });
+    return h("div", { class: "transport", role: "toolbar", "aria-label": "Playing" },
+      button("|◁", "To the start", () => this.seek(0)),
+      button("◁", "One frame back", () => this.step(-1)),
+      this.playButton,
+      button("▷", "One frame on", () => this.step(1)),
+      this.loopButton, this.followButton, this.speedChoice,
+      button("[", "The chosen part starts here", () => this.markLoop(0)),
+      button("]", "The chosen part ends here", () => this.markLoop(1)),
+      h("span", { class: "group" }, this.range,
+        button("copy s", "Copy the chosen part as seconds: --from --to", () => this.copy(false)),
+        button("copy frames", "Copy the chosen part as frames: --from --to", () => this.copy(true)), this.copied),
+      h("span", { class: "grow" }),
+      this.curveChoice,
+      button("−", "Zoom out", () => this.timeline.zoom(1 / 1.6)),
+      button("+", "Zoom in", () => this.timeline.zoom(1.6)),
+      button("↔", "The whole recording", () => this.timeline.setRange(0, this.model.duration_s)));
+  }
+
+  // -- recordings ----------------------------------------------------------------------------
+
+  open(index) {
+    this.model = this.models[index];
+    const { model } = this;
+    this.clips = model.clips;
+    const rate = model.rate_hz ? `${Number(model.rate_hz.toFixed(2))} Hz, frames ${model.first_frame}–${model.first_frame + model.n_frames - 1}` : "";
+    this.facts.textContent = `${formatTime(model.duration_s)} ${model.duration_s >= 60 ? "min" : "s"}, ${rate}`;
+    this.view.setBodies(model.clips.map((clip) => clip.recording), []);
+    this.setLoops(false);
+    this.labels.setRecording(model);
+    this.why.clear(model.lanes.some((lane) => lane.labels.length) ? "Choose a label on the time axis or in the list." : nothingSays(model));
+    this.timeline.time = 0;
+    this.timeline.setRecording(model);
+    this.listCurves();
+    this.seek(0);
+    loadRest(model).then(() => {
+      if (model === this.model) this.timeline.arrange();
+    });
+  }
+
+  listCurves() {
+    const { model } = this;
+    this.curveChoice.hidden = !model.curves && !model.strip;
+    const box = (text, checked, onchange) =>
+      h("label", {}, h("input", { type: "checkbox", checked, onchange: (event) => {
+        onchange(event.target.checked);
+        this.timeline.arrange();
+      } }), " ", text);
+    const classes = model.curves ? model.curves.classes : [];
+    this.curveChoice.replaceChildren(
+      h("summary", {}, "Show"),
+      h("div", { class: "menu" },
+        model.strip ? box("features", model.showsFeatures, (on) => (model.showsFeatures = on)) : null,
+        classes.length ? h("p", { class: "soft" }, model.curves.kind === "score" ? "score of" : "cost of") : null,
+        classes.map((one, i) => box(one.name, model.chosenCurves.includes(i), (on) => {
+          model.chosenCurves = classes.map((_, k) => k).filter((k) => (k === i ? on : model.chosenCurves.includes(k)));
+        }))));
+  }
+
+  recolour() {
+    this.view.recolour();
+    this.timeline.dirty = true;
+    this.seek(this.time);
+  }
+
+  // -- time ----------------------------------------------------------------------------------
+
+  tick(now) {
+    requestAnimationFrame((next) => this.tick(next));
+    if (this.playing) {
+      const passed = Math.min((now - (this.last || now)) / 1000, 0.25) * this.speed;
+      let time = this.time + passed;
+      const loop = this.loops && this.model.loop;
+      const [start, stop] = loop || [0, this.model.duration_s];
+      if (time >= stop) {
+        if (loop) time = start + ((time - start) % Math.max(stop - start, 0.01));
+        else {
+          time = stop;
+          this.toggle();
+        }
+      }
+      this.seek(time);
+    }
+    this.last = now;
+    this.timeline.draw();
+    this.view.draw();
+  }
+
+  seek(seconds) {
+    const { model } = this;
+    this.time = clamp(seconds, 0, model.duration_s);
+    const poses = this.clips.map((clip) => clip.nJoints ? clip.at(model.toClip ? model.toClip(clip, this.time) : this.time, () => this.seek(this.time)) : null);
+    const { held, failed } = this.why.at(this.time);
+    this.view.bodies.forEach((body) => body.mark(held, failed));
+    this.view.show(poses);
+    this.timeline.setTime(this.time, this.playing);
+    this.readout.textContent = `${formatTime(this.time)} s  ·  frame ${frameAt(model, this.time)}`;
+    this.timeline.canvas.setAttribute("aria-valuetext", this.readout.textContent);
+    this.tellUnseen(poses[0]);
+  }
+
+  tellUnseen(pose) {
+    const { model } = this;
+    if (!pose) return;
+    const unseen = model.joints.filter((name, i) => !pose.known[i] && !model.missing.includes(name));
+    const parts = [];
+    if (unseen.length) parts.push(`not seen now: ${unseen.join(", ")}`);
+    if (model.missing.length) parts.push(`never seen: ${model.missing.join(", ")}`);
+    const text = parts.join("; ");
+    if (this.told !== text) this.notice.textContent = shown((this.told = text));
+  }
+
+  step(by) {
+    if (this.playing) this.toggle();
+    const hz = this.model.page_hz || 30;
+    this.seek((Math.round(this.time * hz) + by) / hz);
+  }
+
+  toggle() {
+    this.playing = !this.playing;
+    if (this.playing && this.time >= this.model.duration_s - 1e-3) this.seek(0);
+    this.playButton.textContent = this.playing ? "❚❚" : "▶";
+    const label = this.playing ? "Pause" : "Play";
+    this.playButton.title = label;
+    this.playButton.setAttribute("aria-label", label);
+  }
+
+  setLoops(on) {
+    this.loops = on;
+    this.loopButton.setAttribute("aria-pressed", String(on));
+    this.showRange();
+  }
+
+  setFollow(on) {
+    this.view.follow = on;
+    this.followButton.setAttribute("aria-pressed", String(on));
+  }
+
+  markLoop(end) {
+    const loop = this.model.loop ? [...this.model.loop] : [0, this.model.duration_s];
+    loop[end] = this.time;
+    if (loop[0] > loop[1]) loop[1 - end] = this.time;
+    this.model.loop = loop;
+    this.setLoops(true);
+  }
+
+  showRange() {
+    const { loop } = this.model;
+    this.range.textContent = loop ? `${formatTime(loop[0])}–${formatTime(loop[1])} s` : "";
+    this.timeline.dirty = true;
+  }
+
+  async copy(asFrames) {
+    const { model } = this;
+    const [start, stop] = model.loop || [this.time, model.duration_s];
+    const text = asFrames
+      ? `--from ${frameAt(model, start)}f --to ${lastFrameBefore(model, Math.max(stop, start + 1e-3))}f`
+      : `--from ${start.toFixed(3)} --to ${stop.toFixed(3)}`;
+    this.copied.textContent = (await copyText(text)) ? `copied: ${text}` : text;
+  }
+
+  // -- labels --------------------------------------------------------------------------------
+
+  async select(lane, label) {
+    const { model } = this;
+    model.selected = label;
+    model.loop = [label.start, label.end];
+    this.setLoops(true);
+    this.labels.reveal(lane, label);
+    if (label.start < this.timeline.start || label.end > this.timeline.stop) {
+      const span = Math.max(this.timeline.stop - this.timeline.start, 1.6 * (label.end - label.start));
+      const middle = (label.start + label.end) / 2;
+      this.timeline.setRange(middle - span / 2, middle + span / 2);
+    }
+    if (label.why !== null && !lane.whys) lane.whys = await unpackJson(lane.why);
+    if (model.selected !== label) return;
+    this.why.show(label, model, label.why === null ? null : lane.whys[label.why]);
+    this.seek(label.start);
+    if (!this.playing) this.toggle();
+  }
+
+  next(by) {
+    const { lane } = this.labels;
+    if (!lane || !lane.labels.length) return;
+    const at = lane.labels.indexOf(this.model.selected);
+    let index = at + by;
+    if (at < 0) index = by > 0 ? lane.labels.findIndex((label) => label.start >= this.time) : lastUpTo(lane.labels.map((l) => l.start), this.time - 1e-3);
+    const label = lane.labels[clamp(index, 0, lane.labels.length - 1)];
+    if (label) this.select(lane, label);
+  }
+
+  // A copy of a lane in every recording that has it: what was found stays beside what is made.
+  startCorrecting(lane) {
+    if (!lane) return;
+    const name = `${lane.name}, corrected`;
+    for (const model of this.models) {
+      const source = model.lanes.find((one) => one.name === lane.name);
+      if (model.lanes.some((one) => one.name === name) || !source) continue;
+      const copy = { name, editable: true, truth: false, unassessed: [], nearest: "", why: source.why, whys: source.whys, labels: source.labels.map((label) => ({ ...label })) };
+      model.lanes.splice(model.lanes.indexOf(source) + 1, 0, copy);
+    }
+    this.labels.lane = this.model.lanes.find((one) => one.name === name);
+    this.labels.refreshLanes();
+    this.timeline.arrange();
+  }
+
+  changed(lane, label) {
+    lane.labels.sort((a, b) => a.start - b.start || a.end - b.end);
+    this.unsaved = true;
+    this.model.selected = label;
+    this.model.loop = label ? [label.start, label.end] : null;
+    if (label && label.why === null) this.why.show(label, this.model, null);
+    this.showRange();
+    this.timeline.arrange();
+    this.labels.refreshLanes();
+  }
+
+  save(lane) {
+    const rows = [["recording", "label", "start_s", "end_s"]];
+    for (const model of this.models) {
+      const own = model.lanes.find((one) => one.name === lane.name);
+      for (const label of own ? own.labels : []) rows.push([model.name, label.name, Number(label.start.toFixed(4)), Number(label.end.toFixed(4))]);
+    }
+    download("labels.csv", toCsv(rows));
+    this.unsaved = false;
+  }
+
+  // -- keys ----------------------------------------------------------------------------------
+
+  key(event) {
+    const { target } = event;
+    if (event.ctrlKey || event.metaKey || event.altKey || target.closest("dialog, textarea, [type=text], [type=search], [type=number]")) return;
+    const onControl = target.closest("button, select, summary, [type=checkbox]");
+    const actions = {
+      ArrowLeft: () => (event.shiftKey ? this.seek(this.time - 1) : this.step(-1)),
+      ArrowRight: () => (event.shiftKey ? this.seek(this.time + 1) : this.step(1)),
+      Home: () => this.seek(0),
+      End: () => this.seek(this.model.duration_s),
+      n: () => this.next(1),
+      p: () => this.next(-1),
+      l: () => this.setLoops(!this.loops),
+      i: () => this.markLoop(0),
+      o: () => this.markLoop(1),
+      "+": () => this.timeline.zoom(1.6),
+      "=": () => this.timeline.zoom(1.6),
+      "-": () => this.timeline.zoom(1 / 1.6),
+      0: () => this.timeline.setRange(0, this.model.duration_s),
+      ",": () => this.changeSpeed(-1),
+      ".": () => this.changeSpeed(1),
+      f: () => this.setFollow(!this.view.follow),
+      Delete: () => this.labels.remove(),
+      " ": () => this.toggle(),
+    };
+    const action = actions[event.key];
+    // Space presses a button, arrows choose in a list: there they keep their meaning.
+    const isTheirs = onControl && (event.key === " " || (onControl.tagName === "SELECT" && event.key.length > 1));
+    if (!action || isTheirs) return;
+    event.preventDefault();
+    action();
+  }
+
+  changeSpeed(by) {
+    const place = clamp(SPEEDS.indexOf(this.speed) + by, 0, SPEEDS.length - 1);
+    this.speed = SPEEDS[place];
+    this.speedChoice.value = String(this.speed);
+  }
+}
+
+// A recording with what a person changes of it.
+function makeModel(recording) {
+  const lanes = recording.lanes.map((lane) => ({
+    ...lane,
+    labels: lane.labels.map(([name, start, end, cost, score, known, why]) => ({ name, start, end, cost, score, known, why, level: 0 })),
+  }));
+  const groups = [];
+  content.features.forEach((feature, i) => {
+    let group = groups.find((one) => one.id === feature.group);
+    if (!group) groups.push((group = { id: feature.group, name: { upper: "upper body", lower: "lower body", mix: "whole body" }[feature.group] || feature.group, features: [] }));
+    group.features.push(i);
+  });
+  const named = new Set(lanes.flatMap((lane) => lane.labels.map((label) => label.name)));
+  const classes = recording.curves ? recording.curves.classes : [];
+  const labelled = classes.map((_, i) => i).filter((i) => named.has(classes[i].name)).slice(0, 3);
+  return {
+    ...recording, lanes, groups,
+    gaps: recording.gaps || [],
+    clips: [new Clip(recording)],
+    chosenCurves: labelled.length ? labelled : classes.length ? [0] : [],
+    showsFeatures: true, features: null, loop: null, selected: null,
+  };
+}
+
+async function loadRest(model) {
+  if (model.strip && !model.features) {
+    model.strip.rows = decodeStates(await unpackBlock(model.strip.block), content.features.length);
+    model.features = model.strip;
+  }
+  if (model.curves && !model.curves.values) {
+    const { curves } = model;
+    curves.values = decodeSeries(await unpackBlock(curves.block), curves.classes.length, curves.n_frames, curves.unit);
+    curves.highest = 0;
+    for (const row of curves.values) for (const value of row) if (value > curves.highest) curves.highest = value;
+  }
+}
+
+function nothingSays(model) {
+  const lane = model.lanes.find((one) => one.nearest);
+  return lane ? lane.nearest : "This recording has no labels.";
+}
+
+function legend() {
+  const items = [["left", "left side"], ["right", "right side"], ["unseen", "not seen"], ["held", "● held"], ["failed", "◆ failed"]];
+  return h("ul", { class: "legend", "aria-label": "Colours" }, items.map(([kind, text]) => h("li", { class: `key-${kind}` }, text)));
+}
+
+new Player(document.getElementById("page"));

@@ -1,0 +1,113 @@
+// The view of a player: one or two bodies on the ground, a camera that a person turns.
+
+class View {
+  constructor(host) {
+    this.host = host;
+    this.canvas = h("canvas", { class: "view-canvas", tabindex: "0", role: "img", "aria-label": "The body in three dimensions; drag to turn, scroll to come nearer" });
+    host.append(this.canvas);
+    this.renderer = makeRenderer(this.canvas);
+    this.follow = true;
+    this.bodies = [];
+    this.dirty = true;
+    if (!this.renderer) {
+      host.append(h("p", { class: "view-problem", role: "alert" }, "This browser draws no three dimensions (WebGL is off); labels, features and reasons work without."));
+      return;
+    }
+    this.scene = makeScene();
+    this.ground = new Ground(this.scene);
+    this.camera = new THREE.PerspectiveCamera(40, 1, 0.05, 200);
+    this.controls = new THREE.OrbitControls(this.camera, this.canvas);
+    this.controls.enableDamping = false;
+    this.controls.maxPolarAngle = Math.PI * 0.52;
+    this.controls.addEventListener("change", () => (this.dirty = true));
+    this.target = new THREE.Vector3();
+    new ResizeObserver(() => this.resize()).observe(host);
+    this.resize();
+  }
+
+  resize() {
+    const width = this.host.clientWidth, height = this.host.clientHeight;
+    if (!this.renderer || !width || !height) return;
+    this.renderer.setSize(width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.dirty = true;
+  }
+
+  // Other bodies in place of those shown; the camera looks from their front right.
+  setBodies(recordings, poses) {
+    if (!this.renderer) return;
+    for (const body of this.bodies) this.scene.remove(...body.group);
+    this.bodies = recordings.map((recording) => new Body(this.scene, recording));
+    this.framed = false;
+    poses.forEach((pose, i) => pose && this.frame(this.bodies[i], pose));
+  }
+
+  frame(body, pose) {
+    const height = body.recording.height;
+    body.centre(pose, this.target);
+    this.target.y = body.recording.floor + 0.5 * height;
+    const away = 1.85 * height * Math.max(1, 0.75 / Math.min(this.camera.aspect, 1));
+    const facing = facingOf(body, pose);
+    this.controls.target.copy(this.target);
+    this.camera.position.set(
+      this.target.x + away * Math.sin(facing + 0.6),
+      this.target.y + 0.28 * height,
+      this.target.z + away * Math.cos(facing + 0.6),
+    );
+    this.controls.update();
+    this.ground.place(this.target.x, this.target.z, body.recording.floor);
+    this.framed = true;
+  }
+
+  show(poses) {
+    if (!this.renderer) return;
+    const middle = new THREE.Vector3(), one = new THREE.Vector3();
+    let n = 0;
+    poses.forEach((pose, i) => {
+      const body = this.bodies[i];
+      if (!pose || !body) return;
+      if (!this.framed) this.frame(body, pose);
+      body.show(pose);
+      middle.add(body.centre(pose, one));
+      n++;
+    });
+    if (n && this.follow) {
+      middle.divideScalar(n);
+      const dx = middle.x - this.controls.target.x, dz = middle.z - this.controls.target.z;
+      this.controls.target.x += dx;
+      this.controls.target.z += dz;
+      this.camera.position.x += dx;
+      this.camera.position.z += dz;
+      this.controls.update();
+      this.ground.place(middle.x, middle.z, this.ground.height);
+    }
+    this.dirty = true;
+  }
+
+  recolour() {
+    if (!this.renderer) return;
+    this.ground.recolour();
+    for (const body of this.bodies) body.recolour();
+    this.dirty = true;
+  }
+
+  draw() {
+    if (!this.renderer || !this.dirty) return;
+    this.dirty = false;
+    this.renderer.render(this.scene, this.camera);
+  }
+}
+
+// Direction that the hips face, about the vertical, radians; 0 is +z.
+function facingOf(body, pose) {
+  const at = (name) => body.recording.joints.indexOf(name);
+  for (const [left, right] of [["lhip", "rhip"], ["lshoulder", "rshoulder"]]) {
+    const l = at(left), r = at(right);
+    if (l < 0 || r < 0 || body.never[l] || body.never[r]) continue;
+    const x = pose.positions[l * 3] - pose.positions[r * 3];
+    const z = pose.positions[l * 3 + 2] - pose.positions[r * 3 + 2];
+    if (Math.hypot(x, z) > 1e-4) return Math.atan2(-z, x);
+  }
+  return 0;
+}
