@@ -7,6 +7,7 @@ click in most of Europe: semicolons, decimal commas, a byte order mark, lines as
 import csv
 import gzip
 import io
+import re
 import zlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
@@ -19,6 +20,7 @@ PACKED = ".gz"
 
 Cell = str | int | float | None
 
+_BREAKS = re.compile(r"[\t\r\n]+")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 # What text unpacks to, as a multiple of the packed size: numbers of a motion give three to six, a
@@ -134,6 +136,8 @@ def _decode(content: bytes) -> str:
 def write_table(rows: Iterable[Sequence[Cell]], path: str | Path, *, excel: bool = False) -> None:
     """Write rows of cells, headings first; None is an empty cell.
 
+    A name that ends in .tsv means tabs and no quotes; breaks within a cell become spaces.
+
     Parameters
     ----------
     rows : numbers that are whole as int, others as float; text stays as it is
@@ -149,11 +153,15 @@ def write_table(rows: Iterable[Sequence[Cell]], path: str | Path, *, excel: bool
     """
     check_table_name(path)
     text = io.StringIO()
-    writer = csv.writer(
-        text, delimiter=";" if excel else ",", lineterminator="\r\n" if excel else "\n"
-    )
-    for row in rows:
-        writer.writerow([_format_cell(cell, excel=excel) for cell in row])
+    end = "\r\n" if excel else "\n"
+    if Path(path).suffix.lower() == ".tsv":
+        # With tabs between them, cells have no quotes.
+        for row in rows:
+            cells = (_format_cell(cell, excel=excel) for cell in row)
+            text.write("\t".join(_BREAKS.sub(" ", cell) for cell in cells) + end)
+    else:
+        writer = csv.writer(text, delimiter=";" if excel else ",", lineterminator=end)
+        writer.writerows([_format_cell(cell, excel=excel) for cell in row] for row in rows)
     encoding = "utf-8-sig" if excel else "utf-8"
     with write_atomically(path) as beside:
         # Names of files may hold bytes that are no text; they are shown as escapes.

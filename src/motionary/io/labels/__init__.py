@@ -1,6 +1,8 @@
-"""Reading and writing labels: one table of their formats, one module per format.
+"""Reading and writing labels: one table of their formats, one module per family of formats.
 
 A new format is a module here and a row in `FORMATS`; names of functions are "module:function".
+A file's name says its format by its suffix; where several share one, reading looks into the
+file, and writing needs the format's name.
 """
 
 import importlib
@@ -8,65 +10,156 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.files import STDOUT
 from motionary.io.text import format_suffix
 from motionary.labels import LabelTrack
 
-__all__ = ["FORMATS", "LabelFormat", "read_labels", "write_labels"]
+__all__ = [
+    "FORMATS", "LabelFormat", "check_label_file", "find_label_format", "read_labels",
+    "write_labels",
+]  # fmt: skip
 
 
 class LabelFormat(NamedTuple):
-    """How files of labels are handled: `read` (path, rate_hz=), `write` (tracks, path, excel=)."""
+    """How files of labels are handled.
 
+    Attributes
+    ----------
+    name : as `to=` takes it
+    suffixes : in lower case; the first one is written
+    title : what it is, for people
+    read : function of (path, rate_hz=)
+    write : function of (tracks, path, excel=)
+    resolution_s : to which times are rounded; 0 where they are not
+    is_single : whether a file holds one recording
+    keeps_all : whether costs, scores and further columns are kept
+    """
+
+    name: str
     suffixes: tuple[str, ...]
+    title: str
     read: str
     write: str
+    resolution_s: float = 0.0
+    is_single: bool = False
+    keeps_all: bool = False
 
 
-#: The first one also takes files of other suffixes.
-FORMATS = (LabelFormat((".csv", ".tsv", ".txt"), "table:read_table", "table:write_table"),)
+_TABLES = "table:read_any"
+_JSON = "json_files:read_json"
+
+#: The first one of a suffix is what writing takes; "" are names without a suffix.
+FORMATS = (
+    LabelFormat(
+        "csv", (".csv", ".txt", ""), "table of separated values", _TABLES, "table:write_table",
+        keeps_all=True,
+    ),
+    LabelFormat("tsv", (".tsv",), "table with tabs", _TABLES, "table:write_table", keeps_all=True),
+    LabelFormat(
+        "xlsx", (".xlsx",), "Excel", "spreadsheet:read_spreadsheet",
+        "spreadsheet:write_spreadsheet", resolution_s=1e-9, keeps_all=True,
+    ),
+    LabelFormat(
+        "jsonl", (".jsonl",), "JSON lines", "json_files:read_lines", "json_files:write_lines",
+        keeps_all=True,
+    ),
+    LabelFormat(
+        "elan", (".eaf",), "ELAN", "elan:read_elan", "elan:write_elan", resolution_s=1e-3,
+        is_single=True,
+    ),
+    LabelFormat(
+        "praat", (".textgrid",), "Praat", "praat:read_text_grid", "praat:write_text_grid",
+        is_single=True,
+    ),
+    LabelFormat(
+        "srt", (".srt",), "SubRip", "subtitles:read_subtitles", "subtitles:write_srt",
+        resolution_s=1e-3, is_single=True,
+    ),
+    LabelFormat(
+        "vtt", (".vtt",), "WebVTT", "subtitles:read_subtitles", "subtitles:write_vtt",
+        resolution_s=1e-3, is_single=True,
+    ),
+    LabelFormat(
+        "audacity", (".txt",), "Audacity", _TABLES, "subtitles:write_audacity",
+        resolution_s=1e-6, is_single=True,
+    ),
+    LabelFormat("boris", (".csv", ".tsv"), "BORIS, aggregated", _TABLES, "boris:write_aggregated"),
+    LabelFormat(
+        "boris-tabular", (".csv", ".tsv"), "BORIS, tabular", _TABLES, "boris:write_tabular"
+    ),
+    LabelFormat(
+        "label-studio", (".json",), "Label Studio, time series", _JSON, "json_files:write_series"
+    ),
+    LabelFormat(
+        "label-studio-video", (".json",), "Label Studio, video", _JSON, "json_files:write_video"
+    ),
+    LabelFormat("babel", (".json",), "BABEL", _JSON, "json_files:write_babel"),
+)  # fmt: skip
+#: By these names alone a format is written: tables, which any suffix of a table means.
+_NEEDS_NAME = frozenset({".json"})
 
 
 def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
     """Labels of a file, one track per recording, sorted by recording.
 
+    The suffix says the format: a table (.csv, .tsv, .txt; also those of BORIS, and label tracks
+    of Audacity), .xlsx, .jsonl, .eaf (ELAN), .TextGrid (Praat), .srt, .vtt, .json (Label Studio,
+    BABEL). Times that a format rounds to milliseconds are put back on the frames where the rate
+    is known.
+
     Parameters
     ----------
     path : the file
-    rate_hz : frames per second of the recordings, for tables that say frames, from 0, and no
-        times
+    rate_hz : frames per second of the recordings, for files that do not say it
 
     Raises
     ------
     UnreadableFile
-        If the file is missing, lacks a column, or a row makes no sense; the message
-        names the line.
+        If the file is missing, broken, of an unknown format, lacks a column, or a row makes no
+        sense; the message names the line.
     """
-    tracks: dict[str, LabelTrack] = _load(_find(path).read)(Path(path), rate_hz=rate_hz)
-    return tracks
+    form = _find(path)
+    tracks: dict[str, LabelTrack] = _load(form.read)(Path(path), rate_hz=rate_hz)
+    if not form.resolution_s:
+        return tracks
+    from motionary.io.labels.lanes import put_on_frames
+
+    rates = {name: track.rate_hz or rate_hz for name, track in tracks.items()}
+    return {
+        name: put_on_frames(track, rate, form.resolution_s) if (rate := rates[name]) else track
+        for name, track in tracks.items()
+    }
 
 
 def write_labels(
     tracks: LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack],
     path: str | Path,
     *,
+    to: str | None = None,
     excel: bool = False,
 ) -> None:
     """Write tracks as a file that `read_labels` reads.
 
-    Columns that say nothing are left out: `known` where everything was seen and no label has
-    a cost. A track without labels leaves no row.
+    Tables leave out columns that say nothing: `known` where everything was seen and no label has
+    a cost. What was not assessed is a row without a label and with 1 in the column `unassessed`,
+    in other formats a tier or comment of its own. A track with neither leaves no row. A label's
+    further column `track` is its tier, where there are some.
 
     Parameters
     ----------
     tracks : one or several
-    path : the file
-    excel : with semicolons, decimal commas and a mark that says UTF-8, as Excel opens it
-        by a double click in most of Europe
+    path : the file; its suffix says the format
+    to : the format by name, where the suffix is that of several: "boris", "boris-tabular",
+        "audacity", "label-studio", "label-studio-video", "babel"
+    excel : tables with semicolons, decimal commas and a mark that says UTF-8, as Excel opens
+        them by a double click in most of Europe
 
     Raises
     ------
     InvalidInput
-        If a label's further column has the name of one of this table's own.
+        If the suffix is that of no format or of several, the format holds one recording and
+        there are several, or a label's further column has the name of one of a table's own.
     UnwritableFile
         If the file cannot be written; what was there before stays.
     """
@@ -74,12 +167,72 @@ def write_labels(
         tracks = [tracks]
     elif isinstance(tracks, Mapping):
         tracks = tracks.values()
-    _load(_find(path).write)(tracks, Path(path), excel=excel)
+    _load(find_label_format(path, to=to).write)(tracks, Path(path), excel=excel)
+
+
+def find_label_format(path: str | Path, *, to: str | None = None) -> LabelFormat:
+    """The format that a file is written in.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none of this name or suffix, or several.
+    """
+    if to is not None:
+        wanted = to.lower()
+        named = [f for f in FORMATS if wanted == f.name]
+        named = named or [f for f in FORMATS if f".{wanted.lstrip('.')}" in f.suffixes]
+        if not named:
+            raise InvalidInput(f"no format of labels is called {to!r}; there are {_list_formats()}")
+        if len(named) > 1 and f".{wanted.lstrip('.')}" in _NEEDS_NAME:
+            raise InvalidInput(f"{to} may be {' or '.join(f.name for f in named)}; say which")
+        return named[0]
+    suffix = "" if str(path) == STDOUT else format_suffix(path)
+    found = [form for form in FORMATS if suffix in form.suffixes]
+    if not found:
+        raise InvalidInput(
+            f"labels are not written as {suffix}, got {path}; formats are {_list_formats()}"
+        )
+    if suffix in _NEEDS_NAME:
+        names = ", ".join(form.name for form in found)
+        raise InvalidInput(f"{suffix} is of several formats, got {path}; name one: {names}")
+    return found[0]
+
+
+def check_label_file(path: str | Path, *, excel: bool = False, several: bool = False) -> None:
+    """Refuse, before the work, a name by which labels cannot be written.
+
+    Parameters
+    ----------
+    excel : whether the table is to be for Excel
+    several : whether there is more than one recording
+
+    Raises
+    ------
+    InvalidInput
+    """
+    form = find_label_format(path)
+    if excel and "table" not in form.write:
+        raise InvalidInput(f"only tables are written for Excel so, got {path}; leave --excel out")
+    if several and form.is_single:
+        raise InvalidInput(
+            f"{form.title} files hold one recording, and there are several; write a table, then "
+            f"`motionary labels convert TABLE -o FOLDER --to {form.name}`"
+        )
+
+
+def _list_formats() -> str:
+    return ", ".join(f"{form.name} ({form.suffixes[0]})" for form in FORMATS)
 
 
 def _find(path: str | Path) -> LabelFormat:
+    """The format to read a file in; those of one suffix share a reader."""
     suffix = format_suffix(path)
-    return next((form for form in FORMATS if suffix in form.suffixes), FORMATS[0])
+    found = [form for form in FORMATS if suffix in form.suffixes]
+    if not found:
+        known = ", ".join(sorted({s for form in FORMATS for s in form.suffixes if s}))
+        raise UnreadableFile(f"{path}: labels are not read from {suffix}; known are {known}")
+    return found[0]
 
 
 def _load(place: str) -> Callable[..., Any]:

@@ -3,7 +3,8 @@
 Conventions: one label a row, `recording,label,start_s,end_s` and, where known,
 `start_frame,end_frame,cost,known,score,probability,false_per_min,side`; times in seconds
 from the first frame, or `1:02:03.5`, or in columns `start_ms,end_ms`; frame numbers alone need
-a rate. Further columns are kept as text. With semicolons or tabs, a decimal comma is understood;
+a rate. Further columns are kept as text. A row with 1 in the column `unassessed` is no label.
+With semicolons or tabs, a decimal comma is understood;
 tables with tabs know no quotes.
 """
 
@@ -16,9 +17,10 @@ from pathlib import Path
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io import text
 from motionary.io.formats.numbers import parse_number
+from motionary.io.labels.lanes import UNASSESSED, build_tracks
 from motionary.io.text import Cell, read_text
 from motionary.labels import Label, LabelTrack
-from motionary.recording import Recording
+from motionary.recording import Segment
 
 REQUIRED = ("recording", "label", "start_s", "end_s")
 OPTIONAL = (
@@ -34,32 +36,66 @@ _TIMES = {
 _MILLISECONDS = ("start_ms", "end_ms")
 _NUMBERS = frozenset({*REQUIRED[2:], *OPTIONAL[:-1], *_MILLISECONDS})
 _NOTHING = frozenset({"", "-", "na", "n/a"})
+_NO = frozenset({*_NOTHING, "0", "false", "no"})
 
 
-def read_table(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
-    """Labels of a table; see `read_labels`."""
-    labels: dict[str, list[Label]] = {}
-    for where, row in _rows(read_text(path), path.name):
+def read_any(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+    """Labels of a table, one of BORIS, or a label track of Audacity; see `read_labels`."""
+    from motionary.io.labels.boris import is_boris, read_boris
+    from motionary.io.labels.subtitles import is_audacity, read_audacity
+
+    content = read_text(path)
+    # Without labels, such a track is an empty file.
+    if is_audacity(content) or (not content and path.suffix.lower() == ".txt"):
+        return read_audacity(path, rate_hz=rate_hz)
+    if is_boris(content):
+        return read_boris(path, rate_hz=rate_hz)
+    return collect_rows(_rows(content, path.name), rate_hz=rate_hz)
+
+
+def collect_rows(
+    rows: Iterable[tuple[str, dict[str, str]]], *, rate_hz: float | None = None
+) -> dict[str, LabelTrack]:
+    """Tracks of rows by column, each with its place for errors."""
+    labels: list[tuple[str, Label]] = []
+    unassessed: list[tuple[str, Segment]] = []
+    for where, row in rows:
         if not row["recording"]:
             raise UnreadableFile(f"{where}: the recording is empty")
-        labels.setdefault(row["recording"], []).append(_to_label(row, where, rate_hz))
-    return {name: LabelTrack(Recording(name), tuple(labels[name])) for name in sorted(labels)}
+        if row.pop(UNASSESSED, "").lower() not in _NO:
+            times = (_time(row, column, where, rate_hz) for column in _TIMES)
+            unassessed.append((row["recording"], Segment(*times)))
+        else:
+            labels.append((row["recording"], _to_label(row, where, rate_hz)))
+    return build_tracks(labels, unassessed)
 
 
 def write_table(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
     """Write tracks as a table; see `write_labels`."""
+    text.write_table(list_rows(tracks), path, excel=excel)
+
+
+def list_rows(tracks: Iterable[LabelTrack]) -> list[list[Cell]]:
+    """Rows of a table of tracks, headings first."""
+    tracks = list(tracks)
     rows = [(track.recording.name, label) for track in tracks for label in track]
     extra = list(dict.fromkeys(column for _, label in rows for column in label.extra))
-    clash = set(extra) & {*REQUIRED, *OPTIONAL}
+    clash = set(extra) & {*REQUIRED, *OPTIONAL, UNASSESSED}
     if clash:
         raise InvalidInput(f"a further column cannot be called {', '.join(sorted(clash))}")
     used = [name for name in OPTIONAL if any(_says(label, name) for _, label in rows)]
-    table: list[list[Cell]] = [[*REQUIRED, *used, *extra]]
-    for recording, label in rows:
-        own = [_cell(label, name) for name in ("start_s", "end_s", *used)]
-        further = [label.extra.get(column, "") for column in extra]
-        table.append([recording, label.name, *own, *further])
-    text.write_table(table, path, excel=excel)
+    mark = [UNASSESSED] if any(track.unassessed for track in tracks) else []
+    table: list[list[Cell]] = [[*REQUIRED, *used, *extra, *mark]]
+    for track in tracks:
+        for label in track:
+            own = [_cell(label, name) for name in ("start_s", "end_s", *used)]
+            further = [label.extra.get(column, "") for column in extra]
+            table.append([track.recording.name, label.name, *own, *further, *[None] * len(mark)])
+        for start_s, end_s in track.unassessed:
+            times = [float(start_s), float(end_s)]
+            blank = [None] * (len(used) + len(extra))
+            table.append([track.recording.name, None, *times, *blank, 1])
+    return table
 
 
 def _says(label: Label, column: str) -> bool:
@@ -102,7 +138,7 @@ def _rows(content: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
             if not any(cells):
                 continue
             if not columns:
-                columns = _check_columns(cells, where)
+                columns = check_columns(cells, where)
                 continue
             while len(cells) > len(columns) and not cells[-1]:
                 cells.pop()
@@ -129,8 +165,15 @@ def _to_row(columns: list[str], cells: list[str], where: str, *, comma: bool) ->
     return row
 
 
-def _check_columns(cells: list[str], where: str) -> list[str]:
-    known = {*REQUIRED, *OPTIONAL, *_MILLISECONDS}
+def check_columns(cells: list[str], where: str) -> list[str]:
+    """Names of columns, in small letters where they are this table's own.
+
+    Raises
+    ------
+    UnreadableFile
+        If one is missing or occurs twice.
+    """
+    known = {*REQUIRED, *OPTIONAL, *_MILLISECONDS, UNASSESSED}
     columns = [cell.lower() if cell.lower() in known else cell for cell in cells]
     missing = [
         column
