@@ -4,12 +4,18 @@ Conventions: times in seconds from the recording's first frame, half-open; frame
 file counts them, inclusive, as people look them up.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
 
 from motionary.errors import InvalidInput
 from motionary.recording import Recording, Segment
+
+#: Ends of labels that differ by less are the same: formats round to milliseconds.
+SAME_S = 0.0005 + 1e-9
+# Overlap from which a label of another name is taken for the same one renamed.
+_RENAMED_IOU = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,3 +105,99 @@ class LabelTrack:
     def names(self) -> tuple[str, ...]:
         """Names that occur, sorted."""
         return tuple(sorted({label.name for label in self.labels}))
+
+
+class Change(NamedTuple):
+    """What became of a label.
+
+    Attributes
+    ----------
+    kind : "kept", "moved" (its ends), "renamed" (its ends, too, perhaps), "added", "removed"
+    before, after : the label in the one track and in the other; None where it is not
+    """
+
+    kind: Literal["kept", "moved", "renamed", "added", "removed"]
+    before: Label | None
+    after: Label | None
+
+
+def compare_labels(
+    before: Iterable[Label], after: Iterable[Label], *, tolerance_s: float = SAME_S
+) -> list[Change]:
+    """What became of each label, sorted by start.
+
+    Labels are paired one to one: those that are equal first, then those of one name that
+    overlap, the most first, then those of other names that overlap by half.
+
+    Parameters
+    ----------
+    before, after : labels of one recording
+    tolerance_s : ends that differ by no more are the same
+    """
+    old, new = list(before), sorted(after, key=lambda label: label.start_s)
+    pairs = sorted(_candidates(old, new, tolerance_s))
+    free_old, free_new = set(range(len(old))), set(range(len(new)))
+    changes = []
+    for _, i, j in pairs:
+        if i in free_old and j in free_new:
+            free_old.discard(i)
+            free_new.discard(j)
+            changes.append(Change(_kind(old[i], new[j], tolerance_s), old[i], new[j]))
+    changes += [Change("removed", old[i], None) for i in free_old]
+    changes += [Change("added", None, new[j]) for j in free_new]
+    return sorted(changes, key=_place)
+
+
+def _candidates(
+    old: list[Label], new: list[Label], tolerance_s: float
+) -> Iterator[tuple[tuple[int, float], int, int]]:
+    """Pairs that may be one label, with their rank: smaller first."""
+    longest = max((label.end_s - label.start_s for label in new), default=0.0)
+    starts = [label.start_s for label in new]
+    for i, one in enumerate(old):
+        first = bisect_left(starts, one.start_s - longest - tolerance_s)
+        for j in range(first, bisect_left(starts, one.end_s + tolerance_s + 1e-9)):
+            other = new[j]
+            iou = _iou(one, other)
+            if _kind(one, other, tolerance_s) == "kept":
+                yield (0, -iou), i, j
+            elif one.name == other.name and iou > 0:
+                yield (1, -iou), i, j
+            elif iou >= _RENAMED_IOU:
+                yield (2, -iou), i, j
+
+
+def _iou(one: Label, other: Label) -> float:
+    both = min(one.end_s, other.end_s) - max(one.start_s, other.start_s)
+    union = max(one.end_s, other.end_s) - min(one.start_s, other.start_s)
+    return both / union if union > 0 else 0.0
+
+
+def _kind(one: Label, other: Label, tolerance_s: float) -> Literal["kept", "moved", "renamed"]:
+    if one.name != other.name:
+        return "renamed"
+    shifts = abs(one.start_s - other.start_s), abs(one.end_s - other.end_s)
+    return "kept" if max(shifts) <= tolerance_s else "moved"
+
+
+def _place(change: Change) -> tuple[float, float, str]:
+    return min(
+        (label.start_s, label.end_s, label.name) for label in change[1:] if label is not None
+    )
+
+
+def of_recording(track: LabelTrack, recording: Recording) -> LabelTrack:
+    """The track as one of a recording, whose rate and length it then knows.
+
+    Raises
+    ------
+    InvalidInput
+        If a label ends more than a frame after the recording: it is of another one.
+    """
+    late = [label for label in track if label.end_s > recording.duration_s + 1 / recording.rate_hz]
+    if late:
+        raise InvalidInput(
+            f"{recording.name}: lasts {recording.duration_s:.2f} s, and a label ends at "
+            f"{late[0].end_s:.2f} s ({late[0].name!r}); are the labels of another recording?"
+        )
+    return replace(track, recording=recording)

@@ -10,7 +10,7 @@ from cli_cases import RATE_HZ, write_bvh, write_examples, write_stream
 from motionary.cli import screen
 from motionary.cli.options import Moment, parse_moment
 from motionary.errors import InvalidInput
-from motionary.io import write_table
+from motionary.io import read_labels, write_table
 from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 
@@ -119,7 +119,7 @@ def test_a_conversion_writes_below_its_folder_only(motionary, take, monkeypatch)
 
 
 @pytest.mark.parametrize("command", ["annotate", "search", "info"])
-@pytest.mark.parametrize("name", ["labels.xlsx", "labels.eaf", "labels.json"])
+@pytest.mark.parametrize("name", ["labels.docx", "labels.json"])
 def test_tables_under_the_name_of_another_format_are_refused(
     motionary, world, tmp_path, command, name
 ):
@@ -130,8 +130,24 @@ def test_tables_under_the_name_of_another_format_are_refused(
     }
     ran = motionary(command, world / "take.bvh", *options[command], "-o", tmp_path / name)
     assert ran.code == 2
-    assert ".csv, .tsv, .txt" in " ".join(ran.err.split())
+    words = " ".join(ran.err.split())
+    assert (".csv, .tsv, .txt" if command == "info" else "labels.") in words
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["hits.eaf", "hits.TextGrid", "hits.jsonl"])
+def test_labels_are_written_for_other_programs(motionary, world, tmp_path, name):
+    out = tmp_path / name
+    ran = motionary("annotate", world / "take.bvh", "--library", world / "library", "-o", out)
+    assert ran.code == 0, ran.err
+    ((_, track),) = read_labels(out).items()
+    assert len(track) > 0
+    several = (world / "examples" / "squat", world / "take.bvh")
+    ran = motionary(
+        "annotate", *several, "--library", world / "library", "-o", out, "--force"
+    )  # fmt: skip
+    assert (ran.code == 0) == name.endswith("jsonl")
+    assert ("hold one recording" in " ".join(ran.err.split())) != name.endswith("jsonl")
 
 
 def test_the_library_refuses_such_names_too(tmp_path):

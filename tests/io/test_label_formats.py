@@ -21,7 +21,9 @@ NAMES = [form.name for form in FORMATS]
 texts = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=6)
 names = st.one_of(
     texts,
-    st.sampled_from(['a "b" </script>', "<b>&amp;", "[x] y", "--> 0", "=1+1", "été 走る", "1;2,3", "_x0041_"]),
+    st.sampled_from(
+        ['a "b" </script>', "<b>&amp;", "[x] y", "--> 0", "=1+1", "été 走る", "1;2,3", "_x0041_"]
+    ),
 )
 frames = st.lists(st.integers(0, 20_000), min_size=2, max_size=2, unique=True).map(sorted)
 tracks_of_labels = st.lists(
@@ -146,7 +148,7 @@ def test_elan_tiers_that_people_make_are_read(tmp_path):
         """<?xml version="1.0" encoding="UTF-8"?>
 <ANNOTATION_DOCUMENT AUTHOR="" DATE="2020-01-01T00:00:00Z" FORMAT="3.0" VERSION="3.0">
 <HEADER MEDIA_FILE="" TIME_UNITS="milliseconds">
-<MEDIA_DESCRIPTOR MEDIA_URL="file:///home/ana/my%20take.mp4" MIME_TYPE="video/mp4"/></HEADER>
+<MEDIA_DESCRIPTOR MEDIA_URL="file:///D:/videos/my%20take.mp4" MIME_TYPE="video/mp4"/></HEADER>
 <TIME_ORDER><TIME_SLOT TIME_SLOT_ID="ts1" TIME_VALUE="100"/><TIME_SLOT TIME_SLOT_ID="ts2"/>
 <TIME_SLOT TIME_SLOT_ID="ts3" TIME_VALUE="300"/></TIME_ORDER>
 <TIER LINGUISTIC_TYPE_REF="default-lt" TIER_ID="walk"><ANNOTATION>

@@ -11,6 +11,7 @@ from motionary.cli import screen
 from motionary.cli.options import (
     AsJson,
     Jobs,
+    LabelFile,
     TableOptions,
     check_target,
     picture_path,
@@ -39,6 +40,7 @@ class AssignmentName(StrEnum):
 class LabelOptions(TableOptions):
     """What counts as a label, and what is shown of it."""
 
+    output: LabelFile = None
     library: Annotated[
         str | None, typer.Option(metavar="LIB", help="A folder that `motionary learn` wrote.")
     ] = None
@@ -82,6 +84,11 @@ class LabelOptions(TableOptions):
     explain: Annotated[
         bool, typer.Option("--explain", help="Say of each label which features held and failed.")
     ] = False
+
+    @property
+    def holds_labels(self) -> bool:
+        """Whether the results are labels; counts are a table."""
+        return not self.count
 
     def check(self) -> None:
         """Refuse options that do not go together, and tables that cannot be written.
@@ -129,10 +136,13 @@ def annotate(
     """
     from motionary.batch import Failure
     from motionary.io import write_labels
+    from motionary.io.labels import check_label_file
 
     options.check()
     library = _library(options)
     found = find_files(files)
+    if options.output and not options.count:
+        check_label_file(options.output, several=len(found.files) > 1)
     failures, tracks = [], []
     for sequence in measure_files(
         found.files, "labelling", reading=reading, feature_set=library.feature_set,

@@ -36,6 +36,7 @@ COMMANDS = {
     "convert": "convert",
     "features": "convert",
     "evaluate": "evaluate",
+    "labels": "labels",
     "demo": "demo",
 }
 #: Former names of options, which stay.

@@ -219,7 +219,9 @@ def _cells(row: dict[str, Any]) -> list[str]:
 
 
 def cut(
-    labels: Annotated[str, typer.Argument(metavar="LABELS", help="Table of hits or labels (CSV).")],
+    labels: Annotated[
+        str, typer.Argument(metavar="LABELS", help="Hits or labels: a table, ELAN, ...")
+    ],
     recordings: Annotated[
         list[str],
         typer.Argument(metavar="RECORDINGS", help="Folders, files or patterns they belong to."),
@@ -247,7 +249,7 @@ def cut(
     from motionary.io import read_labels
 
     check_target(output, is_folder=True)
-    tracks = read_labels(labels)
+    tracks = read_labels(labels, rate_hz=reading.rate_hz)
     if only:
         names = {label.name for track in tracks.values() for label in track}
         unknown = sorted(set(only) - names)

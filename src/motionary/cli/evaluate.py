@@ -28,9 +28,11 @@ _MIDDLE_IOU = 0.5
 
 def evaluate(
     labels: Annotated[
-        str, typer.Argument(metavar="LABELS", help="A table of labels, as `annotate -o` writes.")
+        str, typer.Argument(metavar="LABELS", help="Labels, as `annotate -o` writes.")
     ],
-    truth: Annotated[str, typer.Option(metavar="TRUTH", help="A table of the true labels.")],
+    truth: Annotated[
+        str, typer.Option(metavar="TRUTH", help="The true labels, in any format of labels.")
+    ],
     rename: Annotated[
         list[str] | None,
         typer.Option(

@@ -74,6 +74,16 @@ Excel = Annotated[
 ]
 
 
+LabelFile = Annotated[
+    str | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Write the results, too: a table (.csv, .tsv, .xlsx), .jsonl, .eaf (ELAN), .TextGrid "
+        "(Praat), .srt or .vtt. `motionary labels convert` makes others of a table.",
+    ),
+]
 Force = Annotated[
     bool, typer.Option("--force", help="Replace results of former runs that are in the way.")
 ]
@@ -91,6 +101,11 @@ class TableOptions:
     force: Force = False
 
     @property
+    def holds_labels(self) -> bool:
+        """Whether the results are labels, which have more formats than tables."""
+        return False
+
+    @property
     def takes_stdout(self) -> bool:
         """Whether the table goes to stdout, in the place of what is said to people."""
         return self.output == STDOUT
@@ -106,7 +121,12 @@ class TableOptions:
             raise wrong("--excel", "goes with --output CSV")
         if self.output is not None:
             try:
-                check_table_name(self.output)
+                if self.holds_labels:
+                    from motionary.io.labels import check_label_file
+
+                    check_label_file(self.output, excel=self.excel)
+                else:
+                    check_table_name(self.output)
             except InvalidInput as error:
                 raise wrong("--output", str(error)) from error
         check_target(self.output, replace=self.force)

@@ -13,6 +13,7 @@ from motionary.cli.convert import cut_labels
 from motionary.cli.options import (
     AsJson,
     Jobs,
+    LabelFile,
     LibraryDefault,
     TableOptions,
     check_picture,
@@ -77,6 +78,7 @@ class HitOptions:
 class ResultOptions(TableOptions):
     """What becomes of the hits, and of what they were found with."""
 
+    output: LabelFile = None
     cut: Annotated[
         str | None, typer.Option(metavar="FOLDER", help="Write each hit as a clip (BVH, AMC).")
     ] = None
@@ -95,6 +97,11 @@ class ResultOptions(TableOptions):
         str | None,
         typer.Option(metavar="LIB", help="Add the learned template to a library, as a class."),
     ] = None
+
+    @property
+    def holds_labels(self) -> bool:
+        """Hits become labels."""
+        return True
 
 
 def search(

@@ -121,13 +121,15 @@ def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, 
     """
     form = _find(path)
     tracks: dict[str, LabelTrack] = _load(form.read)(Path(path), rate_hz=rate_hz)
-    if not form.resolution_s:
+    same = [x for x in FORMATS if x.read == form.read and set(x.suffixes) & set(form.suffixes)]
+    resolution_s = max(x.resolution_s for x in same)
+    if not resolution_s:
         return tracks
     from motionary.io.labels.lanes import put_on_frames
 
     rates = {name: track.rate_hz or rate_hz for name, track in tracks.items()}
     return {
-        name: put_on_frames(track, rate, form.resolution_s) if (rate := rates[name]) else track
+        name: put_on_frames(track, rate, resolution_s) if (rate := rates[name]) else track
         for name, track in tracks.items()
     }
 

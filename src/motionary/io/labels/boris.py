@@ -12,7 +12,7 @@ the same behaviour go to a further subject. What was not assessed is a behaviour
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 from motionary.errors import UnreadableFile
@@ -243,7 +243,7 @@ def _state_rows(track: LabelTrack) -> list[tuple[Label, dict[str, Cell]]]:
     return sorted(rows, key=lambda pair: (pair[0].start_s, pair[0].end_s))
 
 
-def _behaviour(label: Label, subject: str) -> Mapping[str, Cell]:
+def _behaviour(label: Label, subject: str) -> dict[str, Cell]:
     kind = _POINT if label.start_s == label.end_s else _STATE
     return {
         "Subject": plain_line(subject), "Behavior": plain_line(label.name), "Behavior type": kind,

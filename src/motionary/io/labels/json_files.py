@@ -100,7 +100,11 @@ def _recording(name: str, row: Item) -> Recording:
 
 
 def _to_label(item: Item) -> Label:
-    frames = {key: item.get(key) for key in ("start_frame", "end_frame")}
+    known: dict[str, Any] = {
+        key: None if item.get(key) is None else int(item[key])
+        for key in ("start_frame", "end_frame")
+    }
+    known |= {key: None if item.get(key) is None else _number(item[key]) for key in _NUMBERS}
     return Label(
         str(item["label"]),
         _number(item["start_s"]),
@@ -108,8 +112,7 @@ def _to_label(item: Item) -> Label:
         known=1.0 if item.get("known") is None else _number(item["known"]),
         side=str(item.get("side") or ""),
         extra={key: str(value) for key, value in item.items() if key not in _OWN},
-        **{key: None if value is None else int(value) for key, value in frames.items()},
-        **{key: None if item.get(key) is None else _number(item[key]) for key in _NUMBERS},
+        **known,
     )
 
 
@@ -247,7 +250,7 @@ def _write_tasks(
     tasks = []
     for number, track in enumerate(tracks, start=1):
         unseen = [Label(UNASSESSED, *segment) for segment in track.unassessed]
-        results = []
+        results: list[dict[str, Any]] = []
         for label in (*track.labels, *unseen):
             is_unseen = any(label is x for x in unseen)
             result = {
@@ -317,7 +320,7 @@ def write_babel(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False
     """Write tracks as sequences of BABEL; see `write_labels`."""
     content = {}
     for number, track in enumerate(tracks, start=1):
-        ends = [x.end_s for x in (*track.labels, *track.unassessed)]
+        ends = [x.end_s for x in track.labels] + [x.end_s for x in track.unassessed]
         sequence: dict[str, Any] = {
             "babel_sid": number, "url": "", "feat_p": track.recording.name,
             "dur": track.duration_s or max(ends, default=0.0), "seq_ann": None,

@@ -124,9 +124,9 @@ def _read_tiers(tokens: _Tokens) -> Iterator[_Tier]:
 def write_text_grid(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
     """Write the track of one recording as a TextGrid; see `write_labels`."""
     track = only_one(list(tracks), path)
-    ends = [track.recording.duration_s, *(x.end_s for x in (*track.labels, *track.unassessed))]
+    ends = [x.end_s for x in track.labels] + [x.end_s for x in track.unassessed]
     # Praat takes no grid without duration.
-    end = max(ends) or 1.0
+    end = max(track.recording.duration_s, *ends, 0.0) or 1.0
     write_text(path, _format(_make_tiers(track, end), end))
 
 

@@ -3,6 +3,7 @@
 Needs openpyxl, which the extra `xlsx` installs. Cells are text or numbers, never formulas.
 """
 
+import re
 import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -16,6 +17,8 @@ from motionary.labels import LabelTrack
 
 _MOST_BYTES = 1 << 28
 _LOOKED_AT = 1 << 16
+# What XML cannot hold, and what would be read as such: Excel writes both as _x0041_.
+_SPECIAL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]|_x[0-9A-Fa-f]{4}_")
 
 
 def _load() -> Any:
@@ -98,10 +101,8 @@ def write_spreadsheet(tracks: Iterable[LabelTrack], path: Path, *, excel: bool =
 
 
 def _set(cell: Any, value: Cell) -> None:
-    from openpyxl.utils.escape import escape
-
     if isinstance(value, str):
-        cell.value = escape(value)
+        cell.value = _SPECIAL.sub(lambda found: f"_x{ord(found[0][0]):04X}_{found[0][1:]}", value)
         # What begins with "=" is text as well.
         cell.data_type = "s"
     elif value is not None:
