@@ -161,3 +161,8 @@ def test_motions_and_skeletons_compare_and_hash_without_raising():
     tree = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
     assert tree != Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
     assert len({tree, tree}) == 1
+
+
+def test_a_motion_is_told_in_a_line():
+    motion = Motion(("a",), np.zeros((60, 1, 3)), Recording("take.bvh", rate_hz=30.0))
+    assert repr(motion) == "Motion('take.bvh', 60 frames at 30 Hz, 2.00 s, 1 joints, 0 notes)"

@@ -5,6 +5,7 @@ file counts them, inclusive, as people look them up.
 """
 
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
@@ -16,6 +17,9 @@ from motionary.recording import Recording, Segment
 SAME_S = 0.0005 + 1e-9
 # Overlap from which a label of another name is taken for the same one renamed.
 _RENAMED_IOU = 0.5
+
+# So many names of labels stand in a track's short form.
+_SHOWN = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +88,15 @@ class LabelTrack:
     def __post_init__(self) -> None:
         order = tuple(sorted(self.labels, key=lambda x: (x.start_s, x.end_s, x.name)))
         object.__setattr__(self, "labels", order)
+
+    def __repr__(self) -> str:
+        counts = Counter(label.name for label in self.labels)
+        said = ", ".join(f"{name} {n}" for name, n in sorted(counts.items())[:_SHOWN])
+        more = ", ..." if len(counts) > _SHOWN else ""
+        return (
+            f"LabelTrack({self.recording.name!r}, {len(self)} labels: {said or 'none'}{more}; "
+            f"{len(self.unassessed)} unassessed segments)"
+        )
 
     def __iter__(self) -> Iterator[Label]:
         return iter(self.labels)

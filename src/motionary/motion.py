@@ -159,6 +159,12 @@ class Motion:
         if self.recording.n_frames != shape[0]:
             object.__setattr__(self, "recording", replace(self.recording, n_frames=shape[0]))
 
+    def __repr__(self) -> str:
+        return (
+            f"Motion({self.source or 'unnamed'!r}, {self.n_frames} frames at {self.rate_hz:g} Hz, "
+            f"{self.duration_s:.2f} s, {len(self.names)} joints, {len(self.notes)} notes)"
+        )
+
     @property
     def source(self) -> str:
         """Name of the recording."""

@@ -9,8 +9,18 @@ import pytest
 from cli_cases import write_bvh
 from motionary.batch import Failure
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.io import ReadOptions, can_cut, copy_skeleton, cut_clips, cut_file, plan_clips, read
+from motionary.io import (
+    ReadOptions,
+    can_cut,
+    copy_skeleton,
+    cut_clips,
+    cut_file,
+    plan_clips,
+    read,
+    write,
+)
 from motionary.labels import Label, LabelTrack
+from motionary.motion import Motion
 from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 
@@ -156,14 +166,31 @@ def test_broken_amc_is_told(amc, tmp_path):
 
 
 def test_other_files_cannot_be_cut(tmp_path):
-    (tmp_path / "take.c3d").touch()
-    assert not can_cut("take.c3d")
+    (tmp_path / "take.fbx").touch()
+    assert not can_cut("take.fbx")
     assert can_cut("take.BVH")
     assert can_cut("take.amc.gz")
-    with pytest.raises(UnreadableFile, match=r"cut out of .amc, .bvh, not out of '.c3d'"):
-        cut_file(tmp_path / "take.c3d", 0, 3, tmp_path / "clip.c3d")
+    with pytest.raises(UnreadableFile, match=r"cut out of .*\.npz.*, not out of '.fbx'"):
+        cut_file(tmp_path / "take.fbx", 0, 3, tmp_path / "clip.fbx")
     with pytest.raises(UnreadableFile, match=r"none.bvh: cannot be read"):
         cut_file(tmp_path / "none.bvh", 0, 3, tmp_path / "clip.bvh")
+
+
+@pytest.mark.parametrize("suffix", [".trc", ".c3d", ".npz"])
+def test_points_are_cut_at_the_frames_of_their_file(tmp_path, suffix):
+    places = np.random.default_rng(3).uniform(0.2, 1.5, (12, 2, 3))
+    places[4, 1] = np.nan
+    whole = Motion(("a", "b"), places, Recording(rate_hz=50.0, first_frame=7))
+    path, out = tmp_path / f"take{suffix}", tmp_path / f"clip{suffix}"
+    write(whole, path)
+    cut_file(path, 9, 12, out)
+    clip = read(
+        out, unit=None if suffix == ".npz" else "mm", **({} if suffix == ".npz" else {"up": "y"})
+    )
+    assert (clip.names, clip.rate_hz, clip.first_frame) == (("a", "b"), 50, 9)
+    np.testing.assert_allclose(clip.positions, places[2:6], atol=1e-6)
+    with pytest.raises(InvalidInput, match="has frames 7 to 18, asked for are 7 to 19"):
+        cut_file(path, 7, 19, out)
 
 
 def test_a_recording_is_not_replaced_by_its_clip(bvh):

@@ -240,7 +240,7 @@ def cut(
 ) -> int:
     """Write each hit or label of a table as a clip, in the rig and rate of its recording.
 
-    BVH and AMC files are cut line by line, so that nothing is computed anew. The frames of
+    BVH, AMC and TRC files are cut line by line, so that nothing is computed anew. The frames of
     a clip count from 0 (BVH) or 1 (AMC); an AMC clip gets its skeleton beside it.
 
     motionary cut labels.csv recordings/ -o clips

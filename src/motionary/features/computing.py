@@ -67,6 +67,12 @@ class FeatureSequence:
             whole = replace(own, rate_hz=rate_hz, n_frames=n_frames)
             object.__setattr__(self, "recording", whole)
 
+    def __repr__(self) -> str:
+        return (
+            f"FeatureSequence({self.recording.name!r}, {len(self)} frames at {SEQUENCE_HZ:g} Hz, "
+            f"{len(self.feature_set)} features of {self.feature_set.name!r})"
+        )
+
     def __len__(self) -> int:
         return int(self.packed.shape[0])
 

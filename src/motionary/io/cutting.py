@@ -1,8 +1,9 @@
 """Cutting clips out of recordings, and naming them.
 
-A clip is the file's own text: everything above the frames, then the lines of its frames as
-they stand there, so that rig, channels and every digit stay. Only what counts the frames
-changes: BVH states their number; AMC numbers them, in a clip from 1 on.
+A clip of BVH, AMC and TRC is the file's own text: everything above the frames, then the lines of
+its frames as they stand there, so that rig, channels and every digit stay. Only what counts the
+frames changes: BVH and TRC state their number; AMC numbers them, in a clip from 1 on. C3D and npz
+are read, cut and written: positions in metres, y up.
 
 A clip is called after its recording, its label and its seconds, in letters that every file
 system takes: `take_squat_1.20-3.40s.bvh`.
@@ -22,9 +23,10 @@ from motionary.batch import Failure, map_ordered
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.files import read_bytes, write_atomically
 from motionary.io.finding import match_recording
-from motionary.io.formats import FORMATS, find_format, load_function
+from motionary.io.formats import WRITTEN_SUFFIXES, find_format, load_function
+from motionary.io.formats.numbers import check_frames
 from motionary.io.options import ReadOptions
-from motionary.io.recordings import read
+from motionary.io.recordings import read, write
 from motionary.io.text import PACKED, format_suffix, read_text, stem_of, write_text
 from motionary.labels import Label, LabelTrack
 
@@ -92,7 +94,7 @@ def cut_clips(
 
     Parameters
     ----------
-    clips : from `plan_clips`
+    clips : from `plan_clips`; one that ends beyond its recording is renamed
     options : skeleton and rate, where files do not say them; labels that know their frames
         need no rate
     jobs : processes
@@ -112,17 +114,25 @@ class _Text(NamedTuple):
 def can_cut(path: str | Path) -> bool:
     """Whether clips can be cut out of a file, by its name."""
     form = find_format(path)
-    return form is not None and bool(form.cut)
+    return form is not None and bool(form.write)
 
 
-def cut_file(path: str | Path, first_frame: int, last_frame: int, out: str | Path) -> None:
+def cut_file(
+    path: str | Path,
+    first_frame: int,
+    last_frame: int,
+    out: str | Path,
+    *,
+    options: ReadOptions | None = None,
+) -> None:
     """Write some frames of a motion file as a file of the same format.
 
     Parameters
     ----------
-    path : BVH or AMC, packed or not
+    path : a recording in a format that is written; texts packed or not
     first_frame, last_frame : as the file counts its frames, both included
     out : file to write; packed where its name ends in .gz
+    options : what C3D and npz do not say
 
     Raises
     ------
@@ -135,11 +145,23 @@ def cut_file(path: str | Path, first_frame: int, last_frame: int, out: str | Pat
     """
     path, out = Path(path), Path(out)
     form = find_format(path)
-    if form is None or not form.cut:
-        known = ", ".join(form.suffix for form in FORMATS if form.cut)
+    if form is None or not form.write:
+        known = ", ".join(WRITTEN_SUFFIXES)
         raise UnreadableFile(f"{path}: clips can be cut out of {known}, not out of {path.suffix!r}")
     if out.exists() and out.samefile(path):
         raise UnwritableFile(f"{out}: would replace the recording; write to another folder")
+    if not form.cut:
+        motion = read(path, (options or ReadOptions()).for_file(path))
+        start, stop = first_frame - motion.first_frame, last_frame - motion.first_frame + 1
+        check_frames(
+            first_frame,
+            last_frame,
+            first_number=motion.first_frame,
+            n_frames=motion.n_frames,
+            name=path.name,
+        )
+        write(motion.cut(start, stop), out)
+        return
     text = _read(path)
     lines = load_function(form.cut)(text.lines, first_frame, last_frame, path.name)
     content = "".join(lines)
@@ -178,20 +200,29 @@ def copy_skeleton(path: str | Path, folder: str | Path, *, asf: str | Path | Non
 
 
 def _cut(clip: Clip, *, options: ReadOptions) -> Clip:
-    if clip.source is None:
+    source = clip.source
+    if source is None:
         raise UnreadableFile(f"{clip.recording}: there is no recording of this name, or not one")
     label = clip.label
     if label.start_frame is None or label.end_frame is None:
-        first, last = _frames(clip.source, label, options)
+        first, last, end_s = _frames(source, label, options)
+        clip = _named_by_end(clip, end_s)
     else:
         first, last = label.start_frame, label.end_frame
-    cut_file(clip.source, first, last, clip.target)
-    copy_skeleton(clip.source, clip.target.parent, asf=options.acclaim_skeleton)
+    cut_file(source, first, last, clip.target, options=options)
+    copy_skeleton(source, clip.target.parent, asf=options.acclaim_skeleton)
     return clip
 
 
-def _frames(path: Path, label: Label, options: ReadOptions) -> tuple[int, int]:
-    """Frames of a label that was made in seconds, cut at the ends of the recording."""
+def _named_by_end(clip: Clip, end_s: float) -> Clip:
+    """The clip, called after the end of the recording where its label goes beyond."""
+    said = f"-{clip.label.end_s:.2f}s"
+    target = clip.target.with_name(clip.target.name.replace(said, f"-{end_s:.2f}s"))
+    return clip._replace(target=clip.target if target.exists() else target)
+
+
+def _frames(path: Path, label: Label, options: ReadOptions) -> tuple[int, int, float]:
+    """Frames of a label that was made in seconds, and its end, both inside the recording."""
     # Frames and their rate alone count here.
     plain = ReadOptions(asf=options.acclaim_skeleton, rate_hz=options.rate_hz)
     motion = read(path, plain.for_file(path))
@@ -202,7 +233,8 @@ def _frames(path: Path, label: Label, options: ReadOptions) -> tuple[int, int]:
             f"{path.name}: lasts {motion.duration_s:.2f} s, asked for is {label.start_s:.2f} to "
             f"{label.end_s:.2f} s"
         )
-    return motion.first_frame + first, motion.first_frame + stop - 1
+    end_s = min(label.end_s, motion.duration_s)
+    return motion.first_frame + first, motion.first_frame + stop - 1, end_s
 
 
 def _stems(names: Iterable[str]) -> dict[str, str]:

@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile
-from motionary.io.formats import FORMATS, WRITTEN_SUFFIXES, Format, find_format, load_function
+from motionary.io.formats import (
+    FORMATS,
+    WAYS_OUT,
+    WRITTEN_SUFFIXES,
+    Format,
+    find_format,
+    load_function,
+)
 from motionary.io.formats.content import FileContent
 from motionary.io.normalise.gaps import fill_gaps
 from motionary.io.normalise.quality import check_quality
@@ -57,7 +64,12 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
     form = find_format(path)
     if form is None:
         known = ", ".join(form.suffix for form in FORMATS)
-        raise UnreadableFile(f"{path}: unknown format {path.suffix!r}; known are {known}")
+        way_out = WAYS_OUT.get(path.suffix.lower())
+        raise UnreadableFile(
+            f"{path}: {way_out}"
+            if way_out
+            else f"{path}: unknown format {path.suffix!r}; known are {known}"
+        )
     options = ReadOptions(**fields) if options is None else replace(options, **fields)
     _check_options(options, form, path)
     table = options.skeleton_table()

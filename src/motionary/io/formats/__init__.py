@@ -20,7 +20,8 @@ class Format(NamedTuple):
     suffix : lower case
     read : (path, ReadOptions) -> FileContent
     write : (motion, path, ...) -> None; empty where there is no writer
-    cut : (lines, first, last, name) -> lines, of texts that clips are cut out of
+    cut : (lines, first, last, name) -> lines, of texts whose clips keep every digit; other
+        formats with a writer are read, cut and written
     takes : options of `read` that not every format has
     write_takes : options of `write` that not every format has
     is_text : whether a file may be packed with gzip
@@ -65,10 +66,13 @@ FORMATS = (
         ".trc",
         "trc:read_trc",
         "trc:write_trc",
+        "trc:cut_trc",
         takes=("even_times",),
         is_text=True,
         lacks=("rig", "events"),
     ),
+    # Tables named .csv are mostly labels: as with OpenSim's, where they are named only.
+    Format(".csv", "csv_points:read_csv", takes=("even_times",), is_text=True, in_folders=False),
     Format(".npz", "arrays:read_npz_motion", "npz:write_npz", takes=("body_model", "take")),
     Format(".npy", "arrays:read_array", takes=("take",)),
     Format(".pkl", "pickled:read_pickle", takes=("take",)),
@@ -76,6 +80,19 @@ FORMATS = (
     Format(".sto", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
     Format(".mot", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
 )
+#: What to do about files that other programs read, by suffix.
+WAYS_OUT = {
+    ".pt": "holds Python objects of PyTorch, which run when they are opened; where you trust it: "
+    "numpy.savez('motion.npz', **{k: v.numpy() for k, v in torch.load(FILE).items()})",
+    **dict.fromkeys(
+        (".dae", ".usd", ".usda", ".usdc", ".usdz", ".blend", ".gltf", ".glb", ".vrm", ".abc"),
+        "is read by Blender: open it there and export FBX or BVH (File > Export)",
+    ),
+    **dict.fromkeys((".ma", ".mb", ".max"), "is a scene of its program: export FBX or BVH there"),
+    ".mvnx": "is written by Xsens MVN, which exports BVH, FBX and C3D as well",
+    ".xlsx": "is a workbook: save the sheet as CSV with columns such as hip_x, hip_y, hip_z",
+    ".eaf": "holds labels of ELAN and no motion",
+}
 _BY_SUFFIX = {form.suffix: form for form in FORMATS}
 _BY_SUFFIX |= {form.suffix + PACKED: form for form in FORMATS if form.is_text}
 

@@ -22,7 +22,13 @@ from motionary.io.formats.content import (
     hide_sentinels,
     number_doubles,
 )
-from motionary.io.formats.numbers import UNKNOWN_NUMBERS, parse_number, read_table
+from motionary.io.formats.numbers import (
+    UNKNOWN_NUMBERS,
+    check_frames,
+    end_alike,
+    parse_number,
+    read_table,
+)
 from motionary.io.formats.times import time_frames
 from motionary.io.normalise.units import NAMES_OF_UNITS
 from motionary.io.normalise.units_axes import FileMetadata
@@ -185,6 +191,27 @@ def _read_table(text: str, head: _Head, name: str) -> tuple[Floats, list[str]]:
             "get the whole file, or correct the number to read what is there"
         )
     return table, notes
+
+
+def cut_trc(lines: list[str], first: int, last: int, name: str) -> list[str]:
+    """Lines of a clip; frames count as the file numbers them, both are included."""
+    head = _read_head("".join(lines), name)
+    frames = [line for line in lines[head.line :] if line.strip()]
+    if not frames:
+        raise UnreadableFile(f"{name}: holds no frames")
+    number = parse_number(frames[0].split(head.separator)[0] or "-")
+    first_number = int(number) if math.isfinite(number) and abs(number) < 1e15 else 0
+    check_frames(first, last, first_number=first_number, n_frames=len(frames), name=name)
+    chosen = frames[first - first_number : last - first_number + 1]
+    header = [line for line in lines[: head.line] if line.strip()]
+    keys = [key.strip() for key in header[1].split(head.separator)]
+    if "NumFrames" in keys:
+        mark = head.separator or " "
+        cells = header[2].split(head.separator)
+        cells[keys.index("NumFrames")] = str(len(chosen))
+        header[2] = mark.join(cells)
+        header[2] = end_alike([header[2]], header[1])[0]
+    return header + end_alike(chosen, header[-1])
 
 
 def write_trc(motion: Motion, path: str | Path) -> None:

@@ -2,13 +2,11 @@
 
 A folder: `library.toml` says what the library is and how it was trained, and each class has a
 TOML file with its settings, which names the NPZ file that holds the values of its templates.
-Values are named after their content and written first, and a class keeps its file, so that
-each class is the old one or the new one whenever writing ends. Files of others are left
-alone.
+Values are named after their content and written first, and a class keeps its file, so that each
+class is the old one or the new one whenever writing ends. Files of others are left alone.
 
-Class files are named after their classes; characters that file systems dislike become
-`_`, and `library.toml` lists file and class. It also lists the features of a feature set
-that does not come with the package, so that the library can be used without it.
+Class files are named after their classes, with `_` for what file systems dislike. The features of
+a feature set that does not come with the package are listed in `library.toml`.
 """
 
 import re
@@ -92,6 +90,9 @@ class ClassLibrary:
                         f"{self.feature_set.name!r}; learn it again with the library's"
                     )
 
+    def __repr__(self) -> str:
+        return f"ClassLibrary({len(self)} classes: {', '.join(self.names)[:200]})"
+
     def __iter__(self) -> Iterator[MotionClass]:
         return iter(self.classes)
 
@@ -99,9 +100,8 @@ class ClassLibrary:
         return len(self.classes)
 
     def __getitem__(self, name: str) -> MotionClass:
-        for motion_class in self.classes:
-            if motion_class.name == name:
-                return motion_class
+        if name in self.names:
+            return self.classes[self.names.index(name)]
         known = ", ".join(self.names) or "none"
         raise InvalidInput(f"the library has no class {name!r}; its classes are: {known}")
 

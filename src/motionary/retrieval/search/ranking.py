@@ -78,6 +78,13 @@ class SearchResult(Sequence[Hit]):
     queries: tuple[KeyframeQuery, ...] = ()
     fraction_matched: float = 1.0
 
+    def __repr__(self) -> str:
+        best = f", best {self.hits[0].recording.name!r}" if self.hits else ""
+        return (
+            f"SearchResult({len(self)} hits{best}, {len(self.templates)} templates, "
+            f"{len(self.failures)} failures)"
+        )
+
     def __len__(self) -> int:
         return len(self.hits)
 
