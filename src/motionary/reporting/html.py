@@ -10,29 +10,23 @@ import hashlib
 import html
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from motionary.errors import InvalidInput
 from motionary.files import write_atomically
 from motionary.reporting.encoding import Block
 
-#: What a page shows.
-Kind = Literal["report", "hits"]
-
 #: Browsers give up on files beyond this.
 MOST_BYTES = 400_000_000
 
-_SCRIPTS: Mapping[Kind, Sequence[str]] = {
-    "report": (
-        "words.js", "decoding.js", "stage.js", "view.js", "timeline.js", "why.js", "labels.js",
-        "player.js",
-    ),
-    "hits": ("words.js", "decoding.js", "stage.js", "hits.js"),
-}  # fmt: skip
+_SCRIPTS = (
+    "words.js", "decoding.js", "stage.js", "view.js", "timeline.js", "why.js", "labels.js",
+    "player.js",
+)  # fmt: skip
 _POLICY = (
     "default-src 'none'; script-src '{script}'; style-src '{style}'; img-src data: blob:; "
     "connect-src 'none'; form-action 'none'; base-uri 'none'; "
@@ -42,14 +36,11 @@ _POLICY = (
 _ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
 
 
-def build_page(
-    kind: Kind, content: Mapping[str, Any], blocks: Iterable[Block], *, title: str
-) -> str:
+def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: str) -> str:
     """The whole file.
 
     Parameters
     ----------
-    kind : which of the pages
     content : what the page shows, as JSON has it
     blocks : further data, by the names that `content` gives them
     title : of the window
@@ -60,7 +51,7 @@ def build_page(
         If the page would be larger than browsers open.
     """
     style = _style()
-    script = _script(kind)
+    script = _script()
     pieces = [_element("text/plain", block.name, block.text) for block in blocks if block.text]
     n_bytes = sum(map(len, pieces))
     if n_bytes > MOST_BYTES:
@@ -109,8 +100,8 @@ def _style() -> str:
 
 
 @cache
-def _script(kind: Kind) -> str:
-    own = "\n".join(_read(name) for name in _SCRIPTS[kind])
+def _script() -> str:
+    own = "\n".join(_read(name) for name in _SCRIPTS)
     return f'\n{_read("three.min.js")}\n(() => {{\n"use strict";\n{own}\n}})();\n'
 
 

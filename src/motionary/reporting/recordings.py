@@ -120,7 +120,7 @@ def build_report(
         "features": describe_features(feature_set),
         "recordings": contents,
     }
-    return build_page("report", page, blocks, title=title or _title(contents))
+    return build_page(page, blocks, title=title or _title(contents))
 
 
 def by_name(tracks: Tracks) -> dict[str, LabelTrack]:

@@ -177,7 +177,7 @@ class Player {
   seek(seconds) {
     const { model } = this;
     this.time = clamp(seconds, 0, model.duration_s);
-    const poses = this.clips.map((clip) => clip.nJoints ? clip.at(model.toClip ? model.toClip(clip, this.time) : this.time, () => this.seek(this.time)) : null);
+    const poses = this.clips.map((clip) => clip.nJoints ? clip.at(this.time, () => this.seek(this.time)) : null);
     const { held, failed } = this.why.at(this.time);
     this.view.bodies.forEach((body) => body.mark(held, failed));
     this.view.show(poses);

@@ -1,0 +1,98 @@
+"""Does a page work in a real browser: play, zoom, reasons, corrections, and no network?
+
+Skipped where Selenium, Chromium or its driver are not there.
+"""
+
+import csv
+import json
+import shutil
+import time
+
+import pytest
+
+from motionary.labels import Label, LabelTrack
+from motionary.models.library import TrainingOptions, learn_classes
+from motionary.recording import Recording
+from motionary.reporting import build_report
+from motionary.samples import synthetic_stream
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="no Chromium with its driver")
+
+FLAGS = (
+    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync",
+    "--disable-background-networking", "--disable-component-update", "--use-gl=angle",
+    "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=1280,720",
+)  # fmt: skip
+
+
+@pytest.fixture
+def browser(tmp_path):
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for flag in (*FLAGS, f"--user-data-dir={tmp_path / 'profile'}"):
+        options.add_argument(flag)
+    options.add_experimental_option("prefs", {"download.default_directory": str(tmp_path)})
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    yield driver
+    driver.quit()
+
+
+def wait_for(condition, seconds=10):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.05)
+    raise AssertionError("waited in vain")
+
+
+def find(browser, selector):
+    return wait_for(lambda: browser.find_elements("css selector", selector))[0]
+
+
+def test_a_page_plays_explains_and_corrects_without_a_network(tmp_path, browser, examples):
+    motion, _ = synthetic_stream(("squat", "kick_left"), seed=3, rate_hz=60.0)
+    track = LabelTrack(Recording("stream"), (Label("squat", 1.0, 2.0),))
+    library = learn_classes(examples, training=TrainingOptions())
+    page = tmp_path / "page.html"
+    page.write_text(build_report(motion.renamed("stream"), labels=track, library=library), "utf-8")
+    browser.get(page.as_uri())
+
+    axis = "[role=slider], canvas[aria-valuetext]"
+    before = find(browser, axis).get_attribute("aria-valuetext")
+    find(browser, "button.play").click()
+    wait_for(lambda: find(browser, axis).get_attribute("aria-valuetext") != before)
+    find(browser, "button[aria-label='Zoom in']").click()
+
+    find(browser, ".label-list button").click()
+    wait_for(lambda: "squat" in find(browser, "aside.side").text)
+    loop = find(browser, "button[aria-label='Loop the chosen part']")
+    wait_for(lambda: loop.get_attribute("aria-pressed") == "true")
+
+    correct = "button[aria-label='Make the labels of this lane editable']"
+    if find(browser, correct).is_displayed():
+        find(browser, correct).click()
+    find(browser, ".label-list button").click()
+    name = find(browser, "input[aria-label='Name of the label']")
+    # Emptied at once it would be put back: a label needs a name.
+    name.send_keys(Keys.CONTROL, "a")
+    name.send_keys("bend\t")
+    find(browser, "button[aria-label^='Download the labels']").click()
+    table = tmp_path / "labels.csv"
+    wait_for(table.exists)
+    first = next(csv.DictReader(table.read_text("utf-8-sig").splitlines()))
+    assert (first["recording"], first["label"]) == ("stream", "bend")
+
+    assert [e["message"] for e in browser.get_log("browser") if e["level"] == "SEVERE"] == []
+    messages = [json.loads(e["message"])["message"] for e in browser.get_log("performance")]
+    asked = {
+        message["params"]["request"]["url"].split(":")[0]
+        for message in messages
+        if message["method"] == "Network.requestWillBeSent"
+    }
+    assert not asked - {"file", "data", "blob", "chrome"}
