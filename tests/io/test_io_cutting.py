@@ -2,6 +2,7 @@
 
 import gzip
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,10 +20,12 @@ from motionary.io import (
     read,
     write,
 )
+from motionary.io.formats.c3d_head import parse_head
 from motionary.labels import Label, LabelTrack
-from motionary.motion import Motion
+from motionary.motion import Event
 from motionary.recording import Recording
 from motionary.samples import synthetic_motion
+from oracles.c3d_files import DEC, INTEL, MIPS, c3d_bytes
 
 ASF = """:version 1.10
 :name body
@@ -176,21 +179,113 @@ def test_other_files_cannot_be_cut(tmp_path):
         cut_file(tmp_path / "none.bvh", 0, 3, tmp_path / "clip.bvh")
 
 
-@pytest.mark.parametrize("suffix", [".trc", ".c3d", ".npz"])
-def test_points_are_cut_at_the_frames_of_their_file(tmp_path, suffix):
-    places = np.random.default_rng(3).uniform(0.2, 1.5, (12, 2, 3))
-    places[4, 1] = np.nan
-    whole = Motion(("a", "b"), places, Recording(rate_hz=50.0, first_frame=7))
-    path, out = tmp_path / f"take{suffix}", tmp_path / f"clip{suffix}"
-    write(whole, path)
-    cut_file(path, 9, 12, out)
-    # C3D is written with z up, as laboratories have it.
-    up = "z" if suffix == ".c3d" else "y"
-    clip = read(out, **({} if suffix == ".npz" else {"unit": "mm", "up": up}))
-    assert (clip.names, clip.rate_hz, clip.first_frame) == (("a", "b"), 50, 9)
-    np.testing.assert_allclose(clip.positions, places[2:6], atol=1e-6)
-    with pytest.raises(InvalidInput, match="has frames 7 to 18, asked for are 7 to 19"):
-        cut_file(path, 7, 19, out)
+def full_motion():
+    """Points with a gap, events, and frames that count from 12."""
+    motion = synthetic_motion("squat", seed=1, rate_hz=60).cut(0, 60)
+    positions = motion.positions.copy()
+    positions[20:25, 3] = np.nan
+    events = (Event("Foot Strike", "left", 0.1), Event("Foot Off", "right", 0.4))
+    recording = Recording(rate_hz=60.0, first_frame=12)
+    return replace(motion, positions=positions, recording=recording, events=events)
+
+
+@pytest.mark.parametrize("suffix", [".c3d", ".trc", ".trc.gz", ".npz"])
+def test_a_clip_of_points_is_those_frames(tmp_path, suffix):
+    path, clip = tmp_path / f"take{suffix}", tmp_path / f"clip{suffix}"
+    write(full_motion(), path)
+    whole = read(path)
+    cut_file(path, 30, 41, clip)
+    expected, part = whole.cut(18, 30), read(clip)
+    assert part.names == expected.names
+    assert (part.first_frame, part.rate_hz) == (30, 60)
+    assert np.array_equal(part.positions, expected.positions, equal_nan=True)
+    if suffix == ".npz":
+        assert part.events == expected.events
+    with pytest.raises(InvalidInput, match=r"has frames 12 to 71, asked for are 70 to 72"):
+        cut_file(path, 70, 72, tmp_path / f"late{suffix}")
+    with pytest.raises(InvalidInput, match=r"has frames 12 to 71"):
+        cut_file(path, 11, 20, tmp_path / f"early{suffix}")
+
+
+@pytest.mark.parametrize("machine", [INTEL, DEC, MIPS])
+@pytest.mark.parametrize("scale", [-1.0, 0.1])
+def test_a_c3d_clip_keeps_analog_values_and_parameters(tmp_path, machine, scale):
+    positions = np.random.default_rng(5).uniform(100, 900, (40, 3, 3)).round(1)
+    trial = {
+        "ACTUAL_START_FIELD": np.array([7, 0], dtype=np.int16),
+        "ACTUAL_END_FIELD": np.array([46, 0], dtype=np.int16),
+    }
+    content = c3d_bytes(
+        positions,
+        ["A", "B", "C"],
+        machine=machine,
+        scale=scale,
+        first=7,
+        analog=4,
+        point={"LONG_FRAMES": 40.0},
+        groups={"TRIAL": trial, "OWN": {"NOTE": ["kept"]}},
+    )
+    (tmp_path / "a.c3d").write_bytes(content)
+    cut_file(tmp_path / "a.c3d", 9, 12, tmp_path / "clip.c3d")
+    head, clip = parse_head(content, ""), (tmp_path / "clip.c3d").read_bytes()
+    frame = (len(content) - (head.header.data_block - 1) * 512) // 40
+    start = len(content) - 40 * frame
+    assert clip[start:] == content[start + 2 * frame : start + 6 * frame]
+    cut_head = parse_head(clip, "")
+    assert cut_head.texts("OWN", "NOTE") == ("kept",)
+    assert (cut_head.header.first_frame, cut_head.header.last_frame) == (9, 12)
+    assert cut_head.count("POINT", "FRAMES", 0) == cut_head.count("POINT", "LONG_FRAMES", 0) == 4
+    assert cut_head.count("TRIAL", "ACTUAL_END_FIELD", 0) == 12
+    whole, part = read(tmp_path / "a.c3d"), read(tmp_path / "clip.c3d")
+    assert np.array_equal(part.positions, whole.positions[2:6])
+
+
+def test_a_trc_clip_keeps_every_byte_but_the_count(tmp_path):
+    write(full_motion(), tmp_path / "a.trc")
+    text = (tmp_path / "a.trc").read_bytes().replace(b"\n", b"\r\n")
+    (tmp_path / "a.trc").write_bytes(text)
+    cut_file(tmp_path / "a.trc", 13, 14, tmp_path / "clip.trc")
+    lines, clip = text.split(b"\r\n"), (tmp_path / "clip.trc").read_bytes().split(b"\r\n")
+    assert clip[:2] + clip[3:5] == lines[:2] + lines[3:5]
+    assert clip[2].split(b"\t") == [*lines[2].split(b"\t")[:2], b"2", *lines[2].split(b"\t")[3:]]
+    assert clip[5:] == [*lines[6:8], b""]
+
+
+def test_clips_of_other_arrays_keep_what_they_have(tmp_path):
+    rng = np.random.default_rng(2)
+    given = {
+        "poses": rng.normal(size=(16, 156)) / 9,
+        "trans": rng.normal(size=(16, 3)),
+        "betas": rng.normal(size=16),
+        "mocap_framerate": np.array(60.0),
+    }
+    np.savez(tmp_path / "a.npz", **given)
+    cut_file(tmp_path / "a.npz", 3, 7, tmp_path / "clip.npz")
+    with np.load(tmp_path / "clip.npz") as clip:
+        assert np.array_equal(clip["poses"], given["poses"][3:8])
+        assert np.array_equal(clip["betas"], given["betas"])
+    assert read(tmp_path / "clip.npz").n_frames == 5
+    np.savez(tmp_path / "batch.npz", joints=rng.normal(size=(3, 16, 22, 3)), fps=20)
+    cut_file(tmp_path / "batch.npz", 3, 7, tmp_path / "clip.npz", take=2)
+    with np.load(tmp_path / "batch.npz") as batch, np.load(tmp_path / "clip.npz") as clip:
+        assert np.array_equal(clip["joints"], batch["joints"][1, 3:8])
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(UnreadableFile, match="no clips can be cut out of it"):
+        cut_file(tmp_path / "other.npz", 0, 1, tmp_path / "clip.npz")
+
+
+def test_a_clip_that_would_end_late_is_called_by_the_end(tmp_path):
+    write(full_motion(), tmp_path / "take.c3d")
+    track = LabelTrack(Recording("take.c3d"), (Label("squat", 0.5, 20.0),))
+    plan = plan_clips([track], {"take.c3d": tmp_path / "take.c3d"}, tmp_path / "out")
+    (clip,) = cut_clips(plan)
+    assert clip.target.name == "take_squat_0.50-1.00s.c3d"
+    assert clip.label.end_s == 1.0
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [clip.target.name]
+    (again,) = cut_clips(plan)
+    assert isinstance(again.error, UnwritableFile)
+    (replaced,) = cut_clips(plan, replace=True)
+    assert replaced == clip
 
 
 def test_a_recording_is_not_replaced_by_its_clip(bvh):

@@ -240,8 +240,9 @@ def cut(
 ) -> int:
     """Write each hit or label of a table as a clip, in the rig and rate of its recording.
 
-    BVH, AMC and TRC files are cut line by line, so that nothing is computed anew. The frames of
-    a clip count from 0 (BVH) or 1 (AMC); an AMC clip gets its skeleton beside it.
+    What stands in a file stays as it is, so that nothing is computed anew: BVH, AMC and TRC are
+    cut line by line, of C3D analog signals stay too. The frames of a clip count from 0 (BVH), 1
+    (AMC) or as before; an AMC clip gets its skeleton beside it.
 
     motionary cut labels.csv recordings/ -o clips
     with labels.csv from `motionary annotate -o` or `motionary search -o`
@@ -294,7 +295,7 @@ def cut_labels(
     for clip in clips:
         check_target(str(clip.target), replace=replace)
     with screen.progress("cutting", len(clips)) as done:
-        written = cut_clips(clips, options=reading, jobs=jobs, on_done=done)
+        written = cut_clips(clips, options=reading, replace=replace, jobs=jobs, on_done=done)
         failures = [clip for clip in written if isinstance(clip, Failure)]
     for failure in failures:
         screen.warn(f"{failure.item.target.name}: {failure.error}")

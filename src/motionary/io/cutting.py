@@ -1,16 +1,17 @@
 """Cutting clips out of recordings, and naming them.
 
-A clip of BVH, AMC and TRC is the file's own text: everything above the frames, then the lines of
-its frames as they stand there, so that rig, channels and every digit stay. Only what counts the
-frames changes: BVH and TRC state their number; AMC numbers them, in a clip from 1 on. C3D and npz
-are read, cut and written: positions in metres, y up.
+A clip keeps what stands in the file, so that rig, channels, analog signals and every digit stay:
+of texts everything above the frames, then the lines of its frames; of C3D its blocks; of npz its
+arrays. Only what counts the frames changes: BVH and TRC state their number; AMC numbers them, in
+a clip from 1 on.
 
 A clip is called after its recording, its label and its seconds, in letters that every file
-system takes: `take_squat_1.20-3.40s.bvh`.
+system takes: `take_squat_1.20-3.40s.bvh`. One that ends with its recording is called by that end.
 
-Conventions: frames as the file counts them, both ends included: BVH from 0, AMC as written.
+Conventions: frames as the file counts them, both ends included: BVH from 0, others as written.
 """
 
+import dataclasses
 import re
 import shutil
 from collections import Counter
@@ -23,10 +24,9 @@ from motionary.batch import Failure, map_ordered
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.files import read_bytes, write_atomically
 from motionary.io.finding import match_recording
-from motionary.io.formats import WRITTEN_SUFFIXES, find_format, load_function
-from motionary.io.formats.numbers import check_frames
+from motionary.io.formats import FORMATS, find_format, load_function
 from motionary.io.options import ReadOptions
-from motionary.io.recordings import read, write
+from motionary.io.recordings import read
 from motionary.io.text import PACKED, format_suffix, read_text, stem_of, write_text
 from motionary.labels import Label, LabelTrack
 
@@ -70,7 +70,7 @@ def plan_clips(
     for recording, label in pairs:
         name = names[recording]
         stem = stems[name] if name is not None else _plain(stem_of(recording))
-        title = f"{stem}_{_plain(label.name)}_{label.start_s:.2f}-{label.end_s:.2f}s"
+        title = f"{stem}_{_plain(label.name)}_{_seconds(label)}"
         suffix = format_suffix(name or recording)
         target, number = f"{title}{suffix}", 2
         while target.casefold() in taken:
@@ -85,22 +85,25 @@ def cut_clips(
     clips: Iterable[Clip],
     *,
     options: ReadOptions | None = None,
+    replace: bool = False,
     jobs: int = 1,
     on_done: Callable[[Clip], None] | None = None,
 ) -> Iterator[Clip | Failure[Clip]]:
     """Write clips, each whole or not at all; what cannot be cut does not stop the others.
 
-    Acclaim clips get a copy of their skeleton beside them.
+    Acclaim clips get a copy of their skeleton beside them. A clip whose label reaches beyond its
+    recording comes back with the label and the file's name that end with the recording.
 
     Parameters
     ----------
-    clips : from `plan_clips`; one that ends beyond its recording is renamed
+    clips : from `plan_clips`
     options : skeleton and rate, where files do not say them; labels that know their frames
         need no rate
+    replace : whether a clip that is called by the end of its recording may replace a file
     jobs : processes
     on_done : called after each clip
     """
-    work = partial(_cut, options=options or ReadOptions())
+    work = partial(_cut, options=options or ReadOptions(), replace=replace)
     return map_ordered(work, clips, jobs=jobs, on_done=on_done)
 
 
@@ -114,7 +117,7 @@ class _Text(NamedTuple):
 def can_cut(path: str | Path) -> bool:
     """Whether clips can be cut out of a file, by its name."""
     form = find_format(path)
-    return form is not None and bool(form.write)
+    return form is not None and bool(form.cut)
 
 
 def cut_file(
@@ -123,7 +126,7 @@ def cut_file(
     last_frame: int,
     out: str | Path,
     *,
-    options: ReadOptions | None = None,
+    take: str | int | None = None,
 ) -> None:
     """Write some frames of a motion file as a file of the same format.
 
@@ -132,7 +135,7 @@ def cut_file(
     path : a recording in a format that is written; texts packed or not
     first_frame, last_frame : as the file counts its frames, both included
     out : file to write; packed where its name ends in .gz
-    options : what C3D and npz do not say
+    take : which recording of a batch
 
     Raises
     ------
@@ -145,22 +148,17 @@ def cut_file(
     """
     path, out = Path(path), Path(out)
     form = find_format(path)
-    if form is None or not form.write:
-        known = ", ".join(WRITTEN_SUFFIXES)
-        raise UnreadableFile(f"{path}: clips can be cut out of {known}, not out of {path.suffix!r}")
+    if form is None or not form.cut:
+        known = ", ".join(form.suffix for form in FORMATS if form.cut)
+        raise UnreadableFile(
+            f"{path}: clips can be cut out of {known}, not out of {path.suffix!r}; convert it first"
+        )
     if out.exists() and out.samefile(path):
         raise UnwritableFile(f"{out}: would replace the recording; write to another folder")
-    if not form.cut:
-        motion = read(path, (options or ReadOptions()).for_file(path))
-        start, stop = first_frame - motion.first_frame, last_frame - motion.first_frame + 1
-        check_frames(
-            first_frame,
-            last_frame,
-            first_number=motion.first_frame,
-            n_frames=motion.n_frames,
-            name=path.name,
-        )
-        write(motion.cut(start, stop), out)
+    if not form.is_text:
+        clip: bytes = load_function(form.cut)(path, first_frame, last_frame, take)
+        with write_atomically(out) as beside:
+            beside.write_bytes(clip)
         return
     text = _read(path)
     lines = load_function(form.cut)(text.lines, first_frame, last_frame, path.name)
@@ -199,32 +197,51 @@ def copy_skeleton(path: str | Path, folder: str | Path, *, asf: str | Path | Non
             shutil.copyfile(source, beside)
 
 
-def _cut(clip: Clip, *, options: ReadOptions) -> Clip:
+def _cut(clip: Clip, *, options: ReadOptions, replace: bool) -> Clip:
     source = clip.source
     if source is None:
         raise UnreadableFile(f"{clip.recording}: there is no recording of this name, or not one")
     label = clip.label
     if label.start_frame is None or label.end_frame is None:
-        first, last, end_s = _frames(source, label, options)
-        clip = _named_by_end(clip, end_s)
+        part = _frames(source, label, options)
+        first, last = part.first, part.last
+        clip = _end_with(clip, part.end_s, replace=replace)
     else:
         first, last = label.start_frame, label.end_frame
-    cut_file(source, first, last, clip.target, options=options)
+    cut_file(source, first, last, clip.target, take=options.take)
     copy_skeleton(source, clip.target.parent, asf=options.acclaim_skeleton)
     return clip
 
 
-def _named_by_end(clip: Clip, end_s: float) -> Clip:
-    """The clip, called after the end of the recording where its label goes beyond."""
-    said = f"-{clip.label.end_s:.2f}s"
-    target = clip.target.with_name(clip.target.name.replace(said, f"-{end_s:.2f}s"))
-    return clip._replace(target=clip.target if target.exists() else target)
+def _end_with(clip: Clip, end_s: float, *, replace: bool) -> Clip:
+    """The clip, its label and name cut at the end of its recording."""
+    label = dataclasses.replace(clip.label, end_s=min(clip.label.end_s, end_s))
+    before, after = _seconds(clip.label), _seconds(label)
+    if before == after:
+        return clip
+    target = clip.target.with_name(clip.target.name.replace(before, after, 1))
+    if target.exists() and not replace:
+        raise UnwritableFile(f"{target}: exists; say --force to replace it, or name another place")
+    return clip._replace(label=label, target=target)
 
 
-def _frames(path: Path, label: Label, options: ReadOptions) -> tuple[int, int, float]:
-    """Frames of a label that was made in seconds, and its end, both inside the recording."""
+class _Part(NamedTuple):
+    """First and last frame of a label in its recording, and where the recording ends."""
+
+    first: int
+    last: int
+    end_s: float
+
+
+def _frames(path: Path, label: Label, options: ReadOptions) -> _Part:
+    """Frames of a label that was made in seconds, cut at the ends of the recording."""
     # Frames and their rate alone count here.
-    plain = ReadOptions(asf=options.acclaim_skeleton, rate_hz=options.rate_hz)
+    plain = ReadOptions(
+        asf=options.acclaim_skeleton,
+        rate_hz=options.rate_hz,
+        trust_points=options.trust_points,
+        take=options.take,
+    )
     motion = read(path, plain.for_file(path))
     first = max(round(label.start_s * motion.rate_hz), 0)
     stop = min(round(label.end_s * motion.rate_hz), motion.n_frames)
@@ -233,8 +250,12 @@ def _frames(path: Path, label: Label, options: ReadOptions) -> tuple[int, int, f
             f"{path.name}: lasts {motion.duration_s:.2f} s, asked for is {label.start_s:.2f} to "
             f"{label.end_s:.2f} s"
         )
-    end_s = min(label.end_s, motion.duration_s)
-    return motion.first_frame + first, motion.first_frame + stop - 1, end_s
+    number = motion.first_frame
+    return _Part(number + first, number + stop - 1, motion.duration_s)
+
+
+def _seconds(label: Label) -> str:
+    return f"{label.start_s:.2f}-{label.end_s:.2f}s"
 
 
 def _stems(names: Iterable[str]) -> dict[str, str]:

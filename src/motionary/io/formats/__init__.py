@@ -20,8 +20,8 @@ class Format(NamedTuple):
     suffix : lower case
     read : (path, ReadOptions) -> FileContent
     write : (motion, path, ...) -> None; empty where there is no writer
-    cut : (lines, first, last, name) -> lines, of texts whose clips keep every digit; other
-        formats with a writer are read, cut and written
+    cut : of texts (lines, first, last, name) -> lines of a clip, of others
+        (path, first, last, take) -> its bytes; empty where no clips are cut out
     takes : options of `read` that not every format has
     write_takes : options of `write` that not every format has
     is_text : whether a file may be packed with gzip
@@ -61,7 +61,14 @@ FORMATS = (
         is_text=True,
         lacks=("events", "first frame"),
     ),
-    Format(".c3d", "c3d:read_c3d", "c3d:write_c3d", takes=("trust_points",), lacks=("rig",)),
+    Format(
+        ".c3d",
+        "c3d:read_c3d",
+        "c3d:write_c3d",
+        "c3d_cutting:cut_c3d",
+        takes=("trust_points",),
+        lacks=("rig",),
+    ),
     Format(
         ".trc",
         "trc:read_trc",
@@ -73,7 +80,13 @@ FORMATS = (
     ),
     # Tables named .csv are mostly labels: as with OpenSim's, where they are named only.
     Format(".csv", "csv_points:read_csv", takes=("even_times",), is_text=True, in_folders=False),
-    Format(".npz", "arrays:read_npz_motion", "npz:write_npz", takes=("body_model", "take")),
+    Format(
+        ".npz",
+        "arrays:read_npz_motion",
+        "npz:write_npz",
+        "npz_cutting:cut_npz",
+        takes=("body_model", "take"),
+    ),
     Format(".npy", "arrays:read_array", takes=("take",)),
     Format(".pkl", "pickled:read_pickle", takes=("take",)),
     Format(".fbx", "fbx:read_fbx", takes=("take",)),

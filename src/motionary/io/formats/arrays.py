@@ -46,8 +46,9 @@ from motionary.skeletons import SkeletonTable, known_mappings, named_mapping, na
 
 Floats = NDArray[np.float64]
 
-_POSITIONS = ("positions", "joints", "keypoints3d", "joints3d", "jtr", "xyz")
-_NAMES = ("names", "joint_names", "marker_names", "labels")
+#: Names under which programs keep joint positions, names of joints, and the rate.
+POSITIONS = ("positions", "joints", "keypoints3d", "joints3d", "jtr", "xyz")
+NAMES = ("names", "joint_names", "marker_names", "labels")
 RATES = ("rate_hz", "fps", "mocap_framerate", "mocap_frame_rate", "frame_rate", "framerate")
 
 # Ends of the bones that every order has.
@@ -160,7 +161,7 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
         return read_smpl_arrays(results, path.name, rate_hz=rate, options=options)
     if is_smpl(arrays):
         return read_smpl_arrays(arrays, path.name, rate_hz=rate, options=options)
-    key = next((key for key in _POSITIONS if key in arrays), None)
+    key = next((key for key in POSITIONS if key in arrays), None)
     if key is None:
         raise NotAMotion(
             f"{path.name}: holds no motion; expected poses and trans (AMASS) or positions "
@@ -233,7 +234,7 @@ def find_rate(arrays: Mapping[str, Array]) -> float | None:
 
 
 def _find_names(arrays: Mapping[str, Array]) -> list[str] | None:
-    key = next((key for key in _NAMES if key in arrays), None)
+    key = next((key for key in NAMES if key in arrays), None)
     if key is None or arrays[key].dtype.kind not in "US" or arrays[key].ndim != 1:
         return None
     return [n.decode("latin-1") if isinstance(n, bytes) else n for n in arrays[key].tolist()]

@@ -64,6 +64,12 @@ class Machine:
         """16-bit numbers."""
         return np.frombuffer(content, dtype=f"{self.order}i2")
 
+    def format_float(self, value: float) -> bytes:
+        """The bytes of a 32-bit number."""
+        if not self.dec:
+            return struct.pack(f"{self.order}f", value)
+        return struct.pack("<2H", *struct.unpack("<2H", struct.pack("<f", value * 4))[::-1])
+
     def floats(self, content: bytes) -> Floats:
         """32-bit numbers; what no number is becomes NaN."""
         if not self.dec:
@@ -181,11 +187,12 @@ def _parse_events(
 
 
 class _Record(NamedTuple):
-    """A group (no value, a negative number) or a parameter of one."""
+    """A group (no value, a negative number) or a parameter of one, and where its value stands."""
 
     name: str
     number: int
     value: Value | None
+    at: int
 
 
 def _parse_records(content: bytes, at: int, machine: Machine) -> Iterator[_Record]:
@@ -197,7 +204,7 @@ def _parse_records(content: bytes, at: int, machine: Machine) -> Iterator[_Recor
         at += 2 + abs(length)
         (offset,) = struct.unpack_from(f"{machine.order}h", content, at)
         value = _parse_value(content, at + 2, machine) if number > 0 else None
-        yield _Record(name, number, value)
+        yield _Record(name, number, value, at + 2)
         if offset <= 0:
             return
         at += offset
@@ -237,6 +244,34 @@ def _collect(records: Iterator[_Record]) -> Groups:
     for number, content in values.items():
         groups.setdefault(names.get(number, str(number)), {}).update(content)
     return groups
+
+
+def recount(content: bytes, machine: Machine, *, first_frame: int, last_frame: int) -> bytes:
+    """The blocks before the frames, with the numbers of other frames wherever they stand."""
+    changed = bytearray(content)
+    n_frames = last_frame - first_frame + 1
+    words = (min(first_frame, MOST_COUNTED), min(last_frame, MOST_COUNTED))
+    struct.pack_into(f"{machine.order}2H", changed, 6, *words)
+    counts = {
+        ("POINT", "FRAMES"): n_frames,
+        ("POINT", "LONG_FRAMES"): n_frames,
+        ("TRIAL", "ACTUAL_START_FIELD"): first_frame,
+        ("TRIAL", "ACTUAL_END_FIELD"): last_frame,
+    }
+    records = list(_parse_records(content, (content[0] - 1) * BLOCK + 4, machine))
+    groups = {-record.number: record.name for record in records if record.value is None}
+    for record in records:
+        count = counts.get((groups.get(record.number, ""), record.name))
+        if count is None or record.value is None or isinstance(record.value, tuple):
+            continue
+        kind, n_dimensions = struct.unpack_from("bB", content, record.at)
+        start, size = record.at + 2 + n_dimensions, record.value.size
+        if kind == _FLOAT and size == 1:
+            changed[start : start + 4] = machine.format_float(float(count))
+        elif kind == _INTEGER and size in (1, 2):
+            numbers = [min(count, MOST_COUNTED)] if size == 1 else [count % 65536, count // 65536]
+            struct.pack_into(f"{machine.order}{size}H", changed, start, *numbers)
+    return bytes(changed)
 
 
 def decode(raw: bytes) -> str:
