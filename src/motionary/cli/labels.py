@@ -45,7 +45,8 @@ def labels() -> None:
     """Take labels to other programs and back, compare and sum them up.
 
     Formats: .csv, .tsv, .xlsx, .jsonl, .eaf (ELAN), .TextGrid (Praat), .srt, .vtt, and with --to:
-    boris, boris-tabular, label-studio, label-studio-video, babel, audacity.
+    boris, boris-tabular, label-studio, label-studio-video, babel, audacity, blender (markers, BVH
+    and an add-on), c3d (events in a copy of the recording).
 
     motionary labels convert labels.csv -o take.eaf
     motionary labels diff labels.csv take.eaf
@@ -92,6 +93,7 @@ def convert(
     motionary labels convert labels.csv -o elan/ --to eaf --recordings takes/
     motionary labels convert elan/*.eaf -o labels.csv
     """
+    from motionary.io import match_recording
     from motionary.io.labels import write_labels
 
     form = _find_format(options)
@@ -104,11 +106,15 @@ def convert(
     for error in sources.missing.values():
         screen.warn(str(error))
     tracks = {n: _check(track, sources.files, rate) for n, track in tracks.items()}
+    if form.needs_recording and not sources.files:
+        raise wrong("--recordings", f"{form.title} needs the recordings that are labelled")
     targets = _targets(tracks, options, form) if not is_file else {options.output: tracks}
     for target in targets:
         check_target(target, replace=options.force)
     for target, content in targets.items():
-        write_labels(content, target, to=form.name, excel=options.excel)
+        name = match_recording(next(iter(content)), sources.files) if form.is_single else None
+        recording = None if name is None else sources.files[name]
+        write_labels(content, target, to=form.name, excel=options.excel, recording=recording)
     _say_lost(form, tracks)
     screen.warn(
         f"{sum(map(len, tracks.values()))} labels of {len(tracks)} recordings written to "

@@ -34,6 +34,7 @@ class LabelFormat(NamedTuple):
     resolution_s : to which times are rounded; 0 where they are not
     is_single : whether a file holds one recording
     keeps_all : whether costs, scores and further columns are kept
+    needs_recording : whether `write` takes recording=, the file of what is labelled
     """
 
     name: str
@@ -44,6 +45,7 @@ class LabelFormat(NamedTuple):
     resolution_s: float = 0.0
     is_single: bool = False
     keeps_all: bool = False
+    needs_recording: bool = False
 
 
 _TABLES = "table:read_any"
@@ -95,6 +97,14 @@ FORMATS = (
         "label-studio-video", (".json",), "Label Studio, video", _JSON, "json_files:write_video"
     ),
     LabelFormat("babel", (".json",), "BABEL", _JSON, "json_files:write_babel"),
+    LabelFormat(
+        "blender", (".json",), "Blender", _JSON, "events:write_markers", is_single=True,
+        needs_recording=True,
+    ),
+    LabelFormat(
+        "c3d", (".c3d",), "C3D", "events:read_c3d_events", "events:write_c3d_events",
+        resolution_s=1e-5, is_single=True, needs_recording=True,
+    ),
 )  # fmt: skip
 #: By these names alone a format is written: tables, which any suffix of a table means.
 _NEEDS_NAME = frozenset({".json"})
@@ -105,8 +115,8 @@ def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, 
 
     The suffix says the format: a table (.csv, .tsv, .txt; also those of BORIS, and label tracks
     of Audacity), .xlsx, .jsonl, .eaf (ELAN), .TextGrid (Praat), .srt, .vtt, .json (Label Studio,
-    BABEL). Times that a format rounds to milliseconds are put back on the frames where the rate
-    is known.
+    BABEL, Blender's markers), .c3d (events). Times that a format rounds to milliseconds are put
+    back on the frames where the rate is known.
 
     Parameters
     ----------
@@ -140,6 +150,7 @@ def write_labels(
     *,
     to: str | None = None,
     excel: bool = False,
+    recording: str | Path | None = None,
 ) -> None:
     """Write tracks as a file that `read_labels` reads.
 
@@ -153,9 +164,11 @@ def write_labels(
     tracks : one or several
     path : the file; its suffix says the format
     to : the format by name, where the suffix is that of several: "boris", "boris-tabular",
-        "audacity", "label-studio", "label-studio-video", "babel"
+        "audacity", "label-studio", "label-studio-video", "babel", "blender"
     excel : tables with semicolons, decimal commas and a mark that says UTF-8, as Excel opens
         them by a double click in most of Europe
+    recording : the recording's file, of which C3D is a copy with events; for Blender it is
+        written as BVH beside the markers
 
     Raises
     ------
@@ -169,7 +182,16 @@ def write_labels(
         tracks = [tracks]
     elif isinstance(tracks, Mapping):
         tracks = tracks.values()
-    _load(find_label_format(path, to=to).write)(tracks, Path(path), excel=excel)
+    form = find_label_format(path, to=to)
+    if not form.needs_recording:
+        _load(form.write)(tracks, Path(path), excel=excel)
+        return
+    if recording is None:
+        raise InvalidInput(
+            f"{path}: {form.title} needs the recording that is labelled; say recording=... "
+            "(--recordings PATH)"
+        )
+    _load(form.write)(tracks, Path(path), recording=Path(recording))
 
 
 def find_label_format(path: str | Path, *, to: str | None = None) -> LabelFormat:
@@ -216,6 +238,11 @@ def check_label_file(path: str | Path, *, excel: bool = False, several: bool = F
     form = find_label_format(path)
     if excel and "table" not in form.write:
         raise InvalidInput(f"only tables are written for Excel so, got {path}; leave --excel out")
+    if form.needs_recording:
+        raise InvalidInput(
+            f"labels are not written into {form.title} files here; write a table, then `motionary "
+            f"labels convert TABLE -o FOLDER --to {form.name} --recordings PATH`"
+        )
     if several and form.is_single:
         raise InvalidInput(
             f"{form.title} files hold one recording, and there are several; write a table, then "

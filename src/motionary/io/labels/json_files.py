@@ -13,6 +13,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.labels.events import is_markers, read_markers
 from motionary.io.labels.lanes import (
     TRACK,
     UNASSESSED,
@@ -34,13 +35,15 @@ Item = Mapping[str, Any]
 
 
 def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
-    """Labels of Label Studio or BABEL, whichever the file is; see `read_labels`."""
+    """Labels of Label Studio, BABEL or Blender, as the file is; see `read_labels`."""
     content = _parse(read_text(path), path.name)
     try:
         if isinstance(content, dict) and any(
             isinstance(x, dict) and "babel_sid" in x for x in content.values()
         ):
             return _read_babel(content)
+        if is_markers(content):
+            return read_markers(content, path)
         tasks = content if isinstance(content, list) else [content]
         if tasks and all("annotations" in task or "predictions" in task for task in tasks):
             return _read_tasks(tasks, path, rate_hz)
@@ -50,8 +53,8 @@ def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
             f"{str(error)[:80]}"
         ) from error
     raise UnreadableFile(
-        f"{path.name}: expected tasks of Label Studio (annotations, predictions) or sequences of "
-        "BABEL (babel_sid), got other JSON"
+        f"{path.name}: expected tasks of Label Studio (annotations, predictions), sequences of "
+        "BABEL (babel_sid) or markers of Blender, got other JSON"
     )
 
 
