@@ -7,6 +7,7 @@
 # make docs      the documentation, into docs/_build/html
 # make docs-pictures  its pictures anew, from real recordings
 # make evidence  the tables and figures behind the claims
+# make fuzz      damaged files of every format, opened for FUZZ_SECONDS=600, from where it ended
 # make clean     remove what these commands made
 #
 # The first command makes .venv; later ones install again when pyproject.toml changes.
@@ -24,7 +25,7 @@ ifneq ($(DATA),)
 export MOTIONARY_DATA ?= $(DATA)
 endif
 
-.PHONY: help demo test quick coverage lint bench docs docs-pictures evidence clean
+.PHONY: help demo test quick coverage lint bench docs docs-pictures evidence fuzz clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -68,8 +69,13 @@ evidence: $(VENV)/.bench
 	@test -f evidence/run.py || { echo "there are no evidence scripts yet"; exit 1; }
 	$(BIN)/python evidence/run.py
 
+FUZZ_SECONDS ?= 600
+
+fuzz: $(VENV)/.base
+	$(BIN)/python -m evidence.fuzz --seconds $(FUZZ_SECONDS)
+
 clean:
-	rm -rf $(VENV) build dist docs/_build demo-output
+	rm -rf $(VENV) build dist docs/_build demo-output .fuzz
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	rm -rf .coverage .coverage.* coverage.xml
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
