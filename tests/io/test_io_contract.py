@@ -22,6 +22,7 @@ from motionary.skeletons import named_mapping
 from oracles import motion_files as files
 from oracles.c3d_files import c3d_bytes
 from oracles.fbx_files import fbx_text
+from oracles.rig_files import mvnx_text
 
 RATE_HZ = 100.0
 
@@ -268,9 +269,11 @@ def other_files(folder):
     turns = [[10.0 * i for i in range(30)]] * 2
     bones = [("Hips", -1, (0, 100, 0)), ("Leg", 0, (0, -50, 0))]
     (folder / "a.fbx").write_text(fbx_text(bones, turns, list(range(30))))
+    figure = synthetic_motion("squat", seed=3, rate_hz=RATE_HZ).cut(0, 30)
+    (folder / "a.mvnx").write_text(mvnx_text(figure)[0])
     return {
         "a.amc": {}, "a.bvh": {"unit": "cm"}, "amass.npz": {}, "a.npy": {}, "a.pkl": {},
-        "a.c3d": {}, "a.trc": {}, "a.sto": {}, "a.mot": {}, "a.fbx": {},
+        "a.c3d": {}, "a.trc": {}, "a.sto": {}, "a.mot": {}, "a.fbx": {}, "a.mvnx": {},
     }  # fmt: skip
 
 
@@ -291,6 +294,7 @@ READ = [
     "a.sto",
     "a.mot",
     "a.fbx",
+    "a.mvnx",
 ]
 
 

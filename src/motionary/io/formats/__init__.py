@@ -90,6 +90,7 @@ FORMATS = (
     Format(".npy", "arrays:read_array", takes=("take",)),
     Format(".pkl", "pickled:read_pickle", takes=("take",)),
     Format(".fbx", "fbx:read_fbx", takes=("take",)),
+    Format(".mvnx", "mvnx:read_mvnx", takes=("take", "even_times")),
     Format(".sto", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
     Format(".mot", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
 )
@@ -102,7 +103,6 @@ WAYS_OUT = {
         "is read by Blender: open it there and export FBX or BVH (File > Export)",
     ),
     **dict.fromkeys((".ma", ".mb", ".max"), "is a scene of its program: export FBX or BVH there"),
-    ".mvnx": "is written by Xsens MVN, which exports BVH, FBX and C3D as well",
     ".xlsx": "is a workbook: save the sheet as CSV with columns such as hip_x, hip_y, hip_z",
     ".eaf": "holds labels of ELAN and no motion",
 }
