@@ -75,7 +75,7 @@ def write_class(
         arrays |= _pack_examples(prototype, i)
         entries.append(_to_entry(prototype, feature_set))
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     content = buffer.getvalue()
     values = folder / f"{stem}.{hashlib.sha256(content).hexdigest()[:8]}.npz"
     attributes = {key: key for key in ("name", "threshold", "tolerance")}

@@ -1,0 +1,205 @@
+"""The library `everyday` that ships: `python -m recipes.everyday [--without-people P ...]`.
+
+Learned from HDM05, UI-PRMD and CMU, and designed by editing. What rests on HDM05 lies in a
+folder of its own, under its licence; the other folder owes nothing to it, its prior included.
+The same files give the same bytes on one machine with the same versions of packages.
+"""
+
+import argparse
+import os
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from motionary.features import FULL_BODY, FeatureSequence
+from motionary.models.library import (
+    ClassLibrary,
+    MotionClass,
+    Prototype,
+    Scoring,
+    fold_sides,
+    measure_fractions,
+)
+from motionary.models.library.training import learn_prototype, mirror_prototype
+from motionary.models.templates import MotionTemplate, template_from_text
+from recipes.sources import (
+    Example,
+    Sources,
+    exercise_examples,
+    hash_files,
+    hdm05_examples,
+    read_sources,
+    run_examples,
+    takes_of,
+    walk_examples,
+)
+
+FREE, HDM05 = "everyday", "everyday_hdm05"
+PARTS = {FREE: ("cmu_everyday", "ui_prmd"), HDM05: ("hdm05",)}
+HOME = Path(__file__).parents[1] / "src" / "motionary" / "libraries"
+DESIGNS = Path(__file__).parent / "designs"
+
+PROVENANCE = {
+    FREE: "CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu, funded by NSF "
+    "EIA-0196217); Vakanski, Jun, Paul, Baker: A Data Set of Human Body Movements for Physical "
+    "Rehabilitation Exercises (UI-PRMD), Data 3(1):2, 2018; classes designed by hand",
+    HDM05: "Müller, Röder, Clausen, Eberhardt, Krüger, Weber: Documentation Mocap Database HDM05, "
+    "CG-2007-2, Universität Bonn, 2007",
+}
+LICENCE = {FREE: "Apache-2.0", HDM05: "CC BY-SA 3.0"}
+
+STATES = ("walk", "run", "sneak", "walk backwards", "run backwards", "side step", "skip", "crawl")
+#: Gaits are found by one, two and three cycles in a row.
+CYCLES = (1, 2, 3)
+#: Designs count as so many examples.
+DESIGN_WEIGHS = 4
+#: What turns round when time does, and says nothing of a motion run backwards.
+_DIRECTED = (1, 2, 5, 6, 10, 11, 12, 13, 14, 23, 24, 35, 36, 40)
+#: Least score of a label; chosen on ACCAD Male1 and Bandai normal.
+THRESHOLD = 5.5
+
+
+def build(sources: Sources, *, without: Collection[str] = ()) -> dict[str, ClassLibrary]:
+    """Both parts of the library, by folder, without what some people did."""
+    free = [*walk_examples(sources, without), *exercise_examples(sources, without)]
+    free_runs = run_examples(sources, without)
+    bound = hdm05_examples(sources, without)
+    prior, corpus = measure_prior(free, takes_of(sources, None, without))
+    learned = {FREE: learn_all(free), HDM05: learn_all([*bound, *free_runs])}
+    learned[FREE] += list(designed(learned[FREE]))
+    learned[HDM05] += [
+        (name, restrict(one, "lower"))
+        for name, one in learned[HDM05]
+        if name in ("kick", "run") and one.name == name
+    ]
+    return {
+        part: assemble(learned[part], part, prior=prior, scoring=Scoring(corpus, THRESHOLD))
+        for part in PARTS
+    }
+
+
+def learn_all(examples: Iterable[Example]) -> list[tuple[str, Prototype]]:
+    """A prototype of each class, and of gaits by several cycles."""
+    by_class: dict[str, list[FeatureSequence]] = {}
+    for one in examples:
+        by_class.setdefault(one.name, []).append(one.sequence)
+    found = []
+    for name, items in by_class.items():
+        if name in STATES:
+            found += repeat(name, learn_prototype(name, items))
+        else:
+            found.append((name, learn_prototype(name, fold_sides(items))))
+    return found
+
+
+def repeat(name: str, one: Prototype) -> list[tuple[str, Prototype]]:
+    """A gait by one, two and three cycles."""
+    found = []
+    for n in CYCLES:
+        t = one.template
+        values, weights = np.tile(t.values, (n, 1)), np.tile(t.weights, n)
+        called = one.name if n == 1 else f"{one.name}, {n} cycles"
+        found.append((name, Prototype(called, replace(t, values=values, weights=weights))))
+    return found
+
+
+def designed(learned: Sequence[tuple[str, Prototype]]) -> Iterable[tuple[str, Prototype]]:
+    """Classes by editing: of texts, and of templates run backwards."""
+    texts = {path.stem.replace("_", " "): path for path in sorted(DESIGNS.glob("*.txt"))}
+    drawn = {
+        name: Prototype(
+            f"{name}, designed",
+            replace(
+                template_from_text(path.read_text("utf-8"), name=name), n_examples=DESIGN_WEIGHS
+            ),
+        )
+        for name, path in texts.items()
+    }
+    for name, one in drawn.items():
+        yield from repeat(name, one) if name in STATES else [(name, one)]
+    crawl = backwards(drawn["crawl"], "crawl backwards, designed")
+    yield from repeat("crawl", crawl)
+    yield from repeat("run backwards", backwards(drawn["run"], "run backwards, designed"))
+    yield "rise from crouch", backwards(drawn["crouch"], "rise from crouch, designed")
+    walk = next(one for name, one in learned if name == "walk")
+    free = [FULL_BODY.ids.index(f"F{number}") for number in _DIRECTED]
+    yield from repeat("walk backwards", backwards(walk, "walk backwards, designed", free))
+
+
+def backwards(one: Prototype, name: str, free: Sequence[int] = ()) -> Prototype:
+    """A template in the opposite order of time, some features freed."""
+    values = one.template.values[::-1].copy()
+    values[:, list(free)] = 0.5
+    template = replace(
+        one.template,
+        values=values,
+        weights=one.template.weights[::-1].copy(),
+        provenance=f"{name.removesuffix(', designed')}, designed by editing",
+    )
+    return Prototype(name, template)
+
+
+def restrict(one: Prototype, group: str) -> Prototype:
+    """A template of the features of one group alone."""
+    values = one.template.values.copy()
+    values[:, [i for i, f in enumerate(FULL_BODY.features) if f.group != group]] = 0.5
+    return Prototype(f"{one.name}, {group} body", replace(one.template, values=values))
+
+
+def measure_prior(
+    examples: Sequence[Example], others: Sequence[FeatureSequence]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Prior of all classes, and the corpus in it; each class and each take counts alike."""
+    by_class: dict[str, list[FeatureSequence]] = {}
+    for one in examples:
+        by_class.setdefault(one.name, []).append(one.sequence)
+    own: Mapping[str, np.ndarray] = {
+        name: measure_fractions(items, FULL_BODY) for name, items in by_class.items()
+    }
+    corpus = np.mean([measure_fractions([one], FULL_BODY) for one in others], axis=0)
+    prior = (np.mean(list(own.values()), axis=0) + corpus) / 2
+    prior = (prior + prior[FULL_BODY.mirror_order]) / 2
+    return _round(prior), _round(corpus)
+
+
+def assemble(
+    learned: Sequence[tuple[str, Prototype]],
+    part: str,
+    *,
+    prior: tuple[float, ...],
+    scoring: Scoring,
+) -> ClassLibrary:
+    """A library of prototypes and their mirror images."""
+    classes = []
+    for name in sorted({name for name, _ in learned}):
+        own = [one for called, one in learned if called == name]
+        own += [mirror_prototype(one, FULL_BODY) for one in own]
+        kind = "state" if name in STATES else "event"
+        classes.append(MotionClass(name, tuple(own), prior=prior, kind=kind))
+    return ClassLibrary(
+        tuple(classes), FULL_BODY, PROVENANCE[part], LICENCE[part], scoring=scoring
+    )
+
+
+def _round(fractions: np.ndarray) -> tuple[float, ...]:
+    return tuple(round(float(x), 6) for x in np.clip(fractions, 1e-6, 1 - 1e-6))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make both folders."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--without-people", nargs="*", default=(), metavar="PERSON")
+    parser.add_argument("--output", type=Path, default=HOME)
+    options = parser.parse_args(arguments)
+    sources = read_sources(Path(os.environ["MOTIONARY_DATA"]), jobs=2)
+    for part, library in build(sources, without=options.without_people).items():
+        folder = options.output / part
+        library.save(folder)
+        hashes = hash_files(sources, PARTS[part], options.without_people)
+        (folder / "SOURCES.txt").write_text("\n".join(hashes) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()
