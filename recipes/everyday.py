@@ -22,8 +22,9 @@ from motionary.models.library import (
     fold_sides,
     measure_fractions,
 )
+from motionary.models.library.classes import ClassKind
 from motionary.models.library.training import learn_prototype, mirror_prototype
-from motionary.models.templates import MotionTemplate, template_from_text
+from motionary.models.templates import template_from_text
 from recipes.sources import (
     Example,
     Sources,
@@ -58,7 +59,7 @@ DESIGN_WEIGHS = 4
 #: What turns round when time does, and says nothing of a motion run backwards.
 _DIRECTED = (1, 2, 5, 6, 10, 11, 12, 13, 14, 23, 24, 35, 36, 40)
 #: Least score of a label; chosen on ACCAD Male1 and Bandai normal.
-THRESHOLD = 5.5
+THRESHOLD = 6.0
 
 
 def build(sources: Sources, *, without: Collection[str] = ()) -> dict[str, ClassLibrary]:
@@ -176,11 +177,9 @@ def assemble(
     for name in sorted({name for name, _ in learned}):
         own = [one for called, one in learned if called == name]
         own += [mirror_prototype(one, FULL_BODY) for one in own]
-        kind = "state" if name in STATES else "event"
+        kind: ClassKind = "state" if name in STATES else "event"
         classes.append(MotionClass(name, tuple(own), prior=prior, kind=kind))
-    return ClassLibrary(
-        tuple(classes), FULL_BODY, PROVENANCE[part], LICENCE[part], scoring=scoring
-    )
+    return ClassLibrary(tuple(classes), FULL_BODY, PROVENANCE[part], LICENCE[part], scoring=scoring)
 
 
 def _round(fractions: np.ndarray) -> tuple[float, ...]:

@@ -171,9 +171,7 @@ def takes_of(
         sources.sequences["cmu_everyday"][f"{row['trial']}.amc"]
         for row in rows
         if row["subject"] not in without
-        and (
-            row["description"] == description if description else row["description"] != WALKING[0]
-        )
+        and (row["description"] == description if description else row["description"] != WALKING[0])
     ]
 
 

@@ -53,7 +53,7 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
     [
         (("search", "{world}/examples"), "--like"),
         ((*LIKE, "--class", "squat"), "--like, --class"),
-        (("search", "{world}", "--class", "squat"), "--library LIB"),
+        (("search", "{world}", "--class", "squat", "--library", "none"), "--library LIB"),
         (("search", "{world}", "--class", "sqat", "--library", "{world}/library"), "kick_left, s"),
         (("search", "{world}", "--class", "squat", "--library", "l", "--from", "1"), "--from"),
         ((*LIKE, "--library", "{world}/library"), "--library"),
@@ -79,7 +79,7 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
             ("search", "{world}", "--query", "none.json", "--query-name", "a"),
             "none.json: no such file",
         ),
-        (("annotate", "{world}/take.bvh"), "motionary learn EXAMPLES -o LIB"),
+        (("annotate", "{world}/take.bvh", "--library", "none"), "motionary learn EXAMPLES -o LIB"),
         (("annotate", "{world}/take.bvh", "--library", "l", "--threshold", "-1"), "--threshold"),
         (("learn", "{world}/examples"), "--output"),
         (("features", "{world}/take.bvh", "-o", "x.xls"), ".npz or .csv"),

@@ -42,8 +42,13 @@ class LabelOptions(TableOptions):
 
     output: LabelFile = None
     library: Annotated[
-        str | None, typer.Option(metavar="LIB", help="A folder that `motionary learn` wrote.")
-    ] = None
+        str,
+        typer.Option(
+            metavar="LIB",
+            help="A folder that `motionary learn` wrote; everyday is the library that ships, "
+            "none is none.",
+        ),
+    ] = "everyday"
     threshold: Annotated[
         float | None,
         typer.Option(
@@ -127,10 +132,11 @@ def annotate(
     jobs: Jobs,
     reading: ReadOptions,
 ) -> int:
-    """Label recordings with the classes of a library.
+    """Label recordings with the classes of a library, by default that of everyday motion.
 
     A recording without a label says which class came nearest, and what failed.
 
+    motionary annotate long.bvh
     motionary annotate takes/*.amc --library my-classes -o labels.csv --explain
     motionary annotate takes/*.amc --library my-classes --assignment scores --count
     """
@@ -168,16 +174,16 @@ def annotate(
 
 def _library(options: LabelOptions) -> "ClassLibrary":
     """The library, before anything is read: what is wrong with the use shows at once."""
-    if options.library is None:
+    from motionary.models.library import NO_LIBRARY, open_library
+
+    if options.library == NO_LIBRARY:
         raise wrong(
             "--library",
             "needs a library of motion classes to look for; learn one from examples with "
-            "`motionary learn EXAMPLES -o LIB`, then pass --library LIB",
+            "`motionary learn EXAMPLES -o LIB`, then pass --library LIB; everyday ships",
         )
-    from motionary.models.library import load_library
-
     check_target(options.plot, is_folder=True)
-    return load_library(options.library)
+    return open_library(options.library)
 
 
 def _label(

@@ -311,8 +311,8 @@ def describe_prototypes(library: "ClassLibrary") -> list[dict[str, Any]]:
                 "kept_examples": len(prototype.examples),
                 "made": template.provenance,
                 "feature_set": library.feature_set.name,
-                "provenance": library.provenance,
-                "licence": library.licence,
+                "provenance": motion_class.provenance or library.provenance,
+                "licence": motion_class.licence or library.licence,
             }
             rows.append(row)
     return rows

@@ -81,10 +81,10 @@ def list_classes(folder: LibraryFolder, plot: PlotLibrary = None, as_json: AsJso
 
     motionary library list my-classes --plot my-classes.png
     """
-    from motionary.models.library import load_library
+    from motionary.models.library import open_library
 
     check_picture("--plot", plot)
-    loaded = load_library(folder)
+    loaded = open_library(folder)
     rows = describe_prototypes(loaded)
     if as_json:
         for row in rows:
@@ -104,22 +104,31 @@ def show(
 ) -> None:
     """Write a template as text that a person reads and edits.
 
-    The text says which features must hold and which must not, and when; what it does not
+    Before it stand the class's origin and licence, if they are known, as comments. The text
+    says which features must hold and which must not, and when; what it does not
     mention is free. `motionary library edit --text` takes it back.
 
     motionary library show my-classes squat > squat.txt
     """
-    from motionary.models.library import load_library
+    from motionary.models.library import open_library
     from motionary.models.templates import template_to_text
 
     check_picture("--plot", plot)
-    loaded = load_library(folder)
+    loaded = open_library(folder)
     motion_class = loaded[name]
     found = _find(motion_class, template)
     text = template_to_text(found, tolerance=motion_class.tolerance, feature_set=loaded.feature_set)
-    screen.say(*text.splitlines())
+    screen.say(*_origin(loaded, motion_class), *text.splitlines())
     if plot:
         _draw_template(plot, loaded, name, template)
+
+
+def _origin(library: "ClassLibrary", motion_class: "MotionClass") -> list[str]:
+    """Comments on where a class comes from and how it may be used."""
+    provenance = motion_class.provenance or library.provenance
+    licence = motion_class.licence or library.licence
+    lines = [f"# from: {provenance}"] if provenance else []
+    return [*lines, f"# licence: {licence}"] if licence else lines
 
 
 def _describe(library: "ClassLibrary", folder: str) -> str:
@@ -175,11 +184,11 @@ def merge(
 
     motionary library merge my-classes yours -o ours --on-clash first
     """
-    from motionary.models.library import find_clashes, load_library, merge_libraries
+    from motionary.models.library import find_clashes, merge_libraries, open_library
 
     check_picture("--plot", plot)
     check_target(output, is_folder=True, replace=force)
-    libraries = [load_library(folder) for folder in folders]
+    libraries = [open_library(folder) for folder in folders]
     clashing = find_clashes(libraries)
     if clashing and on_clash is Clashing.REFUSE:
         raise InvalidInput(
@@ -295,11 +304,11 @@ def edit(
 
 
 def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
-    from motionary.models.library import ClassLibrary, load_library
+    from motionary.models.library import ClassLibrary, open_library
 
     if new and not (Path(folder) / "library.toml").exists():
         return ClassLibrary((), find_feature_set(features))
-    return load_library(folder)
+    return open_library(folder)
 
 
 def _read_text(path: str) -> str:
@@ -333,11 +342,11 @@ def add(
 
     motionary library add my-classes squat new/*.bvh
     """
-    from motionary.models.library import add_examples, load_library
+    from motionary.models.library import add_examples, open_library
 
     check_picture("--plot", plot)
     check_target(folder, is_folder=True)
-    library = load_library(folder)
+    library = open_library(folder)
     found = find_files(files)
     sequences, failures = split_failures(
         measure_files(

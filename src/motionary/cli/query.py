@@ -76,7 +76,12 @@ class QueryOptions:
         str | None, typer.Option("--class", metavar="NAME", help="A class of the library.")
     ] = None
     library: Annotated[
-        str | None, typer.Option(metavar="LIB", help="A folder that `motionary learn` wrote.")
+        str | None,
+        typer.Option(
+            metavar="LIB",
+            help="With --class: a folder that `motionary learn` wrote; by default everyday, the "
+            "library that ships.",
+        ),
     ] = None
     query: Annotated[
         str | None,
@@ -139,7 +144,7 @@ def check_query(options: QueryOptions) -> None:
         raise wrong("--like, --class", "say what is sought by one of them")
     if (options.like, options.class_name, options.query) == (None, None, None):
         raise wrong("--like, --class, --query", "say what is sought by one of them")
-    if options.class_name is not None and options.library is None:
+    if options.class_name is not None and options.library == "none":
         raise wrong("--class", "needs the library that the class is from: --library LIB")
     if options.class_name is None and options.library is not None:
         raise wrong("--library", "goes with --class NAME")
@@ -279,9 +284,9 @@ def _ranks(option: str, given: str | None) -> list[int]:
 
 
 def _motion_class(options: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
-    from motionary.models.library import load_library
+    from motionary.models.library import EVERYDAY, open_library
 
-    library = load_library(options.library or "")
+    library = open_library(options.library or EVERYDAY)
     name = options.class_name or ""
     if name not in library.names:
         known = ", ".join(library.names) or "none"

@@ -73,14 +73,14 @@ def report(
     motionary report take.bvh --labels labels.csv --truth truth.csv -o take.html
     motionary report takes/*.amc --library my-classes -o takes.html
     """
-    from motionary.models.library import load_library
+    from motionary.models.library import open_library
     from motionary.reporting import report as write_report
 
     output = options.output
     _check_page("--output", output, replace=options.force)
     tables = _read_tables(options.labels or [])
     truth = _read_table(options.truth) if options.truth is not None else None
-    classes = load_library(options.library) if options.library is not None else None
+    classes = open_library(options.library) if options.library is not None else None
     found = find_files(files)
     failures: list[Failure[NamedFile]] = []
     motions = _read(found, reading, failures)

@@ -36,7 +36,13 @@ from motionary.matching import (
     modify,
 )
 from motionary.models.keyframes import select_in_sequence
-from motionary.models.library import THRESHOLD, ClassLibrary, MotionClass, Prototype
+from motionary.models.library import (
+    THRESHOLD,
+    ClassLibrary,
+    MotionClass,
+    Prototype,
+    load_everyday,
+)
 from motionary.motion import Motion
 from motionary.packing import count, full_mask
 from motionary.recording import Segment, find_runs
@@ -83,7 +89,7 @@ class Annotation(NamedTuple):
 
 def annotate(
     recording: Motion | FeatureSequence,
-    library: ClassLibrary,
+    library: ClassLibrary | None = None,
     *,
     assignment: Assignment | None = None,
     threshold: float | None = None,
@@ -96,7 +102,7 @@ def annotate(
     Parameters
     ----------
     recording : Motion or FeatureSequence
-    library : classes to look for
+    library : classes to look for; by default the library of everyday motion that ships
     assignment : by scores, or by costs as published; by default as `default_assignment` says,
         and by costs where `threshold` is given alone
     threshold : by scores, the least score of a label, by default the library's; by costs,
@@ -115,6 +121,7 @@ def annotate(
     InvalidInput
         If the library is empty, has another feature set, or lacks what scores need.
     """
+    library = load_everyday() if library is None else library
     _check_kinds(recording, library)
     if assignment is None and at_most_false_per_min is not None:
         assignment = "scores"

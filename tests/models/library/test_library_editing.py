@@ -319,7 +319,9 @@ def test_merging_keeps_order_background_and_origins():
     )
     merged = merge_libraries([first, second])
     assert merged.names == ("class1", "class2", "class3")
-    assert merged["class3"] is second["class3"]
+    assert merged["class3"].prototypes is second["class3"].prototypes
+    assert (merged["class3"].provenance, merged["class3"].licence) == ("stage", "CC0")
+    assert (merged["class1"].provenance, merged["class1"].licence) == ("lab", "CC0")
     assert (merged.provenance, merged.licence) == ("lab; stage", "CC0")
     assert merge_libraries([first]).names == first.names
 

@@ -53,6 +53,12 @@ from motionary.models.library.relearning import (
     training_of,
 )
 from motionary.models.library.scoring import Scoring, measure_fractions, mix_prior, scoring_for
+from motionary.models.library.shipped import (
+    EVERYDAY,
+    NO_LIBRARY,
+    load_everyday,
+    open_library,
+)
 from motionary.models.library.sides import fold_sides, mirror_sequence
 from motionary.models.library.storage import ClassLibrary, load_library
 from motionary.models.library.training import (
@@ -67,6 +73,8 @@ from motionary.models.library.training import (
 
 __all__ = [
     "BODY_PARTS",
+    "EVERYDAY",
+    "NO_LIBRARY",
     "N_FOLDS",
     "THRESHOLD",
     "TOLERANCE",
@@ -108,6 +116,7 @@ __all__ = [
     "learn_classes",
     "learn_queries",
     "list_examples",
+    "load_everyday",
     "load_library",
     "measure_background",
     "measure_false_rates",
@@ -115,6 +124,7 @@ __all__ = [
     "merge_libraries",
     "mirror_sequence",
     "mix_prior",
+    "open_library",
     "read_examples",
     "remove_class",
     "rename_class",

@@ -52,7 +52,10 @@ _OPTIONAL_KEYS: Keys = {"mirror_of": str, "unmeasured": list}
 _ESTIMATES = {
     "estimated_precision": "promised_precision", "estimated_recall": "promised_recall",
 }  # fmt: skip
-_SCORE_KEYS: Keys = {"prior": list, "kind": str, "parts": list, "false_level": float}
+_OWN_KEYS: Keys = {
+    "prior": list, "kind": str, "parts": list, "false_level": float,
+    "provenance": str, "licence": str,
+}  # fmt: skip
 
 #: What reading a broken archive of arrays ends in.
 _BROKEN_ARCHIVE = (
@@ -83,10 +86,10 @@ def write_class(
     settings = {key: getattr(motion_class, attribute) for key, attribute in attributes.items()}
     settings = {key: value for key, value in settings.items() if value is not None}
     settings |= {"background": list(motion_class.background), "values": values.name}
-    settings |= _score_settings(motion_class)
+    settings |= _own_settings(motion_class)
     path = folder / f"{stem}.toml"
     document = read_document(path)
-    update_table(document, settings, optional=(*_ESTIMATES.values(), *_SCORE_KEYS))
+    update_table(document, settings, optional=(*_ESTIMATES.values(), *_OWN_KEYS))
     _update_entries(document, entries)
     with write_atomically(values) as beside:
         beside.write_bytes(content)
@@ -94,12 +97,15 @@ def write_class(
     return {values, path}
 
 
-def _score_settings(motion_class: MotionClass) -> dict[str, Any]:
-    """What labels by scores need, by the keys of the file; defaults are left out."""
+def _own_settings(motion_class: MotionClass) -> dict[str, Any]:
+    """What not every class has, by the keys of the file; defaults are left out."""
     settings: dict[str, Any] = {}
     for key in ("prior", "parts"):
         if getattr(motion_class, key):
             settings[key] = list(getattr(motion_class, key))
+    for key in ("provenance", "licence"):
+        if getattr(motion_class, key):
+            settings[key] = getattr(motion_class, key)
     if motion_class.kind != "event":
         settings["kind"] = motion_class.kind
     if motion_class.false_level is not None:
@@ -175,7 +181,7 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
         raise refuse(path, ("name",), f"is {content['name']!r}, but the library says {name!r}")
     if not content["templates"]:
         raise refuse(path, ("templates",), "must list at least one, got none")
-    scores = _read_score_settings(path, content)
+    scores = _read_own_settings(path, content)
     for key in ("background", "prior"):
         if not all(isinstance(x, int | float) for x in content.get(key, ())):
             raise refuse(path, (key,), f"must be a list of numbers, got {content[key]!r}")
@@ -196,9 +202,9 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
         raise refuse_value(path, (), error) from error
 
 
-def _read_score_settings(path: Path, content: dict[str, Any]) -> dict[str, Any]:
-    """What labels by scores need, as far as it is there."""
-    present = {key: kind for key, kind in _SCORE_KEYS.items() if key in content}
+def _read_own_settings(path: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """What not every class has, as far as it is there."""
+    present = {key: kind for key, kind in _OWN_KEYS.items() if key in content}
     check_keys(path, content, present)
     read = {key: content[key] for key in present}
     return {key: tuple(x) if isinstance(x, list) else x for key, x in read.items()}

@@ -145,6 +145,8 @@ class MotionClass:
     parts : parts of the body that it needs; empty: all
     false_level : logarithm of its false labels a minute, of scores from `false_rates.TAIL`
         on; None if unknown
+    provenance, licence : of this class, where they differ from the library's; they go with
+        it into other libraries
     """
 
     name: str
@@ -158,6 +160,8 @@ class MotionClass:
     kind: ClassKind = "event"
     parts: tuple[str, ...] = ()
     false_level: float | None = None
+    provenance: str = ""
+    licence: str = ""
 
     def __post_init__(self) -> None:
         if not self.name:

@@ -5,6 +5,7 @@ Libraries and classes come back new, never changed.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal
 
 from motionary.errors import InvalidInput
@@ -156,7 +157,7 @@ def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse
         )
     classes: dict[str, MotionClass] = {}
     for library in libraries:
-        for one in library:
+        for one in map(partial(_with_origin, library), library):
             if one.name not in classes:
                 classes[one.name] = one
             elif clash == "both":
@@ -171,6 +172,15 @@ def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse
         _common_training(libraries, provenance, licence),
         _common_scoring(libraries),
     )
+
+
+def _with_origin(library: ClassLibrary, motion_class: MotionClass) -> MotionClass:
+    """The class with the library's provenance and licence, unless it has its own."""
+    provenance = motion_class.provenance or library.provenance
+    licence = motion_class.licence or library.licence
+    if (provenance, licence) == (motion_class.provenance, motion_class.licence):
+        return motion_class
+    return replace(motion_class, provenance=provenance, licence=licence)
 
 
 def find_clashes(libraries: Sequence[ClassLibrary]) -> list[str]:
@@ -193,7 +203,12 @@ def _side_by_side(first: MotionClass, second: MotionClass) -> MotionClass:
         replace(one, name=names[one.name], mirror_of=names.get(one.mirror_of, ""))
         for one in second.prototypes
     ]
-    return without_estimates(first, prototypes=(*first.prototypes, *added))
+    return without_estimates(
+        first,
+        prototypes=(*first.prototypes, *added),
+        provenance=_unite((first.provenance, second.provenance)),
+        licence=_unite((first.licence, second.licence)),
+    )
 
 
 def _common_training(

@@ -1,0 +1,71 @@
+"""The library of everyday motion: whole, small, under its licences, and used by default."""
+
+from pathlib import Path
+
+import pytest
+
+from motionary.errors import InvalidInput
+from motionary.features import compute_features
+from motionary.models.library import (
+    ClassLibrary,
+    load_everyday,
+    load_library,
+    merge_libraries,
+    open_library,
+    shipped,
+)
+from motionary.models.library.shipped import _FOLDERS
+from motionary.retrieval.annotation import annotate
+from motionary.samples import synthetic_motion
+
+HOME = Path(shipped.__file__).parents[2] / "libraries"
+ASKED = {
+    "walk", "run", "sneak", "jump", "hop", "turn around", "kick", "throw", "squat", "sit down",
+    "stand up", "lunge", "side lunge", "knee raise", "leg raise", "arm raise sideways",
+    "arm raise forward", "arm circles", "elbow to knee", "reach up", "put down", "lie down",
+}  # fmt: skip
+
+
+def test_it_holds_everyday_motion_and_is_small():
+    library = load_everyday()
+    assert set(library.names) >= ASKED
+    assert library.has_scores
+    assert library["walk"].kind == "state"
+    assert library["kick"].kind == "event"
+    assert sum(path.stat().st_size for path in HOME.rglob("*.*")) < 2_000_000
+
+
+def test_what_was_learned_from_hdm05_lies_in_its_folder_under_its_licence():
+    free, bound = (load_library(HOME / one) for one in _FOLDERS)
+    assert free.licence == "Apache-2.0"
+    assert "HDM05" not in free.provenance
+    assert bound.licence == "CC BY-SA 3.0"
+    assert "CG-2007-2" in bound.provenance
+    assert "by-sa/3.0" in (HOME / _FOLDERS[1] / "LICENCE.txt").read_text("utf-8")
+    sources = [(HOME / one / "SOURCES.txt").read_text("utf-8") for one in _FOLDERS]
+    assert "hdm05/" not in sources[0]
+    assert "ui_prmd/" in sources[0]
+    assert "hdm05/" in sources[1]
+    assert all(len(line.split("  ")[0]) == 64 for text in sources for line in text.splitlines())
+
+
+def test_classes_keep_origin_and_licence_in_other_libraries(tmp_path):
+    everyday = load_everyday()
+    assert everyday["throw"].licence == "CC BY-SA 3.0"
+    assert everyday["lunge"].licence == "Apache-2.0"
+    assert everyday["squat"].licence == "Apache-2.0; CC BY-SA 3.0"
+    merge_libraries([everyday]).save(tmp_path / "mine")
+    again = open_library(tmp_path / "mine")
+    assert isinstance(again, ClassLibrary)
+    assert {one.name: (one.licence, one.provenance) for one in again} == {
+        one.name: (one.licence, one.provenance) for one in everyday
+    }
+
+
+def test_it_is_the_default_of_annotate_and_opened_by_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert open_library("everyday") is load_everyday()
+    sequence = compute_features(synthetic_motion("squat", seed=1))
+    assert annotate(sequence) == annotate(sequence, load_everyday())
+    with pytest.raises(InvalidInput, match="its classes are"):
+        load_everyday()["juggling"]
