@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from motionary.errors import UnreadableFile
 from motionary.io.formats import numbers as frames
-from motionary.io.formats.numbers import read_frames
+from motionary.io.formats.numbers import parse_number, read_frames, read_table
+from motionary.io.formats.words import find_words, pad, to_floats
 
 PATTERN = r"[+-]?([0-9]{1,12}\.?[0-9]{0,12}|\.[0-9]{1,12})([eE][+-]?[0-9]{1,2})?"
 decimals = st.one_of(
@@ -77,3 +79,53 @@ def test_names_must_stand_where_they_stand(text):
 def test_a_frame_may_go_on_in_the_next_line():
     values = read_frames(b"1 2\n3\n4 5\n6\n", [None] * 3)
     np.testing.assert_array_equal(values, [[1, 2, 3], [4, 5, 6]])
+
+
+def test_frames_do_not_share_a_line_where_pieces_meet(monkeypatch):
+    monkeypatch.setattr(frames, "PIECE", 4)
+    assert read_frames(b"1 2\n3 4 5 6\n", [None] * 2) is None
+
+
+def test_unknown_numbers_are_gaps_where_they_may_be():
+    values = read_frames(b"1 -nan(ind)\n1.#QNAN 4\n", [None] * 2, gaps=frames.UNKNOWN_NUMBERS)
+    np.testing.assert_array_equal(values, [[1, np.nan], [np.nan, 4]])
+
+
+words = st.one_of(decimals, st.text("0123456789.+-eE_xn", min_size=1, max_size=20))
+
+
+@given(st.lists(words, min_size=1, max_size=30), st.sampled_from(" ,\t"))
+def test_compiled_words_are_those_of_numpy(found, separator):
+    compiled = pytest.importorskip("motionary.io.formats._compiled_words", exc_type=ImportError)
+    text = separator.join(found).encode() + b"\n"
+    plain = find_words(text, ord(separator))
+    starts, ends = np.empty((2, len(text)), dtype=np.intp)
+    values = np.empty(len(text))
+    n = compiled.scan(pad(text).buffer, ord(separator), starts, ends, values)
+    np.testing.assert_array_equal(starts[:n], plain.starts)
+    np.testing.assert_array_equal(ends[:n], plain.ends)
+    expected = np.array([parse_number(word) for word in found])
+    for got in (values[:n], to_floats(plain)):
+        known = ~np.isnan(got)
+        np.testing.assert_array_equal(got[known], expected[known])
+        np.testing.assert_array_equal(np.signbit(got[known]), np.signbit(expected[known]))
+
+
+cells = st.one_of(decimals, st.just(""), st.just("NaN"), st.just(" "))
+
+
+@given(st.lists(st.lists(cells, max_size=4), max_size=12), st.sampled_from(",;\t"))
+def test_cells_are_those_of_a_loop_over_lines(rows, separator):
+    text = "\n".join(separator.join(row) for row in rows)
+    gaps = ("", "nan")
+    try:
+        expected = frames._read_lines(text, 3, "x", 1, separator, gaps)
+    except UnreadableFile as error:
+        with pytest.raises(UnreadableFile, match=str(error)[:10]):
+            read_table(text, 3, source="x", line=1, separator=separator, gaps=gaps)
+        return
+    for piece in (7, 1 << 17):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(frames, "PIECE", piece)
+            got = read_table(text, 3, source="x", line=1, separator=separator, gaps=gaps)
+        np.testing.assert_array_equal(got, expected)

@@ -1,25 +1,23 @@
 """Numbers of many frames, read from text at once; wrong ones are refused with their place.
 
-A frame is a fixed sequence of words: numbers, and names that must stand where they
-stand. Digits of equal place are converted together, for thousands of words in one
-operation; what is not a plain decimal (`1e-15`) is converted on its own. The result is
-the same as `float()`'s: up to 15 digits are exact in a float, and so are the powers of
-ten they are divided by.
+One parser for all formats of text. A frame is a fixed sequence of words: numbers, and names that
+must stand where they stand; or the cells of a line, of which some may be empty. Text is read by
+pieces, each converted in a few operations (`words`), or by a compiled twin where it pays; the
+result is the same as `float()`'s.
 """
 
 import math
 import re
-from collections.abc import Collection, Sequence
-from typing import NamedTuple
+import sys
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
-
-Floats = NDArray[np.float64]
-Bytes = NDArray[np.uint8]
-Places = NDArray[np.intp]
+from motionary.io.formats import words as numpy_words
+from motionary.io.formats.words import BLANK, MARGIN, NEWLINE, Bytes, Floats, Places, Words
 
 #: Words that programs write where a number is not known, in lower case, without their sign.
 UNKNOWN_NUMBERS = ("nan", "nan(ind)", "nan(snan)", "1.#qnan", "1.#ind")
@@ -29,19 +27,13 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 # A piece of text and its arrays stay in the processor's cache.
 PIECE = 1 << 17
 
-_BLANK, _NEWLINE, _DOT, _MINUS, _PLUS, _ZERO = b" \n.-+0"
-_MAX_WIDTH = 17
-_MAX_DIGITS = 15
-_POWERS: Floats = np.power(10.0, np.arange(_MAX_WIDTH))
+# Loading the compiled twin takes half a second, in which NumPy reads as many bytes.
+_COMPILED_PAYS_AT = 40_000_000
+_COMPILED = "motionary.io.formats._compiled_words"
 
 
-class _Words(NamedTuple):
-    """Text that begins and ends with blanks, its bytes, where words begin and end."""
-
-    text: bytes
-    buffer: Bytes
-    starts: Places
-    ends: Places
+class NotAlike(Exception):
+    """Text that is not frame after frame of the same words."""
 
 
 def read_table(
@@ -68,9 +60,23 @@ def read_table(
     UnreadableFile
         If a line holds something else; the message names it.
     """
-    values = read_frames(text.encode(), [None] * width)
-    if values is not None:
-        return values
+    content = text.encode()
+    if separator is None:
+        values = read_frames(content, [None] * width, gaps=gaps)
+    else:
+        values = _read_cells(content, width, ord(separator), gaps)
+    return _read_lines(text, width, source, line, separator, gaps) if values is None else values
+
+
+def _read_lines(
+    text: str,
+    width: int,
+    source: str,
+    line: int,
+    separator: str | None,
+    gaps: Collection[str],
+) -> Floats:
+    """The same line by line, which finds out where something else stands."""
     rows = []
     for number, content in enumerate(text.split("\n"), start=line):
         if not content.strip():
@@ -125,69 +131,150 @@ def parse_number(word: str | bytes) -> float:
     return value if math.isfinite(value) and mark not in word else math.nan  # type: ignore[operator]
 
 
-def read_frames(text: bytes, names: Sequence[bytes | None]) -> Floats | None:
+def read_frames(
+    text: bytes, names: Sequence[bytes | None], *, gaps: Collection[str] = ()
+) -> Floats | None:
     """Numbers of all frames, or None if the text is not frame after frame like that.
 
     Parameters
     ----------
-    text : the frames, each beginning on a line of its own
-    names : per word of a frame the name that stands there, or None for a number
+    text, names, gaps : as of `iterate_frames`
 
     Returns
     -------
     array, shape (frames, numbers per frame), or None
     """
+    try:
+        blocks = list(iterate_frames([text], names, gaps=gaps))
+    except NotAlike:
+        return None
+    return np.concatenate(blocks) if blocks else None
+
+
+def iterate_frames(
+    texts: Iterable[bytes], names: Sequence[bytes | None], *, gaps: Collection[str] = ()
+) -> Iterator[Floats]:
+    """Numbers of frames, some frames at a time.
+
+    Parameters
+    ----------
+    texts : parts of the text, cut anywhere; each frame begins on a line of its own
+    names : per word of a frame the name that stands there, or None for a number
+    gaps : words in lower case, without their sign, that become NaN
+
+    Yields
+    ------
+    array, shape (frames, numbers per frame)
+
+    Raises
+    ------
+    NotAlike
+        If the text is not frame after frame like that.
+    """
     is_number = np.array([name is None for name in names])
-    blocks, start, size = [], 0, PIECE
-    while start < len(text):
-        words = _find_words(text[start : start + size])
-        at_end = start + size >= len(text)
-        # The last word may be cut in two by the end of the piece.
-        n_frames = (len(words.starts) - (not at_end)) // len(names)
-        if n_frames <= 0 and not at_end:
-            size *= 2
+    rest, least, is_first = b"", 0, True
+    for piece, at_end in _pieces(texts):
+        rest += piece
+        if len(rest) < least and not at_end:
             continue
+        words = _scan(rest, BLANK)
+        # The last word may be cut in two by the end of the piece.
+        n_frames = max(0, len(words.starts) - (not at_end)) // len(names)
         used = n_frames * len(names)
         if at_end and used != len(words.starts):
-            return None
-        if not used:
-            break
-        block = _read_words(words, n_frames, names, is_number)
-        if block is None:
-            return None
-        blocks.append(block)
-        start = len(text) if at_end else start + int(words.starts[used]) - _MAX_WIDTH
-    values = np.concatenate(blocks) if blocks else np.empty((0, 1))
-    return values if len(values) else None
+            raise NotAlike
+        if not n_frames:
+            least = 2 * len(rest)
+            continue
+        if not is_first and NEWLINE not in words.buffer[: words.starts[0]]:
+            raise NotAlike
+        yield _read_words(words, n_frames, names, is_number, gaps)
+        rest = rest[int(words.ends[used - 1]) - MARGIN :]
+        least, is_first = 0, False
 
 
-def _find_words(piece: bytes) -> _Words:
-    margin = b" " * _MAX_WIDTH
-    text = margin + piece + margin
-    buffer = np.frombuffer(text, dtype=np.uint8)
-    blank = buffer <= _BLANK
-    edges = np.flatnonzero(blank[1:] != blank[:-1]) + 1
-    return _Words(text, buffer, edges[::2], edges[1::2])
+def _pieces(texts: Iterable[bytes]) -> Iterator[tuple[bytes, bool]]:
+    """Pieces of a text that are short, and whether each is the last one."""
+    last = b""
+    for text in texts:
+        for start in range(0, len(text), PIECE):
+            if last:
+                yield last, False
+            last = text[start : start + PIECE]
+    yield last, True
+
+
+def _scan(piece: bytes, separator: int) -> Words:
+    """The words of a piece of text, by the twin that pays."""
+    kernels = _COUNTER.twin(len(piece))
+    if kernels is None:
+        return numpy_words.find_words(piece, separator)
+    found = numpy_words.pad(piece)
+    n_most = len(piece) // 2 + 1
+    starts, ends = np.empty(n_most, dtype=np.intp), np.empty(n_most, dtype=np.intp)
+    values = np.empty(n_most)
+    n = kernels.scan(found.buffer, separator, starts, ends, values)
+    return found._replace(starts=starts[:n], ends=ends[:n], values=values[:n])
+
+
+class _Counter:
+    """How much text was read so far: many short files are worth the twin, too."""
+
+    def __init__(self) -> None:
+        self.n_bytes = 0
+
+    def twin(self, n_bytes: int) -> Any:
+        """The compiled kernels, or None."""
+        self.n_bytes += n_bytes
+        if self.n_bytes < _COMPILED_PAYS_AT and "numba" not in sys.modules:
+            return None
+        # Imported late: most files are short.
+        from motionary.matching import load_twin
+
+        return load_twin(_COMPILED, "auto", pays=True)
+
+
+_COUNTER = _Counter()
 
 
 def _read_words(
-    words: _Words, n_frames: int, names: Sequence[bytes | None], is_number: NDArray[np.bool_]
-) -> Floats | None:
-    shape = (n_frames, len(names))
-    starts = words.starts[: n_frames * len(names)].reshape(shape)
-    ends = words.ends[: n_frames * len(names)].reshape(shape)
+    words: Words,
+    n_frames: int,
+    names: Sequence[bytes | None],
+    is_number: NDArray[np.bool_],
+    gaps: Collection[str],
+) -> Floats:
+    n_words = n_frames * len(names)
+    starts = words.starts[:n_words].reshape(n_frames, -1)
+    ends = words.ends[:n_words].reshape(n_frames, -1)
     if not _begin_lines(words.buffer, starts[1:, 0], ends[:-1, -1]):
-        return None
+        raise NotAlike
     expected = [name for name in names if name is not None]
     if expected and not _have_names(words.buffer, starts[:, ~is_number], expected):
-        return None
-    numbers = words._replace(starts=starts[:, is_number].ravel(), ends=ends[:, is_number].ravel())
-    values = _to_floats(numbers).reshape(n_frames, -1)
-    return values if np.isfinite(values).all() else None
+        raise NotAlike
+    numbers = words.chosen(slice(n_words))
+    if expected:
+        numbers = numbers.chosen(np.tile(is_number, n_frames))
+    return _to_numbers(numbers, gaps).reshape(n_frames, -1)
+
+
+def _to_numbers(words: Words, gaps: Collection[str]) -> Floats:
+    """The words as numbers, NaN for what may be missing."""
+    values = numpy_words.to_floats(words) if words.values is None else words.values
+    odd = np.flatnonzero(np.isnan(values))
+    # What is no plain decimal, one by one.
+    places = zip(odd.tolist(), words.starts[odd].tolist(), words.ends[odd].tolist(), strict=True)
+    for i, start, end in places:
+        word = words.text[start:end]
+        value = parse_number(word)
+        if value != value and word.decode("latin-1").lower().lstrip("+-") not in gaps:
+            raise NotAlike
+        values[i] = value
+    return values
 
 
 def _begin_lines(buffer: Bytes, starts: Places, ends_before: Places) -> bool:
-    newlines = np.flatnonzero(buffer == _NEWLINE)
+    newlines = np.flatnonzero(buffer == NEWLINE)
     return bool(np.all(np.searchsorted(newlines, starts) > np.searchsorted(newlines, ends_before)))
 
 
@@ -196,52 +283,50 @@ def _have_names(buffer: Bytes, starts: Places, names: Sequence[bytes]) -> bool:
     width = 1 + max(len(name) for name in names)
     letters = np.array([list(name.ljust(width)) for name in names], dtype=np.uint8)
     if int(starts[-1, -1]) + width > len(buffer):
-        buffer = np.concatenate((buffer, np.full(width, _BLANK, dtype=np.uint8)))
+        buffer = np.concatenate((buffer, np.full(width, BLANK, dtype=np.uint8)))
     for i in range(width):
         here = np.array([i <= len(name) for name in names])
-        if not np.all((np.maximum(buffer[starts + i], _BLANK) == letters[:, i]) | ~here):
+        if not np.all((np.maximum(buffer[starts + i], BLANK) == letters[:, i]) | ~here):
             return False
     return True
 
 
-def _to_floats(words: _Words) -> Floats:
-    """The words as numbers, NaN for what is none."""
-    lengths = words.ends - words.starts
-    width = int(min(lengths.max(initial=1), _MAX_WIDTH))
-    # Row k holds the k-th last letter of every word.
-    letters = np.empty((width, len(lengths)), dtype=np.uint8)
-    for k in range(width):
-        np.take(words.buffer, words.ends - (k + 1), out=letters[k])
-    place = np.arange(width, dtype=np.uint8)[:, None]
-    inside = place < np.minimum(lengths, 255).astype(np.uint8)
-    digits = letters - _ZERO
-    is_digit = (digits < 10) & inside
-    is_dot = (letters == _DOT) & inside
-    n_digits = is_digit.sum(axis=0, dtype=np.uint8)
-    n_dots = is_dot.sum(axis=0, dtype=np.uint8)
-    first = words.buffer[words.starts]
-    n_signs = (first == _MINUS) | (first == _PLUS)
-    # Of several dots the places add up; such a word is no plain number.
-    decimals = np.minimum((is_dot * place).sum(axis=0, dtype=np.uint16), len(_POWERS) - 1)
-    decimals = decimals.astype(np.uint8)
-    plain = (n_digits > 0) & (n_digits <= _MAX_DIGITS) & (n_dots <= 1)
-    plain &= n_digits + n_dots + n_signs == lengths
-    values = _mantissas(np.where(is_digit, digits, 0), n_dots, decimals)
-    values /= _POWERS[decimals]
-    np.negative(values, where=first == _MINUS, out=values)
-    for i in np.flatnonzero(~plain).tolist():
-        values[i] = parse_number(words.text[words.starts[i] : words.ends[i]])
-    return values
+def _read_cells(text: bytes, width: int, separator: int, gaps: Collection[str]) -> Floats | None:
+    """Numbers of the cells of all lines that are not empty; None if one holds something else."""
+    blocks, start = [], 0
+    while start < len(text):
+        end = text.find(b"\n", min(start + PIECE, len(text)) - 1)
+        end = len(text) if end < 0 else end + 1
+        try:
+            blocks.append(_read_rows(_scan(text[start:end], separator), width, separator, gaps))
+        except NotAlike:
+            return None
+        start = end
+    return np.concatenate(blocks) if blocks else np.empty((0, width))
 
 
-def _mantissas(digits: Bytes, n_dots: Bytes, decimals: Bytes) -> Floats:
-    """Whole numbers of the digits once the dot, `decimals` places from the end, is gone."""
-    place = np.arange(len(digits), dtype=np.uint8)[:, None]
-    beyond = place >= np.where(n_dots > 0, decimals, 255)
-    closed = np.where(beyond, 0, digits)
-    np.copyto(closed[:-1], digits[1:], where=beyond[:-1])
-    result: Floats = _POWERS[: len(digits)] @ closed.astype(np.float64)
-    return result
+def _read_rows(words: Words, width: int, separator: int, gaps: Collection[str]) -> Floats:
+    """The cells of whole lines, shape (lines, width)."""
+    newlines = np.flatnonzero(words.buffer == NEWLINE)
+    lines = np.searchsorted(newlines, words.starts)
+    is_separator = words.buffer == separator
+    is_row = np.zeros(len(newlines) + 1, dtype=bool)
+    is_row[lines] = True
+    if separator > BLANK:
+        is_row[np.searchsorted(newlines, np.flatnonzero(is_separator))] = True
+    rows = (np.cumsum(is_row) - 1)[lines]
+    # How many separators come before, in all and up to the newline before a line.
+    counts = np.cumsum(is_separator)
+    columns = counts[words.starts] - np.concatenate(([0], counts[newlines]))[lines]
+    at = rows * width + columns
+    if (columns >= width).any() or (np.diff(at) <= 0).any():
+        raise NotAlike
+    n_rows = int(is_row.sum())
+    if "" not in gaps and len(at) != n_rows * width:
+        raise NotAlike
+    result = np.full(n_rows * width, np.nan)
+    result[at] = _to_numbers(words, gaps)
+    return result.reshape(n_rows, width)
 
 
 # ---- lines of clips
