@@ -58,8 +58,6 @@ CYCLES = (1, 2, 3)
 DESIGN_WEIGHS = 4
 #: What turns round when time does, and says nothing of a motion run backwards.
 _DIRECTED = (1, 2, 5, 6, 10, 11, 12, 13, 14, 23, 24, 35, 36, 40)
-#: Least score of a label; chosen on ACCAD Male1 and Bandai normal.
-THRESHOLD = 6.0
 
 
 def build(sources: Sources, *, without: Collection[str] = ()) -> dict[str, ClassLibrary]:
@@ -76,8 +74,7 @@ def build(sources: Sources, *, without: Collection[str] = ()) -> dict[str, Class
         if name in ("kick", "run") and one.name == name
     ]
     return {
-        part: assemble(learned[part], part, prior=prior, scoring=Scoring(corpus, THRESHOLD))
-        for part in PARTS
+        part: assemble(learned[part], part, prior=prior, scoring=Scoring(corpus)) for part in PARTS
     }
 
 

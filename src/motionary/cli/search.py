@@ -1,6 +1,6 @@
 """`motionary search`: where recordings hold a motion like an example, a class or keyframes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from motionary.cli.options import (
 from motionary.cli.query import (
     Query,
     QueryOptions,
+    Ranks,
     check_query,
     feedback_of,
     read_query,
@@ -79,9 +80,9 @@ class ResultOptions(TableOptions):
     """What becomes of the hits, and of what they were found with."""
 
     output: LabelFile = None
-    cut: Annotated[
-        str | None, typer.Option(metavar="FOLDER", help="Write each hit as a clip (BVH, AMC).")
-    ] = None
+    cut: Annotated[str | None, typer.Option(metavar="FOLDER", help="Write each hit as a clip.")] = (
+        None
+    )
     sheet: Annotated[
         str | None,
         typer.Option(metavar="PNG", help="Draw the hits as stick figures below the example."),
@@ -146,12 +147,7 @@ def search(
         expansion=expansion,
         preselect=query.keyframes or which.fast,
     )
-    if query.example and ranks.most:
-        features = query.example.features
-        feedback = feedback_of(features, find(features, limit=ranks.most), ranks)
-        result = find(feedback, limit=which.limit or None)
-    else:
-        result = find(query.what, limit=which.limit or None)
+    result = _find(find, query, ranks, limit=which.limit or None)
     if results.output:
         write_labels(_to_tracks(result, query.name), results.output, excel=results.excel)
     _save(result, results, query, opened, expansion, reading=reading)
@@ -171,6 +167,16 @@ def search(
     if opened.is_stopped:
         return STOPPED_BY_KEYBOARD
     return 0 if opened.is_complete and is_cut and result.hits else 1
+
+
+def _find(
+    find: "Callable[..., SearchResult]", query: Query, ranks: Ranks, *, limit: int | None
+) -> "SearchResult":
+    """Hits, after a first search of those that a person judged, where there are some."""
+    if not (query.example and ranks.most):
+        return find(query.what, limit=limit)
+    features = query.example.features
+    return find(feedback_of(features, find(features, limit=ranks.most), ranks), limit=limit)
 
 
 def _check_use(options: QueryOptions, results: ResultOptions) -> None:

@@ -143,7 +143,9 @@ def _read_list(values: Any, kind: type) -> list[Any] | None:
 
 def _is_number(value: Any, kind: type) -> bool:
     allowed = int if kind is int else (int, float)
-    return isinstance(value, allowed) and not isinstance(value, bool)
+    # Beyond, a whole number is no float.
+    is_one = isinstance(value, allowed) and not isinstance(value, bool)
+    return is_one and not abs(value) > 1e300
 
 
 def _is_object(value: Any) -> bool:

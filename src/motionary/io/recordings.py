@@ -6,6 +6,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile
 from motionary.io.formats import (
     FORMATS,
@@ -39,6 +41,9 @@ _REFUSALS = {
 }
 
 
+# Damaged files hold numbers beyond all limits: what comes of them is refused where a motion is
+# made, and is no warning on the way.
+@np.errstate(all="ignore")
 def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) -> Motion:
     """Read a recording; the suffix of its name says how.
 

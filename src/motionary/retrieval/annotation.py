@@ -122,7 +122,7 @@ def annotate(
         If the library is empty, has another feature set, or lacks what scores need.
     """
     library = load_everyday() if library is None else library
-    _check_kinds(recording, library)
+    sequence = _sequence_of(recording, library)
     if assignment is None and at_most_false_per_min is not None:
         assignment = "scores"
     if assignment is None:
@@ -130,9 +130,8 @@ def annotate(
     _check_assignment(assignment, threshold, at_most_false_per_min)
     if assignment == "published":
         return annotate_with_distances(
-            recording, library, threshold=threshold, preselect=preselect, skip_weight=skip_weight
+            sequence, library, threshold=threshold, preselect=preselect, skip_weight=skip_weight
         ).track
-    sequence = _sequence_of(recording, library)
     labels, nearest = label_by_scores(
         sequence, library, threshold=threshold, at_most_false_per_min=at_most_false_per_min
     )
@@ -290,7 +289,7 @@ def unassessed(sequence: FeatureSequence) -> tuple[Segment, ...]:
     )
 
 
-def _check_kinds(recording: Motion | FeatureSequence, library: ClassLibrary) -> None:
+def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
     check_kind(
         recording,
         (Motion, FeatureSequence),
@@ -304,10 +303,6 @@ def _check_kinds(recording: Motion | FeatureSequence, library: ClassLibrary) -> 
         name="library",
         remedy="it comes second: annotate(recording, ClassLibrary.load(folder))",
     )
-
-
-def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> FeatureSequence:
-    _check_kinds(recording, library)
     if not library:
         raise InvalidInput("the library has no classes, so there is nothing to look for")
     if isinstance(recording, Motion):

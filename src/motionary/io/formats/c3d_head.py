@@ -73,7 +73,8 @@ class Machine:
     def floats(self, content: bytes) -> Floats:
         """32-bit numbers; what no number is becomes NaN."""
         if not self.dec:
-            values = np.frombuffer(content, dtype=f"{self.order}f4").astype(np.float64)
+            with np.errstate(invalid="ignore"):
+                values = np.frombuffer(content, dtype=f"{self.order}f4").astype(np.float64)
             return np.where(np.isfinite(values), values, np.nan)
         # A VAX keeps the half with the exponent first and counts it from another zero.
         halves = np.frombuffer(content, dtype="<u2").reshape(-1, 2)[:, ::-1]

@@ -118,7 +118,7 @@ def _find_columns(head: Sequence[Sequence[str]], name: str) -> _Columns:
         if lower[:2] == ["frame", "time (seconds)"]:
             return _of_motive(cells, number, name)
         if lower[:2] == ["frame", "sub frame"]:
-            return _of_nexus(cells, number)
+            return _of_nexus(cells, number, name)
     for number, row in enumerate(cells):
         if any(row):
             return _of_plain(row, number, name)
@@ -127,9 +127,10 @@ def _find_columns(head: Sequence[Sequence[str]], name: str) -> _Columns:
 
 def _of_motive(cells: list[list[str]], number: int, name: str) -> _Columns:
     head = dict(zip(cells[0][::2], cells[0][1::2], strict=False))
-    rows = {row[1].lower(): row for row in cells[:number] if len(row) > 2 and row[1]}
     titles = cells[number]
-    what = next((row for row in cells[:number] if "Position" in row), None)
+    above = [[*row, *[""] * (len(titles) - len(row))] for row in cells[:number]]
+    rows = {row[1].lower(): row for row in above if row[1]}
+    what = next((row for row in above if "Position" in row), None)
     kinds, names = rows.get("type"), rows.get("name")
     if what is None or kinds is None or names is None:
         raise UnreadableFile(
@@ -138,7 +139,7 @@ def _of_motive(cells: list[list[str]], number: int, name: str) -> _Columns:
         )
     groups: dict[tuple[str, str], list[int]] = {}
     for i, title in enumerate(titles):
-        if title.lower() in ("x", "y", "z") and i < len(what) and what[i] == "Position":
+        if title.lower() in ("x", "y", "z") and what[i] == "Position":
             groups.setdefault((kinds[i].lower(), names[i]), []).append(i)
     there = {kind for kind, _ in groups}
     kind = next((kind for kind in _KINDS if kind in there), "")
@@ -158,9 +159,11 @@ def _of_motive(cells: list[list[str]], number: int, name: str) -> _Columns:
     )
 
 
-def _of_nexus(cells: list[list[str]], number: int) -> _Columns:
+def _of_nexus(cells: list[list[str]], number: int, name: str) -> _Columns:
     titles, names = cells[number], cells[number - 1]
-    starts = [i for i, title in enumerate(names) if title and i > 1]
+    starts = [i for i, title in enumerate(names) if title and 1 < i < len(titles) - 2]
+    if not starts:
+        raise UnreadableFile(f"{name}: names no markers in the line before Frame, Sub Frame")
     units = cells[number + 1] if number + 1 < len(cells) else []
     rate = next((row[0] for row in cells[:number] if row and parse_number(row[0]) > 0), "")
     return _Columns(

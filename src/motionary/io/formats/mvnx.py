@@ -201,6 +201,8 @@ class _Reader:
             except expat.ExpatError as error:
                 line = f"line {error.lineno}: {expat.ErrorString(error.code)}"
                 raise UnreadableFile(f"{self.name}, {line}; is the file whole?") from None
+            except LookupError as error:
+                raise UnreadableFile(f"{self.name}: {error}; save it as UTF-8") from None
         return self.subjects
 
     def fail(self, problem: str) -> NoReturn:

@@ -9,6 +9,7 @@ A file of ours holds `positions` (frames, joints, 3) in metres with y up, `names
 """
 
 import math
+import sys
 import weakref
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import UnreadableFile
 from motionary.files import open_regular, write_atomically
-from motionary.io.formats.content import FileContent
+from motionary.io.formats.content import FARTHEST, FileContent
 from motionary.io.formats.unpickling import plain_dict, read_pickled
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
@@ -176,9 +177,15 @@ def _read_array(file: IO[bytes], size: int, most: int = 1 << 40) -> Array:
     # Numbers of fewer bytes become floats of eight.
     if count * max(dtype.itemsize, 8) > most:
         raise ValueError(f"an array {_BOMB}")
+    if dtype.kind == "c":
+        raise ValueError("holds complex numbers")
     content = file.read(count * dtype.itemsize)
     if len(content) < count * dtype.itemsize:
         raise ValueError("is cut off")
+    if dtype.kind == "U" and count and dtype.itemsize:
+        letters = np.frombuffer(content, dtype=np.dtype(np.uint32).newbyteorder(dtype.byteorder))
+        if letters.max() > sys.maxunicode:
+            raise ValueError("holds letters that there are not")
     array: Array = np.frombuffer(content, dtype=dtype)
     return array.reshape(shape[::-1]).T if fortran else array.reshape(shape)
 
@@ -216,6 +223,9 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
         names = tuple(str(name) for name in arrays["names"].tolist())
         # Of a file's own numbers, -0.0 and all, none is touched.
         positions = np.array(arrays["positions"], dtype=np.float64)
+        positions[np.isnan(positions).any(axis=-1)] = np.nan
+        if (np.abs(positions) > FARTHEST).any():
+            raise ValueError("impossibly large numbers")
         skeleton = None
         if "parents" in arrays:
             skeleton = Skeleton(

@@ -55,6 +55,8 @@ def read_opensim(path: Path, options: ReadOptions) -> FileContent:
     table = _read_table(read_text(path), path.name)
     if table.header.get("datatype", "double").lower() == "vec3":
         names = table.titles[1:]
+        if not names:
+            raise UnreadableFile(f"{path.name}: has a column of times and no points")
         values = _read_rows(table, table.text.replace(",", " "), 1 + 3 * len(names), path.name)
         places = values[:, 1:].reshape(-1, len(names), 3)
     else:

@@ -165,7 +165,7 @@ def check_pose(parts: Sequence[Array], trans: Array, source: str) -> Pose:
         If shapes or numbers are no pose.
     """
     shapes = f"{', '.join(str(part.shape) for part in parts)} and {trans.shape}"
-    trans = trans.reshape(-1, 3) if trans.ndim == 3 and trans.shape[1] == 1 else trans
+    trans = trans.reshape(-1, 3) if trans.shape[1:] == (1, 3) else trans
     n_frames = len(trans) if trans.ndim == 2 and trans.shape[1] == 3 else 0
     fits = all(part.ndim in (2, 3, 4) and len(part) == n_frames for part in parts)
     if not fits or not n_frames:

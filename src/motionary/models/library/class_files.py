@@ -8,6 +8,7 @@ examples. What a person wrote into the TOML file besides stays when it is writte
 import hashlib
 import io
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -27,6 +28,7 @@ from motionary.models.library.toml_tables import (
     check_keys,
     format_line,
     format_place,
+    is_number,
     read_document,
     read_toml,
     refuse,
@@ -60,7 +62,7 @@ _OWN_KEYS: Keys = {
 #: What reading a broken archive of arrays ends in.
 _BROKEN_ARCHIVE = (
     ValueError, TypeError, KeyError, EOFError, OSError, MemoryError, OverflowError, RuntimeError,
-    zipfile.BadZipFile, zlib.error, struct.error,
+    zipfile.BadZipFile, zlib.error, struct.error, SyntaxError, tokenize.TokenError,
 )  # fmt: skip
 
 # -- writing ----------------------------------------------------------------------------
@@ -183,7 +185,7 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
         raise refuse(path, ("templates",), "must list at least one, got none")
     scores = _read_own_settings(path, content)
     for key in ("background", "prior"):
-        if not all(isinstance(x, int | float) for x in content.get(key, ())):
+        if not all(map(is_number, content.get(key, ()))):
             raise refuse(path, (key,), f"must be a list of numbers, got {content[key]!r}")
     scores |= {name: _read_estimate(path, content, key) for name, key in _ESTIMATES.items()}
     arrays = _read_values(path, content["values"])
@@ -302,6 +304,11 @@ def _read_values(path: Path, name: str) -> Arrays:
         if isinstance(loaded, np.ndarray):
             raise ValueError("one array, no archive of arrays")
         with loaded:
-            return {key: loaded[key] for key in loaded.files}
+            arrays = {key: loaded[key] for key in loaded.files}
+        # NumPy gives the bytes of what is no array.
+        odd = next((key for key, one in arrays.items() if not isinstance(one, np.ndarray)), None)
+        if odd is not None:
+            raise ValueError(f"{odd} is no array")
+        return arrays
     except _BROKEN_ARCHIVE as error:
         raise UnreadableFile(f"{path}: values {name} cannot be read ({error})") from error

@@ -8,8 +8,10 @@ Conventions: probabilities of path scores are kept off 0 and 1 by their own sett
 they only stay within (0, 1).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +19,19 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet
 from motionary.matching import SchedulingSettings, concatenate, feature_prior
+from motionary.models.library.toml_tables import (
+    Keys,
+    check_keys,
+    is_number,
+    refuse,
+    refuse_value,
+)
 from motionary.packing import full_mask
 
 Floats = NDArray[np.float64]
 
 _DIGITS = 6
+_KEYS: Keys = {"corpus": list, "threshold": float, "look_ahead_s": float}
 _DEFAULTS = SchedulingSettings()
 
 #: Fraction of frames in which each feature of the full-body set holds, in 66 recordings of
@@ -110,3 +120,37 @@ def measure_fractions(sequences: Sequence[FeatureSequence], feature_set: Feature
 def _round(fractions: Floats) -> tuple[float, ...]:
     least = 10.0**-_DIGITS
     return tuple(round(float(x), _DIGITS) for x in np.clip(fractions, least, 1 - least))
+
+
+# ---- the table of a library's file
+
+
+def describe_scoring(scoring: Scoring | None) -> dict[str, Any]:
+    """The table of a library; empty without scores."""
+    if scoring is None:
+        return {}
+    content = {key: value for key, value in asdict(scoring).items() if value is not None}
+    return content | {"corpus": list(scoring.corpus)}
+
+
+def read_scoring(path: Path, index: Mapping[str, Any]) -> Scoring | None:
+    """What a library says of scores; None in one from before there were any.
+
+    Raises
+    ------
+    UnreadableFile
+        If the table is not what it should be.
+    """
+    if "scoring" not in index:
+        return None
+    content = index["scoring"]
+    keys = dict(_KEYS)
+    if isinstance(content, dict) and "false_slope" in content:
+        keys["false_slope"] = float
+    check_keys(path, content, keys, place=("scoring",))
+    if not all(map(is_number, content["corpus"])):
+        raise refuse(path, ("scoring", "corpus"), "must be a list of numbers")
+    try:
+        return Scoring(**{key: content[key] for key in keys})
+    except InvalidInput as error:
+        raise refuse_value(path, ("scoring",), error) from error

@@ -25,8 +25,7 @@ from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, 
 from motionary.files import holds_others, read_bytes, remove_leftovers
 from motionary.models.library.class_files import CLASS_KEYS, read_class, write_class
 from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
-from motionary.models.library.scoring import Scoring
-from motionary.models.library.scoring_tables import describe_scoring, read_scoring
+from motionary.models.library.scoring import Scoring, describe_scoring, read_scoring
 from motionary.models.library.toml_tables import (
     Keys,
     check_keys,

@@ -24,6 +24,7 @@ _KINDS = {
     str: "a text in quotes", int: "a whole number", float: "a number", bool: "true or false",
     list: "a list", dict: "a table",
 }  # fmt: skip
+_MOST = 1e300
 # No file holds it.
 _MARK = "\ue000here\ue000"
 
@@ -40,10 +41,16 @@ def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
         content = tomllib.loads(read_bytes(path).decode("utf-8"))
     except UnicodeDecodeError as error:
         raise UnreadableFile(f"{path}: cannot be read ({error})") from error
-    except tomllib.TOMLDecodeError as error:
+    # Not TOMLDecodeError alone: numbers may have more digits than Python takes.
+    except ValueError as error:
         raise UnreadableFile(f"{path}: is not valid TOML: {error}") from error
     check_keys(path, content, keys)
     return content
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a number that a float can hold."""
+    return isinstance(value, int | float) and not abs(value) > _MOST
 
 
 def check_keys(path: Path, content: Any, keys: Keys, *, place: Place = ()) -> None:
@@ -54,7 +61,7 @@ def check_keys(path: Path, content: Any, keys: Keys, *, place: Place = ()) -> No
         if key not in content:
             raise _missing(path, key, content, place)
         value = content[key]
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        if kind is float and type(value) is int and is_number(value):
             content[key] = float(value)
         elif not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
             raise refuse(path, (*place, key), f"must be {_KINDS[kind]}, got {value!r}")

@@ -11,6 +11,7 @@ import json
 import os
 import re
 import tempfile
+import tokenize
 import zlib
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -51,6 +52,8 @@ _REMEDY = "delete the index to make it anew"
 # Of each other file of a shard; shards of the first versions have none.
 _CHECKSUMS = "checksums.json"
 _PIECE = 1 << 24
+# On damaged headers of arrays NumPy raises whatever its parser of Python raises.
+_DAMAGE = (OSError, ValueError, TypeError, LookupError, EOFError, SyntaxError, tokenize.TokenError)
 # NumPy's format, but no .npy: an index among recordings must not be taken for motion.
 _ARRAYS = {name: f"{name}.array" for name in ("table", "words", "masks", "planes")}
 
@@ -277,7 +280,7 @@ def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
             raise InvalidInput("its bitmaps are of another feature set")
         _check_counts(names, table, packed, masks)
         return Shard(tuple(names), table, packed, masks, feature_set, planes)
-    except (OSError, ValueError, TypeError, LookupError, EOFError) as error:
+    except _DAMAGE as error:
         raise UnreadableFile(f"{path}: incomplete or damaged: {error}") from error
 
 

@@ -1,6 +1,9 @@
-"""Clips of .npz files: the file's arrays, those with a row per frame cut.
+"""Clips of files that are no text: C3D and npz, cut without being read as a motion.
 
-Parameters of bodies stay parameters, and what else a program keeps beside them stays too.
+A clip of C3D is bytes of the file itself, so that analog signals and parameters stay; only what
+counts frames changes, and events keep their times in the recording, as its frames keep their
+numbers. A clip of npz has the file's arrays, those with a row per frame cut: parameters of bodies
+stay parameters, and what else a program keeps beside them stays too.
 """
 
 import io
@@ -9,16 +12,48 @@ from pathlib import Path
 import numpy as np
 
 from motionary.errors import UnreadableFile
+from motionary.files import open_regular
 from motionary.io.formats.array_layouts import split_array
 from motionary.io.formats.arrays import NAMES, POSITIONS
+from motionary.io.formats.c3d_head import BLOCK, parse_head, recount
+from motionary.io.formats.c3d_layout import find_layout
 from motionary.io.formats.content import choose_take
 from motionary.io.formats.npz import Array, is_own, read_npz
 from motionary.io.formats.numbers import check_frames
 from motionary.io.formats.smpl import find_source
 
+# As in reading: a parameter section has at most 255 blocks.
+_LONGEST_HEAD = 600 * BLOCK
 # Arrays whose rows are no frames, however many they are; of files of our own, those that are.
 _NOT_BY_FRAME = (*NAMES, "betas", "gender")
 _OWN_BY_FRAME = ("positions", "rotations")
+
+
+def cut_c3d(path: Path, first: int, last: int, take: str | int | None = None) -> bytes:
+    """A clip of a C3D file; frames as the file counts them, both included.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing or damaged, or has rotations, which lie behind its frames.
+    InvalidInput
+        If these frames are not in the file.
+    """
+    with open_regular(path) as file:
+        head = parse_head(file.read(_LONGEST_HEAD), path.name)
+        if head.count("ROTATION", "USED", 0):
+            raise UnreadableFile(
+                f"{path.name}: holds rotations, which clips cannot be cut out of; convert it to "
+                ".npz first"
+            )
+        layout, _ = find_layout(file, head, path.name)
+        check_frames(
+            first, last, first_number=layout.first_frame, n_frames=layout.n_frames, name=path.name
+        )
+        file.seek(0)
+        before = recount(file.read(layout.start), head.machine, first_frame=first, last_frame=last)
+        file.seek(layout.start + (first - layout.first_frame) * layout.frame)
+        return before + file.read((last - first + 1) * layout.frame)
 
 
 def cut_npz(path: Path, first: int, last: int, take: str | int | None = None) -> bytes:
