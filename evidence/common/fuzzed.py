@@ -23,7 +23,7 @@ import numpy as np
 from evidence.common.damage import damage
 from motionary.errors import MotionaryError
 from motionary.features import compute_features
-from motionary.io import read, read_labels, read_query_collections, write, write_labels
+from motionary.io import read, read_all, read_labels, read_query_collections, write, write_labels
 from motionary.io.formats import fbx
 from motionary.io.formats.npz import read_npz
 from motionary.io.labels import FORMATS as LABEL_FORMATS
@@ -164,7 +164,9 @@ def _points() -> Motion:
 
 
 def _open_motion(folder: Path, name: str) -> None:
-    _check(read(folder / name, rate_hz=60 if Path(name).suffix in (".npy", ".npz") else None))
+    rate_hz = 60 if Path(name).suffix in (".npy", ".npz") else None
+    for motion in read_all(folder / name, rate_hz=rate_hz):
+        _check(motion)
 
 
 def _open_acclaim(folder: Path, _: str) -> None:
@@ -225,6 +227,26 @@ def _make_opensim(folder: Path) -> None:
         (folder / name).write_text(f"{head}{rows}\n")
 
 
+def _make_csv(folder: Path) -> None:
+    head = "time,hip_x,hip_y,hip_z,knee_x,knee_y,knee_z\n"
+    rows = "\n".join(f"{i / 50},0.1,0.9,0.{i},0.1,0.5," for i in range(8))
+    (folder / "plain.csv").write_text(head + rows)
+    (folder / "nexus.csv").write_text(
+        "Trajectories\n100\n,,P:LASI,,,P:RASI,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n"
+        ",,mm,mm,mm,mm,mm,mm\n5,0,100,200,900,300,200,900\n6,0,101,200,900,,,\n"
+    )
+    (folder / "motive.csv").write_text(
+        "Format Version,1.23,Export Frame Rate,120,Length Units,Meters\n,Type,Bone,Bone,Bone\n"
+        ",Name,S:Hip,S:Hip,S:Hip\n,,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z\n"
+        "0,0.0,0.1,0.9,0.2\n1,0.008333,0.1,0.91,0.2\n"
+    )
+
+
+def _make_mvnx(folder: Path) -> None:
+    text, _ = _oracles("rig_files").mvnx_text(_small())
+    (folder / "a.mvnx").write_text(text)
+
+
 def _make_npz(folder: Path) -> None:
     write(_small(), folder / "own.npz")
     rng = np.random.default_rng(2)
@@ -236,7 +258,7 @@ def _make_npz(folder: Path) -> None:
 def _make_npy(folder: Path) -> None:
     np.save(folder / "a.npy", _small().positions)
     np.save(folder / "b.npy", np.random.default_rng(3).normal(size=(2, 5, 22, 3)))
-    np.save(folder / "c.npy", np.random.default_rng(3).normal(size=(6, 263)))
+    np.save(folder / "c.npy", np.tile(np.random.default_rng(3).normal(size=263), (6, 1)))
 
 
 def _make_pickles(folder: Path) -> None:
@@ -245,7 +267,7 @@ def _make_pickles(folder: Path) -> None:
     for protocol in (0, 2, 4, 5):
         (folder / f"p{protocol}.pkl").write_bytes(pickle.dumps(content, protocol=protocol))
     (folder / "a.z.pkl").write_bytes(zlib.compress(pickle.dumps(content)))
-    poses = {"smpl_poses": rng.normal(size=(4, 72)), "smpl_trans": rng.normal(size=(4, 3)),
+    poses = {"smpl_poses": rng.normal(size=(4, 72)) / 50, "smpl_trans": rng.normal(size=(4, 3)),
              "smpl_scaling": np.ones(1)}  # fmt: skip
     (folder / "aist.pkl").write_bytes(pickle.dumps(poses))
 
@@ -264,7 +286,8 @@ def _open_fbx(folder: Path, name: str) -> None:
     with contextlib.redirect_stderr(io.StringIO()):
         if fbx.main([str(folder / name), str(target)]):
             raise MotionaryError("refused by ufbx")
-    fbx._to_content(dict(read_npz(target)), name, None, [])
+    with np.errstate(all="ignore"):
+        fbx._to_content(dict(read_npz(target)), name, None, [])
 
 
 # -- labels, libraries, indexes, queries --------------------------------------------------
@@ -272,7 +295,8 @@ def _open_fbx(folder: Path, name: str) -> None:
 
 def _make_labels(folder: Path) -> None:
     write_labels(_track(), folder / "excel.csv", excel=True)
-    (folder / "b.tsv").write_text("recording\tlabel\tstart_s\tend_s\ta\nx\twalk\t0\t1.5\tNA\n" * 3)
+    rows = "x\twalk\t0\t1.5\tNA\n" * 3
+    (folder / "b.tsv").write_text(f"recording\tlabel\tstart_s\tend_s\ta\n{rows}")
 
 
 def _track() -> LabelTrack:
@@ -282,8 +306,16 @@ def _track() -> LabelTrack:
 
 def _labels_as(form: LabelFormat) -> Kind:
     name = f"a{form.suffixes[0]}"
-    return Kind(lambda folder: write_labels(_track(), folder / name, to=form.name), (name,),
-                _open_labels)  # fmt: skip
+
+    def make(folder: Path) -> None:
+        recording = None
+        if form.needs_recording:
+            is_c3d = form.name == "c3d"
+            recording = folder / ("recording.c3d" if is_c3d else "recording.bvh")
+            write(_points() if is_c3d else _small(), recording)
+        write_labels(_track(), folder / name, to=form.name, recording=recording)
+
+    return Kind(make, (name,), _open_labels)
 
 
 def _open_labels(folder: Path, name: str) -> None:
@@ -348,10 +380,8 @@ def _open_queries(folder: Path, name: str) -> None:
 
 
 def _make_templates(folder: Path) -> None:
-    text = "0-0.5 s: F1, not F5\n0.5-1 s: F6\n"
-    with contextlib.suppress(MotionaryError):
-        text = template_to_text(template_from_text(text), tolerance=0.1)
-    (folder / "a.txt").write_text(text)
+    text = "from 0 to 0.5 s: F1, not F5\nfrom 0.5 to 1 s: F6\n"
+    (folder / "a.txt").write_text(template_to_text(template_from_text(text), tolerance=0.1))
 
 
 def _open_template(folder: Path, name: str) -> None:
@@ -368,6 +398,8 @@ KINDS: dict[str, Kind] = {
     "amc": Kind(_make_acclaim, ("*.amc",), _open_acclaim),
     "c3d": Kind(_make_c3d, ("*.c3d",), _open_motion),
     "trc": Kind(_make_trc, ("*.trc", "*.gz"), _open_motion),
+    "mvnx": Kind(_make_mvnx, ("*.mvnx",), _open_motion),
+    "csv": Kind(_make_csv, ("*.csv",), _open_motion),
     "sto": Kind(_make_opensim, ("*.sto",), _open_motion),
     "mot": Kind(_make_opensim, ("*.mot",), _open_motion),
     "fbx": Kind(_make_fbx, ("*.fbx",), _open_fbx),

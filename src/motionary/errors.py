@@ -4,11 +4,25 @@ Each is also the built-in error that people catch. Nothing decides by an error's
 a program must tell apart has a class of its own.
 """
 
+import re
 from collections.abc import Sequence
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
+# Longer than any text of our own; what is longer quotes a file.
+_LONGEST, _KEPT_AT_END = 1300, 300
 
 
 class MotionaryError(Exception):
-    """Parent of all errors that motionary raises on purpose."""
+    """Parent of all errors that motionary raises on purpose.
+
+    Its text is one line of bearable length, whatever it quotes of a file.
+    """
+
+    def __str__(self) -> str:
+        text = _CONTROL.sub(" ", super().__str__())
+        if len(text) <= _LONGEST:
+            return text
+        return f"{text[: _LONGEST - _KEPT_AT_END]} ... {text[-_KEPT_AT_END:]}"
 
 
 class InvalidInput(MotionaryError, ValueError):

@@ -4,6 +4,7 @@ Conventions: times in seconds from the recording's first frame, half-open; frame
 file counts them, inclusive, as people look them up.
 """
 
+import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -61,10 +62,10 @@ class Label:
     def __post_init__(self) -> None:
         if not self.name:
             raise InvalidInput("a label needs a name")
-        if not self.start_s <= self.end_s:
+        if not -math.inf < self.start_s <= self.end_s < math.inf:
             raise InvalidInput(
-                f"label {self.name!r}: start must not come after end, "
-                f"got {self.start_s} to {self.end_s} s"
+                f"label {self.name[:40]!r}: times must be finite and start must not come after "
+                f"end, got {self.start_s} to {self.end_s} s"
             )
 
 

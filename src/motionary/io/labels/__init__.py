@@ -130,7 +130,19 @@ def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, 
         sense; the message names the line.
     """
     form = _find(path)
-    tracks: dict[str, LabelTrack] = _load(form.read)(Path(path), rate_hz=rate_hz)
+    try:
+        return _read(form, Path(path), rate_hz)
+    except InvalidInput as error:
+        raise UnreadableFile(f"{Path(path).name}: {error}") from error
+    except (ValueError, OverflowError, LookupError, TypeError, AttributeError) as error:
+        # What another program wrote is of other kinds than its layout says.
+        raise UnreadableFile(
+            f"{Path(path).name}: is damaged, or no {form.title}: {str(error)[:100]}"
+        ) from error
+
+
+def _read(form: LabelFormat, path: Path, rate_hz: float | None) -> dict[str, LabelTrack]:
+    tracks: dict[str, LabelTrack] = _load(form.read)(path, rate_hz=rate_hz)
     same = [x for x in FORMATS if x.read == form.read and set(x.suffixes) & set(form.suffixes)]
     resolution_s = max(x.resolution_s for x in same)
     if not resolution_s:

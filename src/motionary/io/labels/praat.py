@@ -58,8 +58,8 @@ class _Tokens:
 
     def __init__(self, text: str, name: str) -> None:
         self._found = (token for token in _TOKEN.finditer(text) if not token[0].startswith("!"))
-        self._name = name
-        self._last = "the beginning"
+        self.name = name
+        self._before = self._last = "the beginning"
 
     def string(self) -> str:
         """The next token, a string."""
@@ -90,13 +90,15 @@ class _Tokens:
     def _next(self, wanted: str) -> re.Match[str]:
         token = next(self._found, None)
         if token is None:
+            self._before = self._last
             raise self._wrong(wanted, "the end of the file")
-        self._last = token[0]
+        self._before, self._last = self._last, token[0]
         return token
 
     def _wrong(self, wanted: str, got: str) -> UnreadableFile:
+        before, got = (" ".join(text.split())[:40] for text in (self._before, got))
         return UnreadableFile(
-            f"{self._name}: no TextGrid: expected {wanted} after {self._last[:40]}, got {got[:40]}"
+            f"{self.name}: no TextGrid: expected {wanted} after {before}, got {got}"
         )
 
 
@@ -104,7 +106,8 @@ def _read_tiers(tokens: _Tokens) -> Iterator[_Tier]:
     kind, what = tokens.string(), tokens.string()
     if kind != "ooTextFile" or what != "TextGrid":
         raise UnreadableFile(
-            f"expected a TextGrid of Praat (ooTextFile, TextGrid), got {kind[:40]}, {what[:40]}; "
+            f"{tokens.name}: expected a TextGrid of Praat (ooTextFile, TextGrid), got "
+            f"{kind[:40]}, {what[:40]}; "
             "save it in Praat as text file"
         )
     tokens.number(), tokens.number()
