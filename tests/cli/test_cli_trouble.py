@@ -74,6 +74,7 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
         ((*LIKE, "--excel"), "--excel: goes with --output CSV"),
         (("info", "{world}/take.bvh", "--excel"), "--excel: goes with --output CSV"),
         (("annotate", "{world}/take.bvh", "--library", "l", "--excel"), "goes with --output CSV"),
+        (("annotate", "{world}/take.bvh", "--plot", "a.png"), "needs a folder, for a picture"),
         (("search", "{world}", "--query", "none.json"), "none.json: no such file"),
         (
             ("search", "{world}", "--query", "none.json", "--query-name", "a"),

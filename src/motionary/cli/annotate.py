@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -21,6 +22,9 @@ from motionary.cli.recordings import find_files, measure_files, warn_of_all
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from motionary.features import FeatureSequence
     from motionary.labels import Label, LabelTrack
     from motionary.models.library import ClassLibrary
@@ -76,7 +80,10 @@ class LabelOptions(TableOptions):
     ] = None
     plot: Annotated[
         str | None,
-        typer.Option(metavar="FOLDER", help="Draw each recording's labels and distances."),
+        typer.Option(
+            metavar="FOLDER",
+            help="Draw each recording's labels, with the distances that assigned them.",
+        ),
     ] = None
     thorough: Annotated[
         bool,
@@ -182,6 +189,8 @@ def _library(options: LabelOptions) -> "ClassLibrary":
             "needs a library of motion classes to look for; learn one from examples with "
             "`motionary learn EXAMPLES -o LIB`, then pass --library LIB; everyday ships",
         )
+    if Path(options.plot or "").suffix.lower() in (".png", ".svg", ".pdf"):
+        raise wrong("--plot", f"needs a folder, for a picture a recording, got {options.plot}")
     check_target(options.plot, is_folder=True)
     return open_library(options.library)
 
@@ -189,11 +198,11 @@ def _library(options: LabelOptions) -> "ClassLibrary":
 def _label(
     sequence: "FeatureSequence", library: "ClassLibrary", options: LabelOptions
 ) -> "LabelTrack":
-    """Labels of a recording; drawn below the distances of the classes if that is asked for."""
+    """Labels of a recording; drawn, below the distances that assigned them, if asked for."""
     from motionary.retrieval.annotation import annotate, annotate_with_distances
 
-    by_scores = options.assigns_by_scores(library)
-    if by_scores:
+    distances: dict[str, NDArray[np.float64]] = {}
+    if options.assigns_by_scores(library):
         track = annotate(
             sequence,
             library,
@@ -201,21 +210,17 @@ def _label(
             threshold=options.threshold,
             at_most_false_per_min=options.at_most_false,
         )
-        if not options.plot:
-            return track
-    by_costs = annotate_with_distances(
-        sequence,
-        library,
-        threshold=None if by_scores else options.threshold,
-        preselect=not options.thorough,
-    )
-    if not by_scores:
-        track = by_costs.track
+    else:
+        track, found = annotate_with_distances(
+            sequence, library, threshold=options.threshold, preselect=not options.thorough
+        )
+        distances = {name: distance.modified for name, distance in found.items()}
     if options.plot:
         from motionary.plots import plot_annotation, save
 
-        modified = {name: distance.modified for name, distance in by_costs.distances.items()}
-        figure = plot_annotation(track, distances=modified, classes=library.names)
+        # Scores have no distances, and a library may have many classes that do not occur.
+        classes = library.names if distances else None
+        figure = plot_annotation(track, distances=distances, classes=classes)
         save(figure, picture_path(options.plot, track.recording.name))
     return track
 
