@@ -13,12 +13,18 @@ from typing import Any, Literal, NamedTuple
 
 from motionary.errors import InvalidInput
 from motionary.recording import Recording, Segment
+from motionary.tables import Table, Tabular
 
 #: Ends of labels that differ by less are the same: formats round to milliseconds.
 SAME_S = 0.0005 + 1e-9
 # Overlap from which a label of another name is taken for the same one renamed.
 _RENAMED_IOU = 0.5
 
+# Of a label, in tables; the first one is called "label" there.
+_COLUMNS = (
+    "name", "start_s", "end_s", "start_frame", "end_frame", "cost", "known", "score",
+    "probability", "false_per_min", "side",
+)  # fmt: skip
 # So many names of labels stand in a track's short form.
 _SHOWN = 6
 
@@ -70,7 +76,7 @@ class Label:
 
 
 @dataclass(frozen=True, slots=True)
-class LabelTrack:
+class LabelTrack(Tabular):
     """Labels of one recording, sorted by start; they may overlap.
 
     Attributes
@@ -98,6 +104,24 @@ class LabelTrack:
             f"LabelTrack({self.recording.name!r}, {len(self)} labels: {said or 'none'}{more}; "
             f"{len(self.unassessed)} unassessed segments)"
         )
+
+    def list_rows(self) -> Table:
+        """A row for each label and for each segment that was not assessed, by time."""
+        further = dict.fromkeys(column for label in self for column in label.extra)
+        columns = tuple(column for column in further if column not in _COLUMNS)
+        rows = [
+            (
+                *(getattr(label, column) for column in _COLUMNS),
+                False,
+                *(label.extra.get(column) for column in columns),
+            )
+            for label in self
+        ]
+        for segment in self.unassessed:
+            empty = (None,) * (len(_COLUMNS) - 3)
+            rows.append((None, *segment, *empty, True, *[None] * len(columns)))
+        named = [(self.recording.name, *row) for row in sorted(rows, key=lambda row: row[1:3])]
+        return Table(("recording", "label", *_COLUMNS[1:], "unassessed", *columns), named)
 
     def __iter__(self) -> Iterator[Label]:
         return iter(self.labels)

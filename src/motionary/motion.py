@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, NotHuman, UnknownSkeleton, check_kind
 from motionary.recording import Recording
 from motionary.rotations import unit_vectors
+from motionary.tables import Shown, Table
 
 GENERIC_JOINTS = (
     "root", "lhip", "lknee", "lankle", "ltoes", "rhip", "rknee", "rankle", "rtoes",
@@ -115,7 +116,7 @@ class Unmapped(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class Motion(Shown):
     """Poses of a recording; equal to itself only, as arrays have no one equality.
 
     Attributes
@@ -164,6 +165,20 @@ class Motion:
             f"Motion({self.source or 'unnamed'!r}, {self.n_frames} frames at {self.rate_hz:g} Hz, "
             f"{self.duration_s:.2f} s, {len(self.names)} joints, {len(self.notes)} notes)"
         )
+
+    def list_rows(self) -> Table:
+        """What is known of the recording, a row each."""
+        facts = [
+            ("recording", self.source),
+            ("person", self.recording.person),
+            ("frames", self.n_frames),
+            ("frames per second", self.rate_hz),
+            ("seconds", self.duration_s),
+            ("joints", ", ".join(self.names)),
+            ("skeleton", self.mapping.name if self.mapping else "unknown"),
+            *(("note", note) for note in self.notes),
+        ]
+        return Table(("", "value"), facts)
 
     @property
     def source(self) -> str:

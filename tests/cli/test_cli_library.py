@@ -49,7 +49,8 @@ def test_listing_tells_templates_thresholds_and_promises(motionary, world, tmp_p
     first, header, *rows = ran.out.splitlines()
     assert first.endswith("kept: 3 classes over full-body-40; from: synthetic; licence: CC0")
     assert header.split() == [
-        "class", "template", "examples", "columns", "fixed", "threshold", "precision", "recall",
+        "class", "template", "examples", "columns", "seconds", "fixed", "threshold", "precision",
+        "recall",
     ]  # fmt: skip
     assert [row.split()[0] for row in rows] == sorted(CLASSES)
     assert all(row.count("%") == 3 for row in rows)

@@ -18,8 +18,9 @@ from typer.core import TyperCommand, TyperGroup
 from motionary import __version__
 from motionary.cli import STOPPED_BY_KEYBOARD
 from motionary.cli.options import expand_groups
-from motionary.cli.screen import prepare_streams, printable, shorten, warn
+from motionary.cli.screen import prepare_streams, shorten, warn
 from motionary.errors import MotionaryError
+from motionary.tables import printable
 
 #: Commands in the sequence of the help, and the modules with functions of these names.
 COMMANDS = {

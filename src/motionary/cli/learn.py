@@ -1,6 +1,6 @@
 """`motionary learn`: classes of motion from examples, one folder per class."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -34,12 +34,11 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence, FeatureSet
     from motionary.models.library import ClassLibrary, MotionClass, Notice, TrainingOptions
 
-_COLUMNS = ("class", "template", ">examples", ">columns", ">seconds", ">fixed", ">threshold")
-_KEYS = (
-    "class", "template", "examples", "columns", "seconds", "fixed", "threshold",
-    "promised_precision", "promised_recall",
-)  # fmt: skip
 _ESTIMATES = {"promised_precision": ">precision", "promised_recall": ">recall"}
+_COLUMNS = {
+    "class": "class", "template": "template", "examples": ">examples", "columns": ">columns",
+    "seconds": ">seconds", "fixed": ">fixed", "threshold": ">threshold", **_ESTIMATES,
+}  # fmt: skip
 _TRAINING = "motionary.models.library:TrainingOptions"
 
 
@@ -243,7 +242,7 @@ def learn(
     library.save(output)
     for motion_class in library if plot else ():
         _draw_class(plot or "", motion_class, library)
-    _say(library, as_json=as_json)
+    show_library(library, as_json=as_json)
     return 1 if has_failed or monitor.has_failed else 0
 
 
@@ -277,65 +276,21 @@ def _draw_class(folder: str, motion_class: "MotionClass", library: "ClassLibrary
         save(figure, picture_path(folder, name))
 
 
-def _say(library: "ClassLibrary", *, as_json: bool) -> None:
-    rows = describe_prototypes(library)
+def show_library(library: "ClassLibrary", *, as_json: bool) -> None:
+    """The templates of a library, as a table or JSON."""
+    columns, rows = library.list_rows()
+    described = [dict(zip(columns, row, strict=True)) for row in rows]
     if as_json:
-        for row in rows:
-            screen.print_json({key: row[key] for key in _KEYS})
-    else:
-        is_estimated = any(row[key] is not None for row in rows for key in _ESTIMATES)
-        columns = (*_COLUMNS, *(_ESTIMATES.values() if is_estimated else ()))
-        keys = _KEYS[: len(columns)]
-        screen.print_table(columns, [prototype_cells(row, keys) for row in rows])
+        for row in described:
+            screen.print_json(row)
+        return
+    empty = {key for key in _ESTIMATES if all(row[key] is None for row in described)}
+    shown = {key: title for key, title in _COLUMNS.items() if key not in empty}
+    cells = [[_cell(key, row[key]) for key in shown] for row in described]
+    screen.print_table(tuple(shown.values()), cells)
 
 
-def describe_prototypes(library: "ClassLibrary") -> list[dict[str, Any]]:
-    """Each prototype of a library, for JSON."""
-    rows = []
-    for motion_class in library:
-        for prototype, fraction in zip(
-            motion_class.prototypes, fractions_fixed(motion_class), strict=True
-        ):
-            template = prototype.template
-            row = {
-                "class": motion_class.name,
-                "template": prototype.name,
-                "examples": template.n_examples,
-                "columns": template.n_columns,
-                "seconds": template.duration_s,
-                "fixed": fraction,
-                "threshold": motion_class.threshold,
-                "promised_precision": motion_class.estimated_precision,
-                "promised_recall": motion_class.estimated_recall,
-                "queries": len(prototype.queries),
-                "kept_examples": len(prototype.examples),
-                "made": template.provenance,
-                "feature_set": library.feature_set.name,
-                "provenance": motion_class.provenance or library.provenance,
-                "licence": motion_class.licence or library.licence,
-            }
-            rows.append(row)
-    return rows
-
-
-def prototype_cells(row: dict[str, Any], keys: Sequence[str]) -> list[str]:
-    """Some of what `describe_prototypes` says, as cells of a table."""
-    shown = row | {
-        "seconds": f"{row['seconds']:.2f}",
-        "threshold": f"{row['threshold']:.3g}",
-        **{
-            key: screen.percent(row[key])
-            for key in ("fixed", "promised_precision", "promised_recall")
-        },
-    }
-    return [str(shown[key]) for key in keys]
-
-
-def fractions_fixed(motion_class: "MotionClass") -> list[float]:
-    """Fraction of the cells that are fixed, of each prototype."""
-    from motionary.models.templates import quantise
-
-    quantised = [
-        quantise(one.template, tolerance=motion_class.tolerance) for one in motion_class.prototypes
-    ]
-    return [one.n_fixed / one.fixed.size for one in quantised]
+def _cell(key: str, value: Any) -> str:
+    if key in ("fixed", *_ESTIMATES):
+        return screen.percent(value)
+    return str(value) if not isinstance(value, float) else f"{value:.3g}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.learn import ScreenMonitor, describe_prototypes, fractions_fixed, prototype_cells
+from motionary.cli.learn import ScreenMonitor, show_library
 from motionary.cli.options import (
     AsJson,
     FeatureSetName,
@@ -27,14 +27,6 @@ from motionary.io.options import ReadOptions
 if TYPE_CHECKING:
     from motionary.models.library import ClassEdit, ClassLibrary, MotionClass
     from motionary.models.templates import MotionTemplate
-
-_COLUMNS = (
-    "class", "template", ">examples", ">columns", ">fixed", ">threshold", ">precision", ">recall",
-)  # fmt: skip
-_CELLS = (
-    "class", "template", "examples", "columns", "fixed", "threshold", "promised_precision",
-    "promised_recall",
-)  # fmt: skip
 
 LibraryFolder = Annotated[
     str, typer.Argument(metavar="LIB", help="A folder that `motionary learn` wrote.")
@@ -85,14 +77,10 @@ def list_classes(folder: LibraryFolder, plot: PlotLibrary = None, as_json: AsJso
 
     check_picture("--plot", plot)
     loaded = open_library(folder)
-    rows = describe_prototypes(loaded)
-    if as_json:
-        for row in rows:
-            screen.print_json(row)
-    else:
-        screen.say(_describe(loaded, folder))
-        screen.print_table(_COLUMNS, [prototype_cells(row, _CELLS) for row in rows])
-    if plot and rows:
+    if not as_json:
+        screen.say(_describe(loaded, folder), *_scores_of(loaded))
+    show_library(loaded, as_json=as_json)
+    if plot and len(loaded):
         _draw_library(plot, loaded, folder)
 
 
@@ -137,6 +125,18 @@ def _describe(library: "ClassLibrary", folder: str) -> str:
     parts += [f"from: {library.provenance}"] if library.provenance else []
     parts += [f"licence: {library.licence}"] if library.licence else []
     return "; ".join(parts)
+
+
+def _scores_of(library: "ClassLibrary") -> list[str]:
+    """What the thresholds are for where labels are assigned by scores."""
+    from motionary.retrieval.annotation import default_assignment
+
+    if library.scoring is None or default_assignment(library) != "scores":
+        return []
+    return [
+        f"labels by scores of {library.scoring.threshold:g} or more; threshold: the largest cost "
+        "of a hit (search --class), or of a label by costs (annotate --assignment published)"
+    ]
 
 
 def _draw_library(plot: str, library: "ClassLibrary", folder: str) -> None:
@@ -380,6 +380,8 @@ def _say_changed(library: "ClassLibrary", name: str, *, lost_queries: bool) -> N
 
 def _describe_class(motion_class: "MotionClass") -> str:
     """A class in a line."""
+    from motionary.models.library import fractions_fixed
+
     parts = [
         f"{prototype.name} {prototype.template.duration_s:.2f} s, {100 * fraction:.0f} % fixed, "
         f"{prototype.template.provenance}"

@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from motionary.tables import printable
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -140,11 +142,6 @@ def _natural_widths(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> li
 
     heads = [column.removeprefix(">") for column in columns]
     return [max(map(cell_len, cells)) for cells in zip(heads, *rows, strict=True)]
-
-
-def printable(text: str) -> str:
-    """Text without what would move the cursor or change the terminal."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 def shorten(text: str) -> str:

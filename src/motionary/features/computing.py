@@ -11,6 +11,7 @@ frame; parts are half-open; the file's own frame numbers are inclusive, as peopl
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,7 @@ from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, resample
 from motionary.packing import PackedFeatures, count_integers, pack, unpack
 from motionary.recording import Recording, Segment
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
+from motionary.tables import Table, Tabular, build_frame
 
 Bools = NDArray[np.bool_]
 
@@ -35,7 +37,7 @@ _LEAST_HZ = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FeatureSequence:
+class FeatureSequence(Tabular):
     """Packed features of one recording.
 
     Attributes
@@ -71,6 +73,38 @@ class FeatureSequence:
         return (
             f"FeatureSequence({self.recording.name!r}, {len(self)} frames at {SEQUENCE_HZ:g} Hz, "
             f"{len(self.feature_set)} features of {self.feature_set.name!r})"
+        )
+
+    def list_rows(self) -> Table:
+        """Of each feature, in which fraction of the known frames it holds."""
+        known = self.known_features.sum(axis=0)
+        held = self.features.sum(axis=0)
+        rows = [
+            (one.id, one.name, h / k if k else None, k / len(self) if len(self) else None)
+            for one, h, k in zip(
+                self.feature_set.features, held.tolist(), known.tolist(), strict=True
+            )
+        ]
+        return Table(("id", "feature", "holds", "known"), rows)
+
+    def to_dataframe(self) -> Any:
+        """A row for each frame and a column for each feature: 0, 1, or NA where unknown.
+
+        Returns
+        -------
+        pandas.DataFrame, by `time_s`
+
+        Raises
+        ------
+        InvalidInput
+            If pandas is not installed.
+        """
+        times = {"time_s": np.arange(len(self)) / SEQUENCE_HZ}
+        names = self.feature_set.names
+        cells = np.where(self.known_features, self.features, np.nan)
+        columns = dict(zip(names, cells.T, strict=True))
+        return (
+            build_frame(times | columns).astype(dict.fromkeys(names, "UInt8")).set_index("time_s")
         )
 
     def __len__(self) -> int:

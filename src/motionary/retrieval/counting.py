@@ -9,6 +9,7 @@ from itertools import pairwise
 from statistics import fmean, median
 
 from motionary.labels import Label, LabelTrack
+from motionary.tables import Table, Tabular
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,24 @@ class ClassCount:
         return 60.0 / typical if typical > 0 else None
 
 
-def count(tracks: LabelTrack | Iterable[LabelTrack]) -> list[ClassCount]:
+class ClassCounts(list[ClassCount], Tabular):
+    """Counts by recording, class and side."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        recordings = {one.recording for one in self}
+        return f"ClassCounts({len(self)} classes in {len(recordings)} recordings)"
+
+    def list_rows(self) -> Table:
+        """A row for each class and side of a recording."""
+        columns = ("recording", "name", "side", "number", "mean_s", "total_s", "per_min",
+                   "unassessed_s")  # fmt: skip
+        rows = [tuple(getattr(one, column) for column in columns) for one in self]
+        return Table(("recording", "label", *columns[2:]), rows)
+
+
+def count(tracks: LabelTrack | Iterable[LabelTrack]) -> ClassCounts:
     """Occurrences by recording, class and side.
 
     Parameters
@@ -61,10 +79,10 @@ def count(tracks: LabelTrack | Iterable[LabelTrack]) -> list[ClassCount]:
 
     Returns
     -------
-    list of ClassCount, in the order of the tracks, then by class and side
+    ClassCounts, a list of ClassCount in the order of the tracks, then by class and side
     """
     given = [tracks] if isinstance(tracks, LabelTrack) else tracks
-    return [one for track in given for one in _count_track(track)]
+    return ClassCounts(one for track in given for one in _count_track(track))
 
 
 def _count_track(track: LabelTrack) -> list[ClassCount]:

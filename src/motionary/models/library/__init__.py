@@ -22,6 +22,7 @@ from motionary.models.library.classes import (
     Prototype,
     PrototypePattern,
     TrainingOptions,
+    fractions_fixed,
 )
 from motionary.models.library.cross_validation import N_FOLDS
 from motionary.models.library.editing import (
@@ -110,6 +111,7 @@ __all__ = [
     "find_prototype",
     "fit_false_rates",
     "fold_sides",
+    "fractions_fixed",
     "join_classes",
     "kept_examples",
     "learn",

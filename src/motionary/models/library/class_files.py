@@ -7,11 +7,13 @@ examples. What a person wrote into the TOML file besides stays when it is writte
 
 import hashlib
 import io
+import re
 import struct
 import tokenize
+import unicodedata
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,6 +56,8 @@ _OPTIONAL_KEYS: Keys = {"mirror_of": str, "unmeasured": list}
 _ESTIMATES = {
     "estimated_precision": "promised_precision", "estimated_recall": "promised_recall",
 }  # fmt: skip
+_LONGEST_BYTES = 100
+_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 _OWN_KEYS: Keys = {
     "prior": list, "kind": str, "parts": list, "false_level": float,
     "provenance": str, "licence": str,
@@ -312,3 +316,46 @@ def _read_values(path: Path, name: str) -> Arrays:
         return arrays
     except _BROKEN_ARCHIVE as error:
         raise UnreadableFile(f"{path}: values {name} cannot be read ({error})") from error
+
+
+# -- names of files -----------------------------------------------------------------------
+
+
+def choose_stems(
+    names: Iterable[str], *, kept: Mapping[str, str], taken: Collection[str]
+) -> dict[str, str]:
+    """File name without suffix for each class.
+
+    Some file systems fold case, some decompose accents, some keep names of devices to
+    themselves, all limit the length.
+
+    Parameters
+    ----------
+    names : of the classes
+    kept : stems that classes had before and keep
+    taken : stems that others must not get
+    """
+    used = {_fold(stem) for stem in (*taken, *kept.values())}
+    stems = {}
+    for name in names:
+        stems[name] = kept[name] if name in kept else _free_stem(to_stem(name), used)
+        used.add(_fold(stems[name]))
+    return stems
+
+
+def to_stem(name: str) -> str:
+    """The nearest name that every file system takes; not unique."""
+    stem = re.sub(r"[^\w.-]", "_", unicodedata.normalize("NFC", name))
+    stem = stem.encode()[:_LONGEST_BYTES].decode(errors="ignore").strip(".-")
+    return f"_{stem}" if _DEVICES.match(stem) else stem or "class"
+
+
+def _free_stem(stem: str, used: Collection[str]) -> str:
+    candidate, number = stem, 2
+    while _fold(candidate) in used:
+        candidate, number = f"{stem}-{number}", number + 1
+    return candidate
+
+
+def _fold(stem: str) -> str:
+    return unicodedata.normalize("NFC", stem).casefold()

@@ -6,7 +6,7 @@ the same), with the threshold below which a match counts.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -277,3 +277,34 @@ class MotionClass:
             cell_ratios(one.template.values, prior, n_examples=one.template.n_examples)
             for one in self.prototypes
         )
+
+
+def describe_prototypes(motion_class: MotionClass) -> list[dict[str, Any]]:
+    """What there is to tell of each template of a class."""
+    return [
+        {
+            "class": motion_class.name,
+            "template": prototype.name,
+            "examples": prototype.template.n_examples,
+            "columns": prototype.template.n_columns,
+            "seconds": prototype.template.duration_s,
+            "fixed": fraction,
+            "threshold": motion_class.threshold,
+            "promised_precision": motion_class.estimated_precision,
+            "promised_recall": motion_class.estimated_recall,
+            "queries": len(prototype.queries),
+            "kept_examples": len(prototype.examples),
+            "made": prototype.template.provenance,
+        }
+        for prototype, fraction in zip(
+            motion_class.prototypes, fractions_fixed(motion_class), strict=True
+        )
+    ]
+
+
+def fractions_fixed(motion_class: MotionClass) -> list[float]:
+    """Fraction of the cells that are fixed, of each prototype."""
+    quantised = [
+        quantise(one.template, tolerance=motion_class.tolerance) for one in motion_class.prototypes
+    ]
+    return [one.n_fixed / one.fixed.size for one in quantised]

@@ -11,8 +11,7 @@ a feature set that does not come with the package are listed in `library.toml`.
 
 import re
 import tomllib
-import unicodedata
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,8 +22,19 @@ import numpy as np
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, set_from_rows
 from motionary.files import holds_others, read_bytes, remove_leftovers
-from motionary.models.library.class_files import CLASS_KEYS, read_class, write_class
-from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
+from motionary.models.library.class_files import (
+    CLASS_KEYS,
+    choose_stems,
+    read_class,
+    to_stem,
+    write_class,
+)
+from motionary.models.library.classes import (
+    MotionClass,
+    Prototype,
+    TrainingOptions,
+    describe_prototypes,
+)
 from motionary.models.library.scoring import Scoring, describe_scoring, read_scoring
 from motionary.models.library.toml_tables import (
     Keys,
@@ -37,6 +47,7 @@ from motionary.models.library.toml_tables import (
     update_table,
     write_document,
 )
+from motionary.tables import Table, Tabular
 
 #: Raised when a reader of the version before could misunderstand the files.
 VERSION = 1
@@ -52,12 +63,10 @@ _TRAINING_KEYS: Keys = {
     "query_runs": int,
 }  # fmt: skip
 _VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
-_LONGEST_BYTES = 100
-_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ClassLibrary:
+class ClassLibrary(Tabular):
     """Classes over one feature set; the order of the classes breaks ties.
 
     Attributes
@@ -91,6 +100,20 @@ class ClassLibrary:
 
     def __repr__(self) -> str:
         return f"ClassLibrary({len(self)} classes: {', '.join(self.names)[:200]})"
+
+    def list_rows(self) -> Table:
+        """A row for each template, by class."""
+        rows = [
+            row
+            | {
+                "feature_set": self.feature_set.name,
+                "provenance": one.provenance or self.provenance,
+                "licence": one.licence or self.licence,
+            }
+            for one in self
+            for row in describe_prototypes(one)
+        ]
+        return Table(tuple(rows[0]) if rows else (), [tuple(row.values()) for row in rows])
 
     def __iter__(self) -> Iterator[MotionClass]:
         return iter(self.classes)
@@ -139,7 +162,7 @@ def _save(library: ClassLibrary, folder: Path) -> None:
     _check_name(library.feature_set)
     _check_target(folder)
     before = _read_stems(folder, library.feature_set)
-    stems = _choose_stems(
+    stems = choose_stems(
         library.names,
         kept={name: before[name] for name in library.names if name in before},
         taken={Path(INDEX).stem, *before.values(), *_stems_of_others(folder)},
@@ -180,7 +203,7 @@ def _read_stems(folder: Path, feature_set: FeatureSet) -> dict[str, str]:
         index = read_toml(folder / INDEX, _INDEX_KEYS)
     except UnreadableFile:
         return {}
-    stems = {n: s for n, s in index["classes"].items() if isinstance(s, str) and s == _to_stem(s)}
+    stems = {n: s for n, s in index["classes"].items() if isinstance(s, str) and s == to_stem(s)}
     if index["feature_set"] == feature_set.name:
         return stems
     # Until the index is replaced these are classes of the other feature set.
@@ -252,49 +275,6 @@ def _remove_stale(folder: Path, stems: Collection[str], *, kept: Collection[Path
             # The library is complete without them: no reason to call it a failure.
             with suppress(OSError):
                 path.unlink()
-
-
-# -- names of files -----------------------------------------------------------------------
-
-
-def _choose_stems(
-    names: Iterable[str], *, kept: Mapping[str, str], taken: Collection[str]
-) -> dict[str, str]:
-    """File name without suffix for each class.
-
-    Some file systems fold case, some decompose accents, some keep names of devices to
-    themselves, all limit the length.
-
-    Parameters
-    ----------
-    names : of the classes
-    kept : stems that classes had before and keep
-    taken : stems that others must not get
-    """
-    used = {_fold(stem) for stem in (*taken, *kept.values())}
-    stems = {}
-    for name in names:
-        stems[name] = kept[name] if name in kept else _free_stem(_to_stem(name), used)
-        used.add(_fold(stems[name]))
-    return stems
-
-
-def _to_stem(name: str) -> str:
-    """The nearest name that every file system takes; not unique."""
-    stem = re.sub(r"[^\w.-]", "_", unicodedata.normalize("NFC", name))
-    stem = stem.encode()[:_LONGEST_BYTES].decode(errors="ignore").strip(".-")
-    return f"_{stem}" if _DEVICES.match(stem) else stem or "class"
-
-
-def _free_stem(stem: str, used: Collection[str]) -> str:
-    candidate, number = stem, 2
-    while _fold(candidate) in used:
-        candidate, number = f"{stem}-{number}", number + 1
-    return candidate
-
-
-def _fold(stem: str) -> str:
-    return unicodedata.normalize("NFC", stem).casefold()
 
 
 # -- reading ----------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from motionary.packing import PackedFeatures
 from motionary.recording import Recording
 from motionary.retrieval.explanation import Evidence
 from motionary.retrieval.index import Collection, Part
+from motionary.tables import Table, Tabular
 
 Integers = NDArray[np.int64]
 Single = NDArray[np.float32]
@@ -58,7 +59,7 @@ class Hit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SearchResult(Sequence[Hit]):
+class SearchResult(Sequence[Hit], Tabular):
     """Hits, best first, and what they were found with.
 
     Attributes
@@ -84,6 +85,15 @@ class SearchResult(Sequence[Hit]):
             f"SearchResult({len(self)} hits{best}, {len(self.templates)} templates, "
             f"{len(self.failures)} failures)"
         )
+
+    def list_rows(self) -> Table:
+        """A row for each hit, best first."""
+        columns = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
+        rows = [
+            (rank, hit.recording.name, *(getattr(hit, column) for column in columns))
+            for rank, hit in enumerate(self, start=1)
+        ]
+        return Table(("rank", "recording", *columns), rows)
 
     def __len__(self) -> int:
         return len(self.hits)

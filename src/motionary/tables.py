@@ -1,0 +1,119 @@
+"""Results as tables: in notebooks as HTML, and as data frames of pandas.
+
+Names come from files of strangers: in HTML every cell is escaped and without control
+characters. pandas is imported only where a data frame is asked for.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from numbers import Integral, Real
+from typing import Any, NamedTuple
+
+from motionary.errors import InvalidInput
+
+# More is not looked through in a notebook.
+_MOST_ROWS = 20
+_MOST_LETTERS = 200
+
+
+class Table(NamedTuple):
+    """Rows under the names of their columns.
+
+    Attributes
+    ----------
+    columns : names
+    rows : cells, as many as columns; None where there is nothing to say
+    """
+
+    columns: tuple[str, ...]
+    rows: Sequence[Sequence[object]]
+
+
+class Shown:
+    """What notebooks show as a table below its short form."""
+
+    __slots__ = ()
+
+    def list_rows(self) -> Table:
+        """What there is to show."""
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return format_html(self.list_rows(), title=repr(self))
+
+
+class Tabular(Shown):
+    """What is a table: shown in notebooks, and a data frame where pandas is there."""
+
+    __slots__ = ()
+
+    def to_dataframe(self) -> Any:
+        """The rows as a data frame.
+
+        Returns
+        -------
+        pandas.DataFrame
+
+        Raises
+        ------
+        InvalidInput
+            If pandas is not installed.
+        """
+        columns, rows = self.list_rows()
+        cells = zip(*rows, strict=True) if rows else [()] * len(columns)
+        return build_frame(dict(zip(columns, map(list, cells), strict=True)))
+
+
+def build_frame(columns: Mapping[str, Any], **options: Any) -> Any:
+    """A data frame of pandas; `options` are those of `pandas.DataFrame`.
+
+    Raises
+    ------
+    InvalidInput
+        If pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError as error:
+        raise InvalidInput("data frames need pandas: pip install 'motionary[pandas]'") from error
+    return pandas.DataFrame(columns, **options)
+
+
+def format_html(table: Table, *, title: str) -> str:
+    """A title and the first rows of a table; columns that say nothing are left out."""
+    shown = table.rows[:_MOST_ROWS]
+    used = [i for i in range(len(table.columns)) if any(_cell(row[i]) for row in shown)]
+    head = "".join(f"<th>{_escape(table.columns[i])}</th>" for i in used)
+    body = "".join(f"<tr>{''.join(_to_html(row[i]) for i in used)}</tr>" for row in shown)
+    more = len(table.rows) - len(shown)
+    below = f"<p>{more} more rows</p>" if more else ""
+    content = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>" if used else ""
+    return f"<div><p>{_escape(title)}</p>{content}{below}</div>"
+
+
+def _to_html(value: object) -> str:
+    is_number = isinstance(value, Real) and not isinstance(value, bool)
+    style = ' style="text-align: right"' if is_number else ""
+    return f"<td{style}>{_escape(_cell(value))}</td>"
+
+
+def _cell(value: object) -> str:
+    if value is None or value is False:
+        return ""
+    if isinstance(value, Real) and not isinstance(value, Integral):
+        number = float(value)
+        if math.isnan(number):
+            return ""
+        return f"{number:.3f}".rstrip("0").rstrip(".") if abs(number) >= 0.01 else f"{number:.2g}"
+    return str(value)
+
+
+def _escape(text: str) -> str:
+    short = text if len(text) <= _MOST_LETTERS else text[:_MOST_LETTERS] + " ..."
+    return escape(printable(short))
+
+
+def printable(text: str) -> str:
+    """Text without what would move the cursor or change the terminal."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
