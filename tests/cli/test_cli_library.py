@@ -319,7 +319,9 @@ def test_learning_with_groups_and_another_set(motionary, world, tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--groups", "a(.)"), "--groups: goes with --calibrate"),
+        (("--groups", "a(.)"), "--groups: goes with --calibrate or --per-group"),
+        (("--per-group",), "--per-group: needs --groups"),
+        (("--per-group", "--groups", "a(.)", "--keep-examples"), "goes neither with"),
         (("--negatives", "takes"), "--negatives: goes with --calibrate"),
         (("--calibrate", "--threshold", 0.05), "given or chosen, not both"),
     ],

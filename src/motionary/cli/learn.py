@@ -124,9 +124,18 @@ class TrainingFlags:
         typer.Option(
             metavar="REGEX",
             help="With --calibrate: examples whose names match the same share a fold, such as "
-            "'HDM_(..)_' for actors: the estimates then hold for actors never seen.",
+            "'HDM_(..)_' for actors: the estimates then hold for actors never seen. With "
+            "--per-group: they have a template of their own.",
         ),
     ] = None
+    per_group: Annotated[
+        bool,
+        typer.Option(
+            "--per-group",
+            help="Beside the template of all examples of a class learn one of each of the "
+            "--groups: strangers do as one of several people did, rarely as their mean.",
+        ),
+    ] = False
     negatives: Annotated[
         list[str] | None,
         typer.Option(
@@ -145,9 +154,14 @@ class TrainingFlags:
         """
         if self.calibrate and self.threshold is not None:
             raise wrong("--threshold, --calibrate", "thresholds are given or chosen, not both")
-        for option, value in {"--groups": self.groups, "--negatives": self.negatives}.items():
-            if value and not self.calibrate:
-                raise wrong(option, "goes with --calibrate")
+        if self.negatives and not self.calibrate:
+            raise wrong("--negatives", "goes with --calibrate")
+        if self.groups and not (self.calibrate or self.per_group):
+            raise wrong("--groups", "goes with --calibrate or --per-group")
+        if self.per_group and not self.groups:
+            raise wrong("--per-group", "needs --groups")
+        if self.per_group and (self.keep_examples or self.queries is not Queries.NONE):
+            raise wrong("--per-group", "goes neither with --keep-examples nor with --queries")
 
     def training(self) -> "TrainingOptions":
         """The same for the library."""
@@ -162,6 +176,7 @@ class TrainingFlags:
             groups=self.groups,
             queries=self.queries.value,
             query_runs=self.query_runs,
+            per_group=self.per_group,
         )
         return training if self.threshold is None else replace(training, threshold=self.threshold)
 

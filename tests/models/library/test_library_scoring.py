@@ -13,6 +13,7 @@ from motionary.models.library import (
     FalseRates,
     MotionClass,
     Scoring,
+    TrainingOptions,
     add_examples,
     choose_candidates,
     false_rates_of,
@@ -82,6 +83,46 @@ def test_classes_that_learn_more_have_the_prior_of_all(library, examples):
     expanded = add_examples(library, "one", more)
     whole = learn({**examples, "one": [*examples["one"], *more]}, mirror=True, keep_examples=True)
     assert [one.prior for one in expanded] == [one.prior for one in whole]
+
+
+# -- groups ------------------------------------------------------------------------------
+
+
+def people(seed, name):
+    found = []
+    for person in ("ann", "bob"):
+        found += performances(seed, 2, first=len(found), name=f"{person}/{name}")
+    return found
+
+
+def test_each_group_has_a_template_beside_the_common_one(tmp_path):
+    examples = {"one": people(1, "one"), "two": performances(2, 2, name="ann/two")}
+    plain = learn(examples, mirror=True)
+    learned = learn(examples, mirror=True, groups="(ann|bob)/", per_group=True)
+    assert [p.name for p in learned["one"].prototypes if not p.mirror_of] == [
+        "one", "one, ann", "one, bob",
+    ]  # fmt: skip
+    assert [p.name for p in learned["two"].prototypes if not p.mirror_of] == ["two"]
+    common, ann = learned["one"].prototypes[:2]
+    assert np.array_equal(common.template.values, plain["one"].prototypes[0].template.values)
+    alone = learn({"one": examples["one"][:2]})["one"].prototypes[0]
+    assert np.array_equal(ann.template.values, alone.template.values)
+    assert learned["one"].prior == plain["one"].prior
+    learned.save(tmp_path)
+    assert ClassLibrary.load(tmp_path).training == learned.training
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"groups": None},
+        {"groups": "a", "keep_examples": True},
+        {"groups": "a", "queries": "chosen"},
+    ],
+)
+def test_templates_of_groups_need_groups_alone(wrong):
+    with pytest.raises(InvalidInput, match="per_group"):
+        TrainingOptions(per_group=True, **wrong)
 
 
 # -- files -------------------------------------------------------------------------------

@@ -50,6 +50,8 @@ class TrainingOptions:
         prototype best: for motions that people do on either side
     queries : where keyframe queries come from; "none" matches templates everywhere
     query_runs : so many learned queries vote
+    per_group : beside the template of all examples of a prototype learn one of each of the
+        `groups`: people differ in ways that a mean does not hold
     provenance, licence : written into the library
     """
 
@@ -63,6 +65,7 @@ class TrainingOptions:
     fold_sides: bool = False
     queries: QuerySource = "none"
     query_runs: int = RUNS
+    per_group: bool = False
     provenance: str = ""
     licence: str = ""
 
@@ -73,6 +76,10 @@ class TrainingOptions:
             )
         if self.query_runs < 1:
             raise InvalidInput(f"query_runs must be at least 1, got {self.query_runs}")
+        if self.per_group and self.groups is None:
+            raise InvalidInput("per_group needs groups, an expression that tells people apart")
+        if self.per_group and (self.keep_examples or self.queries != "none"):
+            raise InvalidInput("per_group goes neither with keep_examples nor with queries")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

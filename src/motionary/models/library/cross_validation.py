@@ -8,7 +8,6 @@ afterwards without matching again.
 Conventions: frames are packed features at 30 Hz, segments half-open; seeded.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -26,7 +25,12 @@ from motionary.matching import (
     modify,
 )
 from motionary.models.library.classes import MotionClass, TrainingOptions
-from motionary.models.library.training import Examples, learn_class, measure_background
+from motionary.models.library.training import (
+    Examples,
+    learn_class,
+    measure_background,
+    name_groups,
+)
 from motionary.models.templates import Learning
 from motionary.packing import PackedFeatures
 
@@ -168,18 +172,7 @@ def make_stream(
 def _deal_groups(
     items: Sequence[tuple[str, str, FeatureSequence]], groups: str, rng: np.random.Generator
 ) -> Sequence[int | None]:
-    try:
-        pattern = re.compile(groups)
-    except re.error as error:
-        raise InvalidInput(f"groups {groups!r} is no regular expression: {error}") from error
-    keys = []
-    for _, _, item in items:
-        found = pattern.search(item.source)
-        if found is None:
-            raise InvalidInput(
-                f"groups {groups!r} matches nothing in {item.source!r}; each example needs a group"
-            )
-        keys.append(str(found[1 if pattern.groups else 0]))
+    keys = name_groups([item for _, _, item in items], groups)
     names = sorted(set(keys))
     order = rng.permutation(len(names))
     parts = {names[k]: place % N_FOLDS for place, k in enumerate(order)}

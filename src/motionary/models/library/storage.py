@@ -60,7 +60,7 @@ _INDEX_KEYS: Keys = {
 _TRAINING_KEYS: Keys = {
     "threshold": float, "tolerance": float, "mirror": bool, "by_self_information": bool,
     "keep_examples": bool, "calibrate": bool, "groups": str, "fold_sides": bool, "queries": str,
-    "query_runs": int,
+    "query_runs": int, "per_group": bool,
 }  # fmt: skip
 _VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
 
@@ -328,7 +328,7 @@ def _read_training(path: Path, index: dict[str, Any]) -> TrainingOptions | None:
     """The options that the library was trained with, if it remembers them."""
     if "training" not in index:
         return None
-    content = {"groups": "", "fold_sides": False, **index["training"]}
+    content = {"groups": "", "fold_sides": False, "per_group": False, **index["training"]}
     check_keys(path, content, _TRAINING_KEYS, place=("training",))
     options = {key: content[key] for key in _TRAINING_KEYS} | {"groups": content["groups"] or None}
     about = {key: index[key] for key in ("provenance", "licence")}

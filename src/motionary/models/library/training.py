@@ -7,6 +7,7 @@ algorithm and vote, or the keyframes of a single one are chosen. The template is
 around their hits only.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -120,15 +121,12 @@ def learn_class(
         If a prototype has no example, or its examples have nothing in common.
     """
     keep = training.keep_examples
-    learned = [
-        learn_prototype(
-            key,
-            fold_sides(items) if training.fold_sides else items,
-            learning=learning,
-            keep_examples=keep,
-        )
-        for key, items in examples.items()
-    ]
+    learned: list[Prototype] = []
+    for key, given in examples.items():
+        items = fold_sides(given) if training.fold_sides else given
+        learned.append(learn_prototype(key, items, learning=learning, keep_examples=keep))
+        if training.per_group and training.groups:
+            learned += learn_groups(key, items, name_groups(items, training.groups))
     if training.mirror:
         feature_set = next(iter(examples.values()))[0].feature_set
         learned += [mirror_prototype(prototype, feature_set) for prototype in learned]
@@ -184,6 +182,41 @@ def learn_prototype(
         learning=learning,
     )
     return Prototype(name, template, examples=tuple(examples) if keep_examples else ())
+
+
+def learn_groups(
+    name: str, examples: Sequence[FeatureSequence], groups: Sequence[str]
+) -> list[Prototype]:
+    """A template of each group of examples; none if all are of one group."""
+    by_group: dict[str, list[FeatureSequence]] = {}
+    for group, example in zip(groups, examples, strict=True):
+        by_group.setdefault(group, []).append(example)
+    if len(by_group) < 2:
+        return []
+    return [learn_prototype(f"{name}, {group}", own) for group, own in by_group.items()]
+
+
+def name_groups(examples: Sequence[FeatureSequence], groups: str) -> list[str]:
+    """Group of each example, as a regular expression finds it in the example's name.
+
+    Raises
+    ------
+    InvalidInput
+        If the expression is none, or matches nothing in a name.
+    """
+    try:
+        pattern = re.compile(groups)
+    except re.error as error:
+        raise InvalidInput(f"groups {groups!r} is no regular expression: {error}") from error
+    keys = []
+    for item in examples:
+        found = pattern.search(item.source)
+        if found is None:
+            raise InvalidInput(
+                f"groups {groups!r} matches nothing in {item.source!r}; each example needs a group"
+            )
+        keys.append(str(found[1 if pattern.groups else 0]))
+    return keys
 
 
 def mirror_prototype(
