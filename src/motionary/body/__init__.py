@@ -1,0 +1,36 @@
+"""A skinned body: posed, fitted, driven by motions, seen by cameras."""
+
+from motionary.body.chain import Pose, local_rotations, pose_body
+from motionary.body.depth_noise import add_kinect_noise, add_time_of_flight_noise
+from motionary.body.driving import DrivenPose, pose_from_motion
+from motionary.body.fitting import Fit, FitSettings, fit_points, fit_shape, fit_surface
+from motionary.body.jacobian import jacobian
+from motionary.body.model import Body, Points, load_body
+from motionary.body.rendering import Camera, DepthImage, find_shares, render_depth, shade
+from motionary.body.skinning import blend_matrix, skin
+
+__all__ = [
+    "Body",
+    "Camera",
+    "DepthImage",
+    "DrivenPose",
+    "Fit",
+    "FitSettings",
+    "Points",
+    "Pose",
+    "add_kinect_noise",
+    "add_time_of_flight_noise",
+    "blend_matrix",
+    "find_shares",
+    "fit_points",
+    "fit_shape",
+    "fit_surface",
+    "jacobian",
+    "load_body",
+    "local_rotations",
+    "pose_body",
+    "pose_from_motion",
+    "render_depth",
+    "shade",
+    "skin",
+]

@@ -1,0 +1,132 @@
+"""Poses of a body's joints: global turns along the tree, and the same as products of twists.
+
+After Baak (2012), section 6.2: eqs. (6.1) and (6.2).
+
+Conventions: turns are relative to rest, so that all of them are identity there.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.body.model import Body
+from motionary.errors import InvalidInput
+from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
+
+Floats = NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """Poses of a body.
+
+    Attributes
+    ----------
+    rotations : array, shape (frames, joints, 3, 3), global turns relative to rest
+    joints : array, shape (frames, joints, 3), metres
+    stretches : array, shape (joints, 3, 3), by which each bone is stretched at rest; None
+        if the body keeps its lengths
+    """
+
+    rotations: Floats
+    joints: Floats
+    stretches: Floats | None = None
+
+    @property
+    def bones(self) -> Floats:
+        """Turn and stretch of each bone, shape (frames, joints, 3, 3)."""
+        return self.rotations if self.stretches is None else self.rotations @ self.stretches
+
+
+def pose_body(body: Body, rotations: Floats, translations: Floats | None = None) -> Pose:
+    """Poses of turns that are relative to each joint's parent.
+
+    Parameters
+    ----------
+    body : Body
+    rotations : array, shape (frames, joints, 3, 3)
+    translations : array, shape (frames, 3), metres, of the root from where it is at rest
+    """
+    n = len(body.names)
+    if rotations.ndim != 4 or rotations.shape[1:] != (n, 3, 3):
+        raise InvalidInput(
+            f"a pose of {n} joints needs turns (frames, {n}, 3, 3), got {rotations.shape}"
+        )
+    turned = np.empty(rotations.shape)
+    for joint, parent in enumerate(body.parents):
+        own = rotations[:, joint]
+        turned[:, joint] = own if parent < 0 else turned[:, parent] @ own
+    moved = 0.0 if translations is None else translations
+    return place_joints(body, turned, body.joints[0] + moved * np.ones((len(rotations), 1)))
+
+
+def place_joints(
+    body: Body, turned: Floats, roots: Floats, stretches: Floats | None = None
+) -> Pose:
+    """The pose of global turns (frames, joints, 3, 3) and places of the root (frames, 3)."""
+    joints = np.empty((*turned.shape[:2], 3))
+    for joint, parent in enumerate(body.parents):
+        if parent < 0:
+            joints[:, joint] = roots
+            continue
+        step = body.joints[joint] - body.joints[parent]
+        if stretches is not None:
+            step = stretches[parent] @ step
+        joints[:, joint] = joints[:, parent] + turned[:, parent] @ step
+    return Pose(turned, joints, stretches)
+
+
+def local_rotations(body: Body, pose: Pose) -> Floats:
+    """Turns of a pose relative to each joint's parent, shape (frames, joints, 3, 3)."""
+    parents = np.maximum(body.parents, 0)
+    result: Floats = np.swapaxes(pose.rotations[:, parents], -1, -2) @ pose.rotations
+    result[:, 0] = pose.rotations[:, 0]
+    return result
+
+
+def revolute_twists(axes: Floats, points: Floats) -> Floats:
+    """Twists (..., 6) of turns about axes through points: (-axis x point, axis), as (6.1)."""
+    axes = np.asarray(axes, dtype=np.float64)
+    return np.concatenate([-np.cross(axes, points), axes], axis=-1)
+
+
+def exponentials(twists: Floats) -> Floats:
+    """Rigid motions of twists (..., 6), as matrices (..., 4, 4).
+
+    Turns by the last three components' length; with none of them, a translation.
+    """
+    given = np.asarray(twists, dtype=np.float64)
+    v, w = given[..., :3], given[..., 3:]
+    angle = np.linalg.norm(w, axis=-1)[..., None]
+    result = np.zeros((*given.shape[:-1], 4, 4))
+    result[..., :3, :3] = quaternions_to_matrices(rotation_vectors_to_quaternions(w))
+    # V v with V = I + (1 - cos) / a² [w] + (a - sin) / a³ [w]²; series where a is small.
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    first = np.where(small, 0.5 - angle**2 / 24, (1 - np.cos(safe)) / safe**2)
+    second = np.where(small, 1 / 6 - angle**2 / 120, (safe - np.sin(safe)) / safe**3)
+    once = np.cross(w, v)
+    result[..., :3, 3] = v + first * once + second * np.cross(w, once)
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def pose_by_twists(body: Body, vectors: Floats, twist_of_root: Floats) -> Floats:
+    """Rigid motions of all bones of one pose as products of exponentials (6.2).
+
+    Parameters
+    ----------
+    body : Body
+    vectors : array, shape (joints, 3), axis times angle of each joint's turn, at rest
+    twist_of_root : array, shape (6,), applied to the whole body last
+
+    Returns
+    -------
+    array, shape (joints, 4, 4), from rest to the pose
+    """
+    own = exponentials(revolute_twists(vectors, body.joints))
+    result = np.empty_like(own)
+    root = exponentials(twist_of_root)
+    for joint, parent in enumerate(body.parents):
+        result[joint] = (root if parent < 0 else result[parent]) @ own[joint]
+    return result

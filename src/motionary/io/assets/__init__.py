@@ -1,0 +1,16 @@
+"""Files that ship with the package: the body's mesh, with licence and origin beside it."""
+
+from importlib.resources import files
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def read_body(*, fine: bool = False) -> dict[str, NDArray[Any]]:
+    """Arrays of the body that ships, by name; some 6000 vertices if `fine`, else 1200."""
+    name = "body_fine.npz" if fine else "body.npz"
+    content = files("motionary.io.assets").joinpath("body", name).read_bytes()
+    with np.load(BytesIO(content), allow_pickle=False) as arrays:
+        return {key: arrays[key] for key in arrays.files}
