@@ -194,6 +194,21 @@ End_of_@Wrist @Wrist $fingers
 @Toe @Ankle $ankle>$toes .7
 End_of_@Toe @Toe $toes
 """),
+    "vrm": ("", ("left", "right"), f"""
+hips - root
+spine hips belly
+chest spine belly>chest .6
+upperChest chest chest
+neck upperChest neck
+head neck head
+@Eye head head 0 .07 .08
+{limbs(root="hips", top="upperChest", clavicle="@Shoulder", shoulder="@UpperArm",
+       elbow="@LowerArm", wrist="@Hand", hip="@UpperLeg", knee="@LowerLeg", ankle="@Foot")}
+@MiddleProximal @Hand $wrist>$fingers .5
+@MiddleIntermediate @MiddleProximal $wrist>$fingers .7
+@MiddleDistal @MiddleIntermediate $fingers
+@Toes @Foot $toes
+"""),
     "xsens_segments": ("", ("Left", "Right"), f"""
 Pelvis - root
 L5 Pelvis belly
@@ -416,8 +431,8 @@ thumb.01.@ hand.@ $wrist>$fingers .2 0 0 .03
 neck spine.003 neck
 head neck head
 """),
-    # VRM: J_Sec are hair and cloth.
-    "vrm": ("", ("L", "R"), """
+    # VRoid: J_Sec are hair and cloth.
+    "vroid": ("", ("L", "R"), """
 Root - root 0 -.9 0
 J_Bip_C_Hips Root root
 J_Bip_C_Spine J_Bip_C_Hips belly

@@ -169,6 +169,10 @@ def _open_motion(folder: Path, name: str) -> None:
         _check(motion)
 
 
+def _open_gltf(folder: Path, name: str) -> None:
+    _open_motion(folder, "c.gltf" if name.endswith(".bin") else name)
+
+
 def _open_acclaim(folder: Path, _: str) -> None:
     _check(read(folder / "a.amc", asf=folder / "a.asf"))
 
@@ -245,6 +249,17 @@ def _make_csv(folder: Path) -> None:
 def _make_mvnx(folder: Path) -> None:
     text, _ = _oracles("rig_files").mvnx_text(_small())
     (folder / "a.mvnx").write_text(text)
+
+
+def _make_gltf(folder: Path) -> None:
+    gltf_of = _oracles("rig_files").gltf_of
+    packed = [
+        gltf_of(_small(4)).pack("data"),
+        gltf_of(_small(), unit_m=0.01, humanoid="vrm1").pack("glb", "b"),
+        gltf_of(_small(3), matrix=True, humanoid="vrm0").pack("beside", "c"),
+    ]
+    for name, content in (pair for files in packed for pair in files.items()):
+        (folder / name).write_bytes(content)
 
 
 def _make_npz(folder: Path) -> None:
@@ -399,6 +414,7 @@ KINDS: dict[str, Kind] = {
     "c3d": Kind(_make_c3d, ("*.c3d",), _open_motion),
     "trc": Kind(_make_trc, ("*.trc", "*.gz"), _open_motion),
     "mvnx": Kind(_make_mvnx, ("*.mvnx",), _open_motion),
+    "gltf": Kind(_make_gltf, ("*.gl*", "*.bin"), _open_gltf),
     "csv": Kind(_make_csv, ("*.csv",), _open_motion),
     "sto": Kind(_make_opensim, ("*.sto",), _open_motion),
     "mot": Kind(_make_opensim, ("*.mot",), _open_motion),

@@ -22,7 +22,7 @@ from motionary.skeletons import named_mapping
 from oracles import motion_files as files
 from oracles.c3d_files import c3d_bytes
 from oracles.fbx_files import fbx_text
-from oracles.rig_files import mvnx_text
+from oracles.rig_files import gltf_of, mvnx_text
 
 RATE_HZ = 100.0
 
@@ -271,9 +271,14 @@ def other_files(folder):
     (folder / "a.fbx").write_text(fbx_text(bones, turns, list(range(30))))
     figure = synthetic_motion("squat", seed=3, rate_hz=RATE_HZ).cut(0, 30)
     (folder / "a.mvnx").write_text(mvnx_text(figure)[0])
+    for suffix, humanoid in ((".gltf", ""), (".glb", ""), (".vrm", "vrm0"), (".vrma", "vrma")):
+        gltf = gltf_of(figure, humanoid=humanoid)
+        (content,) = gltf.pack("data" if suffix == ".gltf" else "glb").values()
+        (folder / f"a{suffix}").write_bytes(content)
     return {
         "a.amc": {}, "a.bvh": {"unit": "cm"}, "amass.npz": {}, "a.npy": {}, "a.pkl": {},
         "a.c3d": {}, "a.trc": {}, "a.sto": {}, "a.mot": {}, "a.fbx": {}, "a.mvnx": {},
+        "a.gltf": {}, "a.glb": {}, "a.vrm": {}, "a.vrma": {},
     }  # fmt: skip
 
 
@@ -295,6 +300,10 @@ READ = [
     "a.mot",
     "a.fbx",
     "a.mvnx",
+    "a.gltf",
+    "a.glb",
+    "a.vrm",
+    "a.vrma",
 ]
 
 

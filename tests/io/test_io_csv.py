@@ -77,7 +77,7 @@ def test_what_is_missing_is_said(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "way_out"),
-    [("a.pt", "torch.load"), ("a.glb", "Blender"), ("a.usd", "Blender"), ("a.xlsx", "as CSV")],
+    [("a.pt", "torch.load"), ("a.usd", "Blender"), ("a.xlsx", "as CSV")],
 )
 def test_formats_that_are_not_read_name_the_way_out(tmp_path, name, way_out):
     with pytest.raises(UnreadableFile, match=rf"{name}: .*{way_out}"):

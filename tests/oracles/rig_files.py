@@ -5,6 +5,10 @@ of Khronos. A rig is given by names, parents, offsets, and turns and places of e
 world, as matrices.
 """
 
+import base64
+import json
+import struct
+
 import numpy as np
 
 #: Segments of Xsens MVN by joints of the synthetic figure, in the sequence of MVN.
@@ -123,3 +127,130 @@ def mvnx_text(
 
 def _row(numbers):
     return " ".join(f"{x:.9f}" for x in np.ravel(numbers))
+
+
+#: Bones of VRM by joints of the synthetic figure.
+VRM = {
+    "root": "hips", "belly": "spine", "chest": "chest", "neck": "neck", "head": "head",
+    **{f"{s}{joint}": f"{side}{bone}" for s, side in (("l", "left"), ("r", "right"))
+       for joint, bone in (
+           ("hip", "UpperLeg"), ("knee", "LowerLeg"), ("ankle", "Foot"), ("toes", "Toes"),
+           ("clavicle", "Shoulder"), ("shoulder", "UpperArm"), ("elbow", "LowerArm"),
+           ("wrist", "Hand"), ("fingers", "MiddleDistal"))},
+}  # fmt: skip
+
+_COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+_SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+
+class Gltf:
+    """A glTF document that grows: arrays go into one buffer, an accessor each."""
+
+    def __init__(self, nodes):
+        self.root = {"asset": {"version": "2.0"}, "nodes": nodes, "accessors": [],
+                     "bufferViews": [], "buffers": []}  # fmt: skip
+        self.binary = b""
+
+    def view(self, array, *, stride=0):
+        """Number of a view of an array (elements, numbers), each element padded to a stride."""
+        rows = [row.tobytes().ljust(stride, b"\0") for row in array]
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(b"".join(rows))}
+        self.binary += b"".join(rows)
+        self.root["bufferViews"].append(view | ({"byteStride": stride} if stride else {}))
+        return len(self.root["bufferViews"]) - 1
+
+    def accessor(self, values, kind="f4", *, stride=0, normalized=False, sparse=None):
+        """Number of an accessor; `sparse` lists the elements that are not zero."""
+        array = np.asarray(values, dtype=f"<{kind}")
+        array = array.reshape(len(array), -1)
+        accessor = {"componentType": _COMPONENTS[kind], "count": len(array),
+                    "type": _SHAPES[array.shape[1]]}  # fmt: skip
+        if sparse is None:
+            accessor["bufferView"] = self.view(array, stride=stride)
+        else:
+            at = np.asarray(sparse, dtype="<u2")
+            accessor["sparse"] = {
+                "count": len(at),
+                "indices": {"bufferView": self.view(at.reshape(-1, 1)), "componentType": 5123},
+                "values": {"bufferView": self.view(array[at])},
+            }
+        if normalized:
+            accessor["normalized"] = True
+        self.root["accessors"].append(accessor)
+        return len(self.root["accessors"]) - 1
+
+    def animate(self, name, channels, **options):
+        """Add an animation of channels (node, path, times, values, interpolation)."""
+        inputs, animation = {}, {"name": name, "channels": [], "samplers": []}
+        for node, path, times, values, interpolation in channels:
+            key = np.asarray(times, dtype="<f4").tobytes()
+            if key not in inputs:
+                inputs[key] = self.accessor(times)
+            animation["samplers"].append(
+                {"input": inputs[key], "output": self.accessor(values, **options),
+                 "interpolation": interpolation}
+            )  # fmt: skip
+            animation["channels"].append(
+                {"sampler": len(animation["samplers"]) - 1, "target": {"node": node, "path": path}}
+            )
+        self.root.setdefault("animations", []).append(animation)
+
+    def pack(self, how="glb", stem="a"):
+        """Contents of files by their names: "glb", "data" (a URI) or "beside" (a .bin)."""
+        buffer = {"byteLength": len(self.binary)}
+        if how == "data":
+            content = base64.b64encode(self.binary).decode()
+            buffer["uri"] = f"data:application/octet-stream;base64,{content}"
+        elif how == "beside":
+            buffer["uri"] = f"{stem}%20x.bin"
+        text = json.dumps(self.root | {"buffers": [buffer]}).encode()
+        if how != "glb":
+            files = {f"{stem}.gltf": text}
+            return files | ({f"{stem} x.bin": self.binary} if how == "beside" else {})
+        text += b" " * (-len(text) % 4)
+        binary = self.binary + b"\0" * (-len(self.binary) % 4)
+        chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+        chunks += struct.pack("<II", len(binary), 0x004E4942) + binary
+        return {f"{stem}.glb": b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks}
+
+
+def gltf_of(motion, *, names=None, humanoid="", matrix=False, unit_m=1.0, start_s=0.0):
+    """A figure's glTF: a root that scales, a skinned mesh, joints of other names, an animation.
+
+    `humanoid` is "vrm0", "vrm1" or "vrma"; with `matrix` joints rest in matrices.
+    """
+    joints, parents = list(motion.names), motion.skeleton.parents.tolist()
+    names = names or {}
+    nodes = [{"name": "Armature", "scale": [unit_m] * 3, "children": []},
+             {"name": "Body", "mesh": 0, "skin": 0}]  # fmt: skip
+    for i, joint in enumerate(joints):
+        place = motion.skeleton.offsets[i] / unit_m
+        node = {"name": names.get(joint, joint)}
+        if matrix and parents[i] >= 0:
+            columns = np.eye(4)
+            columns[3, :3] = place
+            node["matrix"] = columns.ravel().tolist()
+        else:
+            node["translation"] = place.tolist()
+        nodes.append(node)
+        nodes[0 if parents[i] < 0 else 2 + parents[i]].setdefault("children", []).append(2 + i)
+    gltf = Gltf(nodes)
+    gltf.root["meshes"] = [{"primitives": []}]
+    gltf.root["skins"] = [{"joints": [2 + i for i in range(len(joints))]}]
+    times = start_s + np.arange(motion.n_frames) / motion.rate_hz
+    gltf.animate("take", [
+        *([(2, "translation", times, motion.positions[:, 0] / unit_m, "LINEAR")]),
+        *((2 + i, "rotation", times, np.roll(motion.rotations[:, i], -1, axis=1), "LINEAR")
+          for i in range(len(joints)) if not (matrix and parents[i] >= 0)),
+    ])  # fmt: skip
+    bones = {VRM[joint]: {"node": 2 + i} for i, joint in enumerate(joints) if joint in VRM}
+    extension = {
+        "vrm0": {"VRM": {"humanoid": {"humanBones": [
+            {"bone": bone, "useDefaultValues": True, **node} for bone, node in bones.items()]}}},
+        "vrm1": {"VRMC_vrm": {"specVersion": "1.0", "humanoid": {"humanBones": bones}}},
+        "vrma": {"VRMC_vrm_animation": {"specVersion": "1.0", "humanoid": {"humanBones": bones}}},
+    }  # fmt: skip
+    if humanoid:
+        gltf.root["extensions"] = extension[humanoid]
+    return gltf

@@ -24,6 +24,7 @@ MISSING = {
     "xsens_segments": {"headtop"} | HANDS,
     "bandai": {"headtop"} | HANDS,
     "unreal": {"headtop"},
+    "vrm": {"headtop"},
     "smpl": {"headtop"},
     "smplh": {"headtop"},
     "smplx": {"headtop"},
@@ -158,7 +159,7 @@ def test_sides_are_told_in_many_spellings(spelling, tmp_path):
 WITHOUT = {
     "daz": {"headtop"},
     "rigify": {"headtop"},
-    "vrm": {"headtop"},
+    "vroid": {"headtop"},
     "mmd": {"headtop"},
 }
 

@@ -33,6 +33,8 @@ Source = dict[str, float]
 # subject: few files have one side alone.
 _BETWEEN = re.compile(r"[\s._-]+")
 _PREFIX = re.compile(r"^[^\s._-]+[\s._|-]+(?=.)")
+# What stands before the last colon is a person or rig; glTF of three.js drops Mixamo's colon.
+_BEFORE = re.compile(r"^(?:.*:|mixamorig\d*(?=[A-Z]))")
 _SUFFIX = re.compile(r"(?<=.)[._-][^\s._-]+$")
 _FEWEST = 7
 _SHARED = 0.6
@@ -71,8 +73,7 @@ def fold(name: str) -> str:
 @lru_cache(maxsize=64)
 def spell(names: tuple[str, ...]) -> SpelledNames:
     """Names of a file as tables look for them."""
-    # What stands before the last colon is a person or rig.
-    exact = {name.rpartition(":")[2]: name for name in reversed(names)}
+    exact = {_BEFORE.sub("", name): name for name in reversed(names)}
     exact |= {name: name for name in names}
     loose: dict[str, set[str]] = {}
     bare = _without_affixes([name.rpartition(":")[2] for name in names])

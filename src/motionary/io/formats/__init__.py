@@ -90,6 +90,10 @@ FORMATS = (
     Format(".npy", "arrays:read_array", takes=("take",)),
     Format(".pkl", "pickled:read_pickle", takes=("take",)),
     Format(".fbx", "fbx:read_fbx", takes=("take",)),
+    *(
+        Format(suffix, "gltf:read_gltf", takes=("take",))
+        for suffix in (".glb", ".gltf", ".vrm", ".vrma")
+    ),
     Format(".mvnx", "mvnx:read_mvnx", takes=("take", "even_times")),
     Format(".sto", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
     Format(".mot", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
@@ -99,7 +103,7 @@ WAYS_OUT = {
     ".pt": "holds Python objects of PyTorch, which run when they are opened; where you trust it: "
     "numpy.savez('motion.npz', **{k: v.numpy() for k, v in torch.load(FILE).items()})",
     **dict.fromkeys(
-        (".dae", ".usd", ".usda", ".usdc", ".usdz", ".blend", ".gltf", ".glb", ".vrm", ".abc"),
+        (".dae", ".usd", ".usda", ".usdc", ".usdz", ".blend", ".abc"),
         "is read by Blender: open it there and export FBX or BVH (File > Export)",
     ),
     **dict.fromkeys((".ma", ".mb", ".max"), "is a scene of its program: export FBX or BVH there"),

@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.motion import Event, JointMapping, Skeleton, forward_kinematics
-from motionary.rotations import quaternions_to_matrices
+from motionary.rotations import (
+    conjugate_quaternions,
+    multiply_quaternions,
+    quaternions_to_matrices,
+    rotate,
+)
 
 Floats = NDArray[np.float64]
 
@@ -108,6 +113,27 @@ def place_joints(
         frame = 1 + int(np.flatnonzero(~possible)[0])
         raise UnreadableFile(f"{source}: frame {frame} from the start has impossibly large numbers")
     return positions
+
+
+def rest_offsets(positions: Floats, turns: Floats, parents: NDArray[np.intp]) -> Floats:
+    """Offsets of joints in their parents' frames, shape (joints, 3).
+
+    Parameters
+    ----------
+    positions : array, shape (joints, 3), of one pose
+    turns : array, shape (joints, 4), local turns of the same pose, wxyz
+    parents : array, shape (joints,), parents first
+    """
+    world = turns.copy()
+    for joint, parent in enumerate(parents.tolist()):
+        if parent >= 0:
+            world[joint] = multiply_quaternions(world[parent], turns[joint])
+    has = parents >= 0
+    above = parents[has]
+    offsets = positions.copy()
+    away = positions[has] - positions[above]
+    offsets[has] = rotate(conjugate_quaternions(world[above]), away)
+    return offsets
 
 
 def choose_take(names: Sequence[str], take: str | int | None, source: str) -> int:

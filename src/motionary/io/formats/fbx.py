@@ -22,16 +22,12 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import open_regular
-from motionary.io.formats.content import FileContent, number_doubles
+from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
 from motionary.io.formats.npz import Array, read_npz
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
-from motionary.rotations import (
-    conjugate_quaternions,
-    multiply_quaternions,
-    rotate,
-)
+from motionary.rotations import multiply_quaternions, rotate
 
 Floats = NDArray[np.float64]
 
@@ -131,15 +127,10 @@ def _to_content(
     if not finite:
         raise UnreadableFile(f"{source}: its bones have impossible turns")
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
-    positions, world = _place(arrays, parents, turns)
+    positions = _place(arrays, parents, turns)
     if not (np.abs(positions) < _FARTHEST_M).all():
         raise UnreadableFile(f"{source}: has impossibly large numbers")
-    offsets = positions[0].copy()
-    for joint, parent in enumerate(parents.tolist()):
-        if parent >= 0:
-            away = positions[0, joint] - positions[0, parent]
-            offsets[joint] = rotate(conjugate_quaternions(world[0, parent]), away)
-    skeleton = Skeleton(names, parents, offsets)
+    skeleton = Skeleton(names, parents, rest_offsets(positions[0], turns[0], parents))
     return FileContent(
         names=names,
         positions=positions,
@@ -152,10 +143,8 @@ def _to_content(
     )
 
 
-def _place(
-    arrays: dict[str, Array], parents: NDArray[np.intp], turns: Floats
-) -> tuple[Floats, Floats]:
-    """Positions (frames, joints, 3) and turns in the world (frames, joints, 4)."""
+def _place(arrays: dict[str, Array], parents: NDArray[np.intp], turns: Floats) -> Floats:
+    """Positions, shape (frames, joints, 3)."""
     places, scales = arrays["places"], arrays["scales"]
     positions, world = np.empty_like(places), np.empty_like(turns)
     sizes = np.empty_like(scales)
@@ -173,7 +162,7 @@ def _place(
             own = scales[:, parent]
             above = np.divide(above, own, out=np.ones_like(own), where=own != 0)
         sizes[:, joint] = above * scales[:, joint]
-    return positions, world
+    return positions
 
 
 # ---- the process of its own
