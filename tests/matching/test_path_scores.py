@@ -191,6 +191,27 @@ def test_the_compiled_twin_gives_the_same_bits_over_many_tiles():
     assert all(same_bits(a, b) for a, b in zip(*found, strict=True))
 
 
+@pytest.mark.parametrize("mask", ["none", "one for all frames", "now and then"])
+def test_patterns_together_score_as_each_alone(mask):
+    patterns, ratios, packed, known = large_case(n_frames=3000)
+    known = {"none": None, "one for all frames": np.full_like(known, known[1500])}.get(mask, known)
+    # Patterns that begin with another's columns, the same twice, and one with entry weights.
+    long, ratio = patterns[3], ratios[3]
+    for n in (1, 30, len(long)):
+        patterns.append(Pattern(long.values[:n], long.fixed[:n], long.weights[:n]))
+        ratios.append(CellRatios(ratio.if_one[:n], ratio.if_zero[:n]))
+    entries = np.random.default_rng(0).random((30, 40))
+    patterns.insert(2, Pattern(long.values[:30], long.fixed[:30], long.weights[:30], entries))
+    ratios.insert(2, ratios[-2])
+    settings = PathScoreSettings(most_cost=0.5, least_score=-5.0)
+    together = score_patterns(patterns, ratios, packed, known, settings=settings, engine="numpy")
+    assert np.bincount(together.patterns).min() > 0
+    for i, (pattern, ratio) in enumerate(zip(patterns, ratios, strict=True)):
+        alone = score_patterns([pattern], [ratio], packed, known, settings=settings, engine="numpy")
+        own = together.patterns == i
+        assert all(same_bits(a[own], b) for a, b in zip(together[1:], alone[1:], strict=True))
+
+
 def test_paths_to_given_ends_are_those_of_all_ends():
     patterns, _, packed, known = large_case()
     for pattern in patterns:

@@ -1,10 +1,12 @@
 """The distance function in NumPy: a row of the pattern at a time over many frames.
 
 With steps (1, 1), (1, 2), (2, 1) no cell depends on its own row, so a row is one vector
-operation over a tile of frames. `_compiled` is the twin and gives the same bits.
+operation over a tile of frames, and over as many patterns abreast as fit into the tile.
+`_compiled` is the twin and gives the same bits.
 """
 
-from typing import NamedTuple, Protocol
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +17,12 @@ from motionary.packing import PackedFeatures, count, distinct_frames, unpack
 Single = NDArray[np.float32]
 Steps = NDArray[np.uint8]
 
-# Frames at a time: enough that the calls cost little, few enough for a processor's caches.
+# Cells at a time: enough that the calls cost little, few enough for a processor's caches.
 _TILE = 32768
 
 
 class Columns(NamedTuple):
-    """A pattern of one integer a column as the kernels want it.
+    """A pattern of one integer a column as the kernels want it; or several, see `stack`.
 
     Attributes
     ----------
@@ -77,6 +79,19 @@ def prepare(pattern: Pattern) -> Columns:
     )
 
 
+def stack(patterns: Sequence[Columns]) -> Columns:
+    """Columns of patterns abreast, shape (K, T, ...); zeros where one is shorter."""
+    longest = max(len(columns.values) for columns in patterns)
+
+    def join(parts: tuple[NDArray[Any], ...]) -> NDArray[Any]:
+        together = np.zeros((longest, len(parts), *parts[0].shape[1:]), dtype=parts[0].dtype)
+        for i, part in enumerate(parts):
+            together[: len(part), i] = part
+        return together
+
+    return Columns(*(join(parts) for parts in zip(*patterns, strict=True)))
+
+
 def prepare_weighed(pattern: Pattern) -> WeighedColumns:
     """Columns of any pattern; without entry weights every fixed entry weighs 1."""
     n_features = 64 * pattern.values.shape[1]
@@ -101,19 +116,19 @@ def prepare_weighed(pattern: Pattern) -> WeighedColumns:
 
 
 class RowCosts(Protocol):
-    """Costs of a pattern's columns against the frames of a tile."""
+    """Costs of the columns of patterns abreast against the frames of a tile."""
 
     def enter(self, start: int, stop: int) -> None:
         """Go to the frames start to stop."""
 
     def write(self, column: int, out: Single) -> None:
-        """Write the costs of one column at these frames to `out`."""
+        """Write costs of one column of the first len(out) patterns at these frames to `out`."""
 
 
 def row_costs(
     columns: Columns | WeighedColumns, packed: PackedFeatures, known: PackedFeatures | None
 ) -> RowCosts:
-    """The way to compute costs that fits the columns and the sequence."""
+    """The way to compute costs that fits the sequence and the columns: stacked, or weighed."""
     if isinstance(columns, WeighedColumns):
         mask = ~np.zeros((1, packed.shape[1]), np.uint64) if known is None else known
         return _WeighedCosts(columns, packed, mask)
@@ -130,14 +145,21 @@ class _KnownCosts:
 
     def enter(self, start: int, stop: int) -> None:
         self._tile = self._packed[start:stop]
-        self._bits = np.empty(stop - start, dtype=np.uint64)
-        self._wrong = np.empty(stop - start, dtype=np.uint8)
+        shape = self._columns.values.shape[1], stop - start
+        self._bits = np.empty(shape, dtype=np.uint64)
+        self._wrong = np.empty(shape, dtype=np.uint8)
 
     def write(self, column: int, out: Single) -> None:
-        np.bitwise_xor(self._tile, self._columns.values[column], out=self._bits)
-        np.bitwise_and(self._bits, self._columns.fixed[column], out=self._bits)
-        np.bitwise_count(self._bits, out=self._wrong)
-        np.multiply(self._wrong, self._columns.all_known[column], out=out)
+        n = len(out)
+        bits, wrong = self._bits[:n], self._wrong[:n]
+        values, fixed, unit = (
+            part[column, :n, np.newaxis]
+            for part in (self._columns.values, self._columns.fixed, self._columns.all_known)
+        )
+        np.bitwise_xor(self._tile, values, out=bits)
+        np.bitwise_and(bits, fixed, out=bits)
+        np.bitwise_count(bits, out=wrong)
+        np.multiply(wrong, unit, out=out)
 
 
 class _MaskedCosts:
@@ -147,7 +169,9 @@ class _MaskedCosts:
         self, columns: Columns, packed: NDArray[np.uint64], known: NDArray[np.uint64]
     ) -> None:
         self._columns, self._packed, self._known = columns, packed, known
-        self._fixed = np.bitwise_or.reduce(columns.fixed)
+        self._fixed = np.bitwise_or.reduce(columns.fixed, axis=None)
+        # Where each pattern's costs by number of known entries begin.
+        self._unit_at = np.arange(columns.unit.shape[1])[:, np.newaxis] * columns.unit.shape[2]
         self._rest = _KnownCosts(columns, packed)
 
     def enter(self, start: int, stop: int) -> None:
@@ -158,7 +182,8 @@ class _MaskedCosts:
         if self._partial is not None:
             self._rest.enter(start, stop)
             tile, mask = tile[partial], mask[partial]
-        self._tile, self._mask = tile, mask
+        # Often one mask holds for all: what a skeleton lacks, it lacks in every frame.
+        self._tile, self._mask = tile, mask[:1] if len(mask) and (mask == mask[0]).all() else mask
 
     def write(self, column: int, out: Single) -> None:
         if self._partial is None:
@@ -166,23 +191,25 @@ class _MaskedCosts:
             return
         self._rest.write(column, out)
         if len(self._partial):
-            costs = np.empty(len(self._partial), dtype=np.float32)
+            costs = np.empty((len(out), len(self._partial)), dtype=np.float32)
             self._write_masked(column, costs)
-            out[self._partial] = costs
+            out[:, self._partial] = costs
 
     def _write_masked(self, column: int, out: Single) -> None:
-        values, fixed, half, full, unit, _ = self._columns
-        seen = self._mask & fixed[column]
+        n, columns = len(out), self._columns
+        fixed = columns.fixed[column, :n, np.newaxis]
+        seen = self._mask & fixed
         n_seen = np.bitwise_count(seen)
-        wrong = self._tile ^ values[column]
+        wrong = self._tile ^ columns.values[column, :n, np.newaxis]
         wrong &= seen
-        np.take(unit[column], n_seen, out=out, mode="clip")
-        out *= np.bitwise_count(wrong)
-        out[n_seen < half[column]] = full[column]
+        unit = columns.unit[column].take(n_seen + self._unit_at[:n])
+        np.multiply(np.bitwise_count(wrong), unit, out=out)
+        unseen = n_seen < columns.half[column, :n, np.newaxis]
+        np.copyto(out, columns.full[column, :n, np.newaxis], where=unseen)
 
 
 class _WeighedCosts:
-    """Any pattern: what each byte of a frame adds, summed in the order of bytes.
+    """Any pattern, alone: what each byte of a frame adds, summed in the order of bytes.
 
     Once for each kind of frame in a tile.
     """
@@ -210,7 +237,7 @@ class _WeighedCosts:
         fraction /= np.where(weight > 0, weight, 1.0)
         unseen = 2 * count(self._seen & columns.fixed[column]) < columns.n_fixed[column]
         costs = np.where(unseen, 1.0, fraction) * columns.column_weights[column]
-        costs.astype(np.float32).take(self._same, out=out, mode="clip")
+        costs.astype(np.float32).take(self._same, out=out[0], mode="clip")
 
     def _bytes(self, packed: PackedFeatures) -> NDArray[np.intp]:
         """Used bytes, shape (bytes, frames)."""
@@ -234,55 +261,74 @@ class _Row(NamedTuple):
     two_back: Single
     last_two: Single
 
+    def of_first(self, n: int) -> "_Row":
+        """Those of the first patterns."""
+        return _Row(*(view[:n] for view in self))
+
 
 def march(
     costs: RowCosts,
+    ends: Mapping[int, Sequence[tuple[int, int]]],
+    n_abreast: NDArray[np.intp],
     blocked: NDArray[np.intp],
     again: np.float32,
     last_two: Single,
     out: Single,
     steps: Steps | None = None,
 ) -> None:
-    """Accumulated costs of the last column, written to `out`.
+    """Accumulated costs of the last columns of patterns abreast, written to `out`.
 
-    The cell after a (2, 1) step counts once and `again` times more; `last_two` (K, 2)
-    holds every column's two frames before the first and is updated; no path goes through
-    the frames that are `blocked`. `steps` (K, frames) gets the step into each cell but those
-    of the first column: 0 for (1, 1), 1 for (1, 2), 2 or 3 for (2, 1).
+    The cell after a (2, 1) step counts once and `again` times more; no path goes through
+    the frames that are `blocked`.
+
+    Parameters
+    ----------
+    ends : rows of `out` by the column that they show: each with its pattern
+    n_abreast : array, shape (K,): how many patterns have a column; the longest come first
+    last_two : array, shape (K, T, 2): every column's two frames before the first; is updated
+    steps : array, shape (K, T, frames): gets the step into each cell but those of the first
+        column: 0 for (1, 1), 1 for (1, 2), 2 or 3 for (2, 1)
     """
-    buffer = np.empty((4, min(_TILE, len(out)) + 2), dtype=np.float32)
-    for start in range(0, len(out), _TILE):
-        stop = min(start + _TILE, len(out))
+    n_patterns, n_frames = last_two.shape[1], out.shape[1]
+    tile = max(min(_TILE // n_patterns, n_frames), 1)
+    buffer = np.empty((4, n_patterns, tile + 2), dtype=np.float32)
+    for start in range(0, n_frames, tile):
+        stop = min(start + tile, n_frames)
         costs.enter(start, stop)
-        rows = [_views(row[: stop - start + 2]) for row in buffer[:3]]
+        rows = [_views(row[:, : stop - start + 2]) for row in buffer[:3]]
         inside = blocked[np.searchsorted(blocked, start) : np.searchsorted(blocked, stop)] - start
-        own = None if steps is None else steps[:, start:stop]
-        _march_tile(costs, rows, buffer[3, : stop - start], inside, again, last_two, own)
-        out[start:stop] = rows[(len(last_two) - 1) % 3].here
+        own = None if steps is None else steps[..., start:stop]
+        for k, row in _march_tile(
+            costs, n_abreast, rows, buffer[3, :, : stop - start], inside, again, last_two, own
+        ):
+            for into, pattern in ends.get(k, ()):
+                out[into, start:stop] = row[pattern]
 
 
 def _views(row: Single) -> _Row:
-    return _Row(row[:2], row[2:], row[1:-1], row[:-2], row[-2:])
+    return _Row(row[:, :2], row[:, 2:], row[:, 1:-1], row[:, :-2], row[:, -2:])
 
 
 def _march_tile(
     costs: RowCosts,
+    n_abreast: NDArray[np.intp],
     rows: list[_Row],
     cost: Single,
     blocked: NDArray[np.intp],
     again: np.float32,
     last_two: Single,
     steps: Steps | None,
-) -> None:
-    better = np.empty(len(cost), dtype=np.uint8)
-    for k in range(len(last_two)):
-        row, before, skipped = rows[k % 3], rows[(k - 1) % 3], rows[(k - 2) % 3]
-        here = row.here
-        row.edge[:] = last_two[k]
+) -> Iterator[tuple[int, Single]]:
+    """Columns and their accumulated costs, which hold until the next column."""
+    spare = np.empty(cost.shape, dtype=np.uint8)
+    for k, n in enumerate(n_abreast.tolist()):
+        row, before, skipped = (rows[(k - back) % 3].of_first(n) for back in range(3))
+        here, cost, better = row.here, cost[:n], spare[:n]
+        row.edge[:] = last_two[k, :n]
         costs.write(k, here if k == 0 else cost)
         if k > 0:
             if steps is not None:
-                np.less(before.two_back, before.one_back, out=steps[k].view(np.bool_))
+                np.less(before.two_back, before.one_back, out=steps[k, :n].view(np.bool_))
             np.minimum(before.one_back, before.two_back, out=here)
         if k > 1:
             # In place: nothing reads that row again.
@@ -291,10 +337,11 @@ def _march_tile(
             if steps is not None:
                 np.less(twice, here, out=better.view(np.bool_))
                 np.add(better, better, out=better)
-                np.bitwise_or(steps[k], better, out=steps[k])
+                np.bitwise_or(steps[k, :n], better, out=steps[k, :n])
             np.minimum(here, twice, out=here)
         if k > 0:
             np.add(here, cost, out=here)
         if len(blocked):
-            here[blocked] = np.inf
-        last_two[k] = row.last_two
+            here[:, blocked] = np.inf
+        last_two[k, :n] = row.last_two
+        yield k, here

@@ -4,16 +4,14 @@
 function; see `_numpy.march`.
 """
 
-import math
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching._numpy import Steps
-from motionary.matching.distance import SKIP_WEIGHT, Engine, MatchState, march_pattern
-from motionary.matching.pattern import Pattern
+from motionary.matching.distance import Abreast, Engine, march_abreast
 from motionary.packing import PackedFeatures, unpack
 
 Single = NDArray[np.float32]
@@ -27,22 +25,20 @@ Sums = NDArray[np.float32] | NDArray[np.float64]
 _BLOCK = 2048
 # Whole numbers below this are exact in single precision.
 _EXACT = 2**24
-# Paths are given up after any of so many parts of their columns.
-_STAGES = 4
-# Paths whose features stand in one row when they are multiplied.
-_ABREAST = 16
+# Numbers that are weighed and summed at a time: they stay in a processor's nearest caches.
+_AT_ONCE = 65536
 # Frames back by step.
 _BACK = np.array([1, 2, 1, 1], dtype=np.int32)
 
 
 class PathKernels(Protocol):
-    """Paths of one pattern after the other in one recording."""
+    """Paths of some patterns after others in one recording."""
 
-    def march(self, pattern: Pattern) -> Single:
-        """Distance function of a pattern; the steps into its cells are kept."""
+    def march(self, patterns: Abreast) -> Single:
+        """Distance functions, shape (patterns, frames); the steps into their cells are kept."""
 
-    def score(self, ends: Indices, weights: "SumWeights") -> "PathSums":
-        """Sums of what the features tell along the paths to `ends`, where they suffice."""
+    def score(self, ends: Sequence[Indices], weights: Sequence["SumWeights"]) -> list["PathSums"]:
+        """Sums of what the features tell along each pattern's paths, where they suffice."""
 
 
 class SumWeights(NamedTuple):
@@ -91,26 +87,30 @@ class NumpyKernels:
         self._observed: Observed | None = None
         self._steps = StepTable(packed, known, blocked, "numpy")
 
-    def march(self, pattern: Pattern) -> Single:
-        """Distance function of a pattern; the steps into its cells are kept."""
-        return self._steps.march(pattern)
+    def march(self, patterns: Abreast) -> Single:
+        """Distance functions, shape (patterns, frames); the steps into their cells are kept."""
+        return self._steps.march(patterns)
 
-    def trace(self, ends: Indices) -> Integers:
-        """Frame that each column of the paths to `ends` meets, or -1, (columns, paths)."""
-        return trace(self._steps.table, ends)
+    def trace(self, ends: Sequence[Indices]) -> list[Integers]:
+        """Frame that each column of each pattern's paths meets, or -1, (columns, paths)."""
+        return trace(self._steps.table, self._steps.patterns, ends)
 
-    def score(self, ends: Indices, weights: SumWeights) -> PathSums:
-        """Sums of what the features tell along the paths to `ends`, where they suffice."""
+    def score(self, ends: Sequence[Indices], weights: Sequence[SumWeights]) -> list[PathSums]:
+        """Sums of what the features tell along each pattern's paths, where they suffice."""
         if self._observed is None:
             self._observed = Observed(self._packed, self._known, self._n_features)
-        frames = self.trace(ends)
-        parts = [
-            self._observed.sum_enough(frames[:, first : first + _BLOCK], weights)
-            for first in range(0, max(len(ends), 1), _BLOCK)
-        ]
-        places = np.concatenate([places + i * _BLOCK for i, (places, _) in enumerate(parts)])
-        sums = np.concatenate([sums for _, sums in parts])
-        return PathSums(places, frames[0, places].astype(np.intp), sums)
+        traced = zip(self.trace(ends), weights, strict=True)
+        return [_sum_in_blocks(self._observed, frames, own) for frames, own in traced]
+
+
+def _sum_in_blocks(observed: "Observed", frames: Integers, weights: SumWeights) -> PathSums:
+    parts = [
+        observed.sum_enough(frames[:, first : first + _BLOCK], weights)
+        for first in range(0, max(frames.shape[1], 1), _BLOCK)
+    ]
+    places = np.concatenate([places + i * _BLOCK for i, (places, _) in enumerate(parts)])
+    sums = np.concatenate([sums for _, sums in parts])
+    return PathSums(places, frames[0, places].astype(np.intp), sums)
 
 
 class Observed:
@@ -126,13 +126,13 @@ class Observed:
         self._set = np.zeros((len(packed) + 1, n_features), dtype=np.float32)
         self._set[1:] = unpack(packed if known is None else packed & known, n_features)
         self._ever: Bools = np.ones(n_features, dtype=np.bool_)
-        self._unknown: Bools | None = None
+        self._unknown: Single | None = None
         seen = None if known is None else unpack(known, n_features)
         if seen is not None and not seen.all():
             # What a skeleton lacks, it lacks in every frame: only what is known at times
             # has to be looked up.
             self._ever = np.asarray(seen.any(axis=0), dtype=np.bool_)
-            self._unknown = np.zeros(self._set.shape, dtype=np.bool_)
+            self._unknown = np.zeros_like(self._set)
             self._unknown[1:] = ~seen & self._ever
             self._n_partial = np.cumsum(self._unknown.any(axis=1))
 
@@ -148,38 +148,22 @@ class Observed:
     def sum_enough(
         self, frames: Integers, weights: SumWeights
     ) -> tuple[Indices, NDArray[np.int64]]:
-        """Places and sums of the paths whose sum is at least `weights.least`.
-
-        Most paths fall short by so much that some of the columns show it.
-        """
+        """Places and sums of the paths whose sum is at least `weights.least`."""
         dtype = _exact_type(weights)
-        most = np.maximum(weights.if_known + np.maximum(weights.if_set, 0), 0)
-        floor = dtype(weights.floor)
-        places = np.arange(frames.shape[1])
-        sums: Sums = np.zeros((len(places), weights.if_set.shape[1]), dtype=dtype)
-        total = np.zeros(len(places))
-        edges = np.linspace(0, len(frames), _STAGES + 1).astype(int)
-        for first, last in pairwise(edges.tolist()):
-            part = slice(first, last)
-            own = weights._replace(if_set=weights.if_set[part], if_known=weights.if_known[part])
-            sums += self._sum(frames[part][:, places], own, dtype)
-            rest = most[last:].sum(axis=0).astype(dtype)
-            total = np.maximum(sums + rest, floor).sum(axis=1, dtype=np.float64)
-            enough = total >= weights.least
-            places, sums, total = places[enough], sums[enough], total[enough]
-        return places, total.astype(np.int64)
+        sums = self._sum(frames, weights, dtype)
+        total = np.maximum(sums, dtype(weights.floor)).sum(axis=1, dtype=np.float64)
+        places = np.flatnonzero(total >= weights.least)
+        return places, total[places].astype(np.int64)
 
     def _sum(self, frames: Integers, weights: SumWeights, dtype: type) -> Sums:
         always: Sums = np.where(self._ever, weights.if_known, 0).astype(dtype)
         rows = frames + 1
         sums: Sums = (rows > 0).T.astype(dtype) @ always
-        _add_along(sums, self._set, rows, weights.if_set.astype(dtype))
+        sums += _sum_along(self._set, rows, weights.if_set.astype(dtype))
         if self._unknown is not None:
             touched = self._touches_unknown(rows)
             if touched.any():
-                lost: Sums = np.zeros((np.count_nonzero(touched), sums.shape[1]), dtype=dtype)
-                _add_along(lost, self._unknown, rows[:, touched], always)
-                sums[touched] -= lost
+                sums[touched] -= _sum_along(self._unknown, rows[:, touched], always)
         return sums
 
     def _touches_unknown(self, rows: Integers) -> Bools:
@@ -196,22 +180,19 @@ def _exact_type(weights: SumWeights) -> type:
     return np.float32 if terms.sum(axis=0).max(initial=0) < _EXACT else np.float64
 
 
-def _add_along(sums: Sums, table: Single | Bools, rows: Integers, weights: Sums) -> None:
-    """Add to `sums` the weighted rows of a table that each path meets."""
-    n_paths, n_features = sums.shape
-    # Products of few long rows take a third of the time of many short ones.
-    padded = np.zeros((-(-n_paths // _ABREAST) * _ABREAST, n_features), dtype=table.dtype)
-    weighed = padded if padded.dtype == sums.dtype else np.zeros_like(padded, dtype=sums.dtype)
-    cells, abreast = padded[:n_paths], (-1, _ABREAST * n_features)
-    tiled = np.tile(weights, (1, _ABREAST))
-    for row, weight in zip(rows.astype(np.intp), tiled, strict=True):
-        np.take(table, row, axis=0, out=cells, mode="clip")
-        np.multiply(padded.reshape(abreast), weight, out=weighed.reshape(abreast))
-        np.add(sums, weighed[:n_paths], out=sums)
+def _sum_along(table: Single, rows: Integers, weights: Sums) -> Sums:
+    """Sums of the weighted rows of a table that each path meets, shape (paths, features)."""
+    sums: Sums = np.empty((rows.shape[1], weights.shape[1]), dtype=weights.dtype)
+    n_at_once = max(1, _AT_ONCE // weights.size)
+    for first in range(0, len(sums), n_at_once):
+        part = slice(first, first + n_at_once)
+        met = table.take(rows[:, part].T, axis=0, mode="clip")
+        np.einsum("pkf,kf->pf", met, weights, out=sums[part])
+    return sums
 
 
 class StepTable:
-    """Steps of the paths of one pattern after the other in one recording.
+    """Steps of the paths of some patterns after others in one recording.
 
     Parameters
     ----------
@@ -229,32 +210,59 @@ class StepTable:
         self._packed, self._known, self._blocked = packed, known, blocked
         self._engine: Engine = engine
         self._room = np.empty(0, dtype=np.uint8)
-        self.table: Steps = self._room.reshape(0, 0)
+        self.table: Steps = self._room.reshape(0, 0, 0)
+        self.patterns = Abreast((), (), ())
 
-    def march(self, pattern: Pattern) -> Single:
-        """Distance function of a pattern; `table` gets the step into every cell."""
-        shape = len(pattern), len(self._packed)
-        if len(self._room) < math.prod(shape):
-            self._room = np.empty(math.prod(shape), dtype=np.uint8)
-        self.table = self._room[: math.prod(shape)].reshape(shape)
-        state = MatchState.fresh(pattern)
-        return march_pattern(
-            pattern, self._packed, self._known, self._blocked,
-            SKIP_WEIGHT, state, self._engine, self.table,
-        )  # fmt: skip
+    def march(self, patterns: Abreast) -> Single:
+        """Distance functions of patterns; `table` gets the step into every cell."""
+        n_cells = patterns.n_cells(len(self._packed))
+        if len(self._room) < n_cells:
+            self._room = np.empty(n_cells, dtype=np.uint8)
+        shape = len(patterns.longest[0]), len(patterns.longest), len(self._packed)
+        self.table, self.patterns = self._room[:n_cells].reshape(shape), patterns
+        return march_abreast(
+            patterns, self._packed, self._known, self._blocked, self._engine, self.table
+        )
 
 
-def trace(steps: Steps, ends: Indices) -> Integers:
-    """Frame that each column of the paths to `ends` meets, or -1, (columns, paths)."""
-    n_columns = len(steps)
-    frames = np.empty((n_columns, len(ends)), dtype=np.int32)
-    frames[-1] = ends
-    at = ends.astype(np.int32)
-    moves = np.ones(len(ends), dtype=np.bool_)
-    for k in range(n_columns - 1, 0, -1):
+def trace(steps: Steps, patterns: Abreast, ends: Sequence[Indices]) -> list[Integers]:
+    """Frame that each column of each pattern's paths meets, or -1, (columns, paths).
+
+    Parameters
+    ----------
+    steps : array, shape (columns, longest patterns, frames)
+    ends : last frames of each pattern's paths
+    """
+    lengths = np.array([len(pattern) for pattern in patterns.patterns])
+    # The longest first: of the others nothing is left when these go on.
+    order = np.argsort(-lengths, kind="stable").tolist()
+    n_paths = np.array([len(ends[i]) for i in order])
+    _, n_abreast, n_frames = steps.shape
+    at = np.concatenate([ends[i] for i in order]).astype(np.int32)
+    places = np.repeat(np.array(patterns.places)[order], n_paths)
+    columns = np.repeat(lengths[order], n_paths)
+    # Cell of the flat table that belongs to frame 0 of a path's column.
+    row = ((columns - 1) * n_abreast + places) * n_frames
+    frames = np.empty((int(lengths.max()), len(at)), dtype=np.int32)
+    frames[0] = at
+    moves = np.ones(len(at), dtype=np.bool_)
+    flat = steps.reshape(-1)
+    for back, n in enumerate(_longer_than(columns), start=1):
+        at, moves, row = at[:n], moves[:n], row[:n]
         # Paths that leave this column out have passed it already: they wait.
-        step = steps[k].take(at, mode="clip")
+        step = flat.take(row + at, mode="clip")
         at -= _BACK.take(step, mode="clip") * moves
         moves = ~((step > 1) & moves)
-        frames[k - 1] = np.where(moves, at, -1)
-    return frames
+        frames[back, :n] = np.where(moves, at, -1)
+        row -= n_abreast * n_frames
+    stops = np.cumsum(n_paths).tolist()
+    traced = [frames[:0]] * len(order)
+    for i, stop, n in zip(order, stops, n_paths.tolist(), strict=True):
+        traced[i] = frames[: lengths[i], stop - n : stop][::-1]
+    return traced
+
+
+def _longer_than(columns: Indices) -> list[int]:
+    """How many of these descending numbers are above 1, 2, …, up to the largest."""
+    numbers = np.arange(1, columns.max(initial=1))
+    return [int(n) for n in np.searchsorted(-columns, -numbers)]

@@ -1,5 +1,7 @@
 """Sums along warping paths compiled: the twin of `_paths`, with the same bits."""
 
+from collections.abc import Sequence
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,7 @@ from motionary.matching._paths import (
     StepTable,
     SumWeights,
 )
-from motionary.matching.pattern import Pattern
+from motionary.matching.distance import Abreast
 from motionary.packing import PackedFeatures, unpack
 
 Masks = NDArray[np.int8]
@@ -39,14 +41,23 @@ class CompiledKernels:
         if known is not None:
             self._partial = (self._seen == 0)[:, self._ever].any(axis=1)
 
-    def march(self, pattern: Pattern) -> Single:
-        """Distance function of a pattern; the steps into its cells are kept."""
-        return self._steps.march(pattern)
+    def march(self, patterns: Abreast) -> Single:
+        """Distance functions, shape (patterns, frames); the steps into their cells are kept."""
+        return self._steps.march(patterns)
 
-    def score(self, ends: Indices, weights: SumWeights) -> PathSums:
-        """Sums of what the features tell along the paths to `ends`, where they suffice."""
+    def score(self, ends: Sequence[Indices], weights: Sequence[SumWeights]) -> list[PathSums]:
+        """Sums of what the features tell along each pattern's paths, where they suffice."""
+        return [
+            self._score(self._steps.table[: len(pattern), place], own_ends, own_weights)
+            for pattern, place, own_ends, own_weights in zip(
+                self._steps.patterns.patterns, self._steps.patterns.places, ends, weights,
+                strict=True,
+            )
+        ]  # fmt: skip
+
+    def _score(self, steps: Steps, ends: Indices, weights: SumWeights) -> PathSums:
         starts, sums = sum_along(
-            self._steps.table, ends, self._set, self._seen, self._partial,
+            steps, ends, self._set, self._seen, self._partial,
             weights.if_set, weights.if_known * self._ever, np.int64(weights.floor),
         )  # fmt: skip
         places = np.flatnonzero(sums >= weights.least)

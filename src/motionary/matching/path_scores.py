@@ -13,7 +13,7 @@ multiples of `GRAIN`, so that sums are exact in any order, in NumPy and compiled
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.matching._paths import NumpyKernels, Observed, PathKernels, SumWeights
-from motionary.matching.distance import Engine, load_twin
+from motionary.matching.distance import Engine, alone, load_twin, plan_abreast
 from motionary.matching.hits import local_minima
 from motionary.matching.pattern import Pattern, check_sequence
 from motionary.packing import PackedFeatures, count_integers
@@ -31,7 +31,6 @@ Floats = NDArray[np.float64]
 Single = NDArray[np.float32]
 Integers = NDArray[np.int32]
 Indices = NDArray[np.intp]
-KernelsOfRecording = Callable[[PackedFeatures, PackedFeatures | None, Indices, int], PathKernels]
 
 #: Unit of the ratios, in nats.
 GRAIN = 2.0**-12
@@ -190,9 +189,10 @@ def find_paths(
     """
     check_sequence(pattern, packed, known)
     kernels = NumpyKernels(packed, known, blocked, 0)
-    distance = kernels.march(pattern)
+    (distance,) = kernels.march(alone(pattern))
     ends = minima_ends(distance, threshold=settings.most_cost, every=settings.every)
-    return Paths(np.ascontiguousarray(kernels.trace(ends).T), distance[ends])
+    (frames,) = kernels.trace([ends])
+    return Paths(np.ascontiguousarray(frames.T), distance[ends])
 
 
 def find_paths_to(
@@ -215,10 +215,10 @@ def find_paths_to(
         first = max(0, end - 2 * len(pattern) + 2)
         part = slice(first, end + 1)
         kernels = NumpyKernels(packed[part], None if known is None else known[part], _NOTHING, 0)
-        costs[i] = kernels.march(pattern)[-1] if end < len(packed) else np.inf
+        costs[i] = kernels.march(alone(pattern))[0, -1] if end < len(packed) else np.inf
         if not np.isfinite(costs[i]):
             raise InvalidInput(f"no path of {len(pattern)} columns ends at frame {end}")
-        found = kernels.trace(np.array([end - first]))[:, 0]
+        found = kernels.trace([np.array([end - first])])[0][:, 0]
         frames[i] = np.where(found < 0, -1, found + first)
     return Paths(frames, costs)
 
@@ -270,18 +270,26 @@ def score_patterns(
         return _join([])
     n_cells = len(packed) * sum(map(len, patterns))
     twin = load_twin(_COMPILED, engine, pays=n_cells >= COMPILED_PAYS_AT)
-    choice: KernelsOfRecording = NumpyKernels if twin is None else twin.CompiledKernels
-    kernels = choice(packed, known, blocked, n_features)
-    found: list[ScoredPaths] = []
-    for i, (pattern, ratio) in enumerate(zip(patterns, ratios, strict=True)):
-        distance = kernels.march(pattern)
-        ends = minima_ends(distance, threshold=settings.most_cost, every=settings.every)
-        places, starts, sums = kernels.score(ends, _sum_weights(ratio, settings))
-        ends = ends[places]
-        scores: Floats = sums * np.float64(GRAIN / ratio.scale)
-        which = np.full(len(ends), i, dtype=np.intp)
-        found.append(ScoredPaths(which, starts, ends + 1, scores, distance[ends]))
-    return _join(found)
+    kernels: PathKernels
+    if twin is None:
+        kernels = NumpyKernels(packed, known, blocked, n_features)
+        planned = plan_abreast(patterns, n_frames=len(packed))
+    else:
+        kernels = twin.CompiledKernels(packed, known, blocked, n_features)
+        planned = [((i,), alone(pattern)) for i, pattern in enumerate(patterns)]
+    found: dict[int, ScoredPaths] = {}
+    for indices, abreast in planned:
+        distances = kernels.march(abreast)
+        ends = [
+            minima_ends(d, threshold=settings.most_cost, every=settings.every) for d in distances
+        ]
+        scored = kernels.score(ends, [_sum_weights(ratios[i], settings) for i in indices])
+        for i, own, distance, sums in zip(indices, ends, distances, scored, strict=True):
+            kept = own[sums.places]
+            scores: Floats = sums.sums * np.float64(GRAIN / ratios[i].scale)
+            which = np.full(len(kept), i, dtype=np.intp)
+            found[i] = ScoredPaths(which, sums.starts, kept + 1, scores, distance[kept])
+    return _join([found[i] for i in range(len(patterns))])
 
 
 def minima_ends(distance: Single, *, threshold: float, every: int = DEFAULTS.every) -> Indices:
