@@ -6,10 +6,17 @@ a program must tell apart has a class of its own.
 
 import re
 from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 # Longer than any text of our own; what is longer quotes a file.
 _LONGEST, _KEPT_AT_END = 1300, 300
+# Abstract kinds by what people call them.
+_CALLED = {
+    "Real": "a number", "Integral": "a whole number", "PathLike": "Path", "Iterable": "a list",
+    "Mapping": "a dict", "ndarray": "a NumPy array",
+}  # fmt: skip
 
 
 class MotionaryError(Exception):
@@ -111,6 +118,17 @@ def check_kind(
     WrongKind
     """
     if not isinstance(value, kinds):
-        wanted = " or ".join(kind.__name__ for kind in kinds)
+        wanted = " or ".join(_CALLED.get(kind.__name__, kind.__name__) for kind in kinds)
         wanted = f"{role}: {wanted}" if role else wanted
         raise WrongKind(f"{name} must be {wanted}, got {type(value).__name__}; {remedy}")
+
+
+def check_path(path: object, *, remedy: str = "give the name of a file") -> Path:
+    """The path that an argument names.
+
+    Raises
+    ------
+    WrongKind
+    """
+    check_kind(path, (str, PathLike), name="path", remedy=remedy)
+    return Path(path)  # type: ignore[arg-type]

@@ -9,9 +9,10 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any, Literal, NamedTuple
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_kind
 from motionary.recording import Recording, Segment
 from motionary.tables import Table, Tabular
 
@@ -68,6 +69,8 @@ class Label:
     def __post_init__(self) -> None:
         if not self.name:
             raise InvalidInput("a label needs a name")
+        for time in (self.start_s, self.end_s):
+            check_kind(time, (Real,), name="a time", remedy="give seconds as a number")
         if not -math.inf < self.start_s <= self.end_s < math.inf:
             raise InvalidInput(
                 f"label {self.name[:40]!r}: times must be finite and start must not come after "
@@ -93,6 +96,10 @@ class LabelTrack(Tabular):
     nearest: str = ""
 
     def __post_init__(self) -> None:
+        remedy = "LabelTrack(Recording(name), [Label(name, start_s, end_s), ...])"
+        check_kind(self.recording, (Recording,), name="recording", remedy=remedy)
+        for label in self.labels:
+            check_kind(label, (Label,), name="a label", remedy=remedy)
         order = tuple(sorted(self.labels, key=lambda x: (x.start_s, x.end_s, x.name)))
         object.__setattr__(self, "labels", order)
 

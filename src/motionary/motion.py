@@ -7,6 +7,7 @@ NaN = not seen.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -56,6 +57,9 @@ class Skeleton:
             )
         if np.any(self.parents >= np.arange(n)) or np.any(self.parents < -1):
             raise InvalidInput("a joint's parent must come before it")
+
+    def __repr__(self) -> str:
+        return f"Skeleton({len(self.names)} joints: {', '.join(self.names)[:200]})"
 
 
 class Normal(NamedTuple):
@@ -146,6 +150,9 @@ class Motion(Shown):
     unmapped: Unmapped | None = None
 
     def __post_init__(self) -> None:
+        remedy = "Motion(names, positions, Recording(name, rate_hz=...))"
+        check_kind(self.positions, (np.ndarray,), name="positions", remedy=remedy)
+        check_kind(self.recording, (Recording,), name="recording", remedy=remedy)
         shape = self.positions.shape
         if len(shape) != 3 or shape[1:] != (len(self.names), 3):
             raise InvalidInput(
@@ -256,7 +263,7 @@ class Motion(Shown):
         for name, value in (("first", first), ("stop", stop)):
             check_kind(
                 value,
-                (int, np.integer),
+                (Integral,),
                 name=name,
                 remedy=f"for seconds multiply by rate_hz ({self.rate_hz:g}) and round",
             )

@@ -10,9 +10,10 @@ frame; `first_frame` is the number that the file gives that frame.
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from itertools import pairwise
+from numbers import Real
 from typing import TYPE_CHECKING, NamedTuple
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_kind
 
 if TYPE_CHECKING:
     import numpy as np
@@ -76,6 +77,7 @@ class Recording:
     first_frame: int = 0
 
     def __post_init__(self) -> None:
+        check_kind(self.rate_hz, (Real,), name="rate_hz", remedy="give frames per second")
         if not (math.isfinite(self.rate_hz) and self.rate_hz >= 0):
             raise InvalidInput(f"rate_hz must be a positive number, got {self.rate_hz}")
         if self.n_frames < 0:

@@ -429,7 +429,7 @@ def test_labels_of_another_recording_are_refused_by_name():
         (lambda: evaluate({"a": []}, {"a": []}, missing="ignore"), "missing must be"),
         (lambda: evaluate([("a", []), ("a", [])], {"a": []}), "comes twice"),
         (
-            lambda: evaluate(LabelTrack(Recording("a"), (Label("walk", 0, 1),)), {"a": []}),
+            lambda: evaluate([Label("walk", 0, 1)], {"a": []}),
             "mapping",
         ),
         (lambda: evaluate({"a": [("walk", 0, 1)]}, {"a": []}), "prediction of a: expected name"),

@@ -11,12 +11,12 @@ as long as both tables use the same; segments may overlap and come in any order.
 import math
 import unicodedata
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, WrongKind
 
 # Times that differ by less are equal: the rest is rounding.
 ROUNDING = 1e-6
@@ -244,9 +244,16 @@ def _choose(claimed: set[str], real: set[str], missing: Missing) -> set[str]:
 
 
 def _to_mapping(recordings: Recordings, *, side: str) -> dict[str, Labels]:
-    items = recordings.items() if isinstance(recordings, Mapping) else recordings
+    if hasattr(recordings, "recording"):
+        recordings = [recordings]  # type: ignore[list-item]
+    if not isinstance(recordings, Iterable) or isinstance(recordings, str):
+        raise WrongKind(f"{side}: expected labels by recording, got {type(recordings).__name__}")
+    items: Iterable[Any] = recordings.items() if isinstance(recordings, Mapping) else recordings
     mapping: dict[str, Labels] = {}
     for item in items:
+        if hasattr(item, "recording"):
+            # A track, which knows what it is of.
+            item = (item.recording.name, item)
         if not (isinstance(item, tuple) and len(item) == 2 and isinstance(item[0], str)):
             raise InvalidInput(
                 f"{side}: expected a mapping of recording to labels or pairs "

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from motionary.errors import InvalidInput, UnknownSkeleton
+from motionary.errors import InvalidInput, UnknownSkeleton, WrongKind
 from motionary.features.body import Body, Floats
 from motionary.features.catalogue import FULL_BODY
 from motionary.features.feature_set import FeatureSet, holds, needs_travel
@@ -170,6 +170,7 @@ def compute_features(
     *,
     rate_hz: float | None = None,
     skeleton: str | Sequence[str] | None = None,
+    source: str = "",
     feature_set: FeatureSet = FULL_BODY,
 ) -> FeatureSequence:
     """Features of a motion, or of an array of joint positions.
@@ -181,6 +182,7 @@ def compute_features(
     skeleton : for arrays: name of a known skeleton with a usual order of joints ("smpl"),
         or the joints' names in the order of the array; left out, the array holds the 24
         generic joints in their order
+    source : for arrays: name of the recording, which hits and labels then have
     feature_set : features to compute
 
     Returns
@@ -194,11 +196,11 @@ def compute_features(
         motion's joints are unknown or its rate is below 1 Hz.
     """
     if not isinstance(motion, Motion):
-        motion = _motion_from_array(motion, rate_hz, skeleton)
-    elif rate_hz is not None or skeleton is not None:
+        motion = _motion_from_array(motion, rate_hz, skeleton).renamed(source)
+    elif rate_hz is not None or skeleton is not None or source:
         raise InvalidInput(
-            "rate_hz= and skeleton= go with arrays; a Motion has its own: read(..., rate_hz=, "
-            "skeleton=) or dataclasses.replace changes them"
+            "rate_hz=, skeleton= and source= go with arrays; a Motion has its own: read(..., "
+            "rate_hz=, skeleton=), motion.renamed(name) or dataclasses.replace change them"
         )
     if motion.rate_hz < _LEAST_HZ:
         raise InvalidInput(
@@ -307,11 +309,21 @@ def hysteresis(strong: Bools, weak: Bools, known: Bools, *, before: bool = False
 def _motion_from_array(
     positions: ArrayLike, rate_hz: float | None, skeleton: str | Sequence[str] | None
 ) -> Motion:
-    array = np.asarray(positions, dtype=np.float64)
+    try:
+        array = np.asarray(positions, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise WrongKind(
+            f"motion must be a Motion or an array of positions, got {type(positions).__name__}; "
+            "files are read first, and several one after the other: "
+            "[compute_features(read(path)) for path in paths]"
+        ) from None
     if rate_hz is None:
         raise InvalidInput("an array of positions needs rate_hz=, its frames per second")
     if array.ndim != 3 or array.shape[2] != 3:
-        raise InvalidInput(f"positions need shape (frames, joints, 3), got {array.shape}")
+        raise InvalidInput(
+            f"positions need shape (frames, joints, 3), got {array.shape}; of a batch, compute one "
+            "recording after the other"
+        )
     names, mapping = _joints_of_array(skeleton)
     if array.shape[1] != len(names):
         expected = "skeleton= names" if skeleton is not None else "without skeleton= there must be"

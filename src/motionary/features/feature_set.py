@@ -145,6 +145,9 @@ class FeatureSet:
                 f"set that names {stray[0]!r} as its own mirror, got {mirrors[stray[0]]!r}"
             )
 
+    def __repr__(self) -> str:
+        return f"FeatureSet({self.name!r}, {len(self)} features)"
+
     def __len__(self) -> int:
         return len(self.features)
 

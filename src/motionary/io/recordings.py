@@ -8,7 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile
+from motionary.errors import (
+    InvalidInput,
+    SeveralRecordings,
+    UnreadableFile,
+    check_kind,
+    check_path,
+)
 from motionary.io.formats import (
     FORMATS,
     WAYS_OUT,
@@ -65,7 +71,7 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
         If an option does not go with the format, or contradicts the file, or the caller, the
         file and the body contradict each other.
     """
-    path = Path(path)
+    path = check_path(path, remedy="files are read one after the other: [read(p) for p in paths]")
     form = find_format(path)
     if form is None:
         known = ", ".join(form.suffix for form in FORMATS)
@@ -142,7 +148,8 @@ def write(
     UnwritableFile
         If the file cannot be written.
     """
-    path = Path(path)
+    path = check_path(path, remedy="the motion comes first: write(motion, path)")
+    check_kind(motion, (Motion,), name="motion", remedy="motions are written one after the other")
     form = find_format(path)
     if form is None or not form.write:
         raise InvalidInput(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from statistics import fmean, median
 
+from motionary.errors import check_kind
 from motionary.labels import Label, LabelTrack
 from motionary.tables import Table, Tabular
 
@@ -81,7 +82,11 @@ def count(tracks: LabelTrack | Iterable[LabelTrack]) -> ClassCounts:
     -------
     ClassCounts, a list of ClassCount in the order of the tracks, then by class and side
     """
-    given = [tracks] if isinstance(tracks, LabelTrack) else tracks
+    remedy = "count what annotate returns, or LabelTrack(Recording(name), labels)"
+    check_kind(tracks, (Iterable,), name="tracks", remedy=remedy)
+    given = [tracks] if isinstance(tracks, LabelTrack) else list(tracks)
+    for track in given:
+        check_kind(track, (LabelTrack,), name="a track", remedy=remedy)
     return ClassCounts(one for track in given for one in _count_track(track))
 
 

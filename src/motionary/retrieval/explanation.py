@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, WrongKind
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.matching import Alignment, CellRatios, Pattern
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, quantise
@@ -126,6 +126,9 @@ class Explanation:
     score: float | None = None
     gains: tuple[Gain, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"Explanation({str(self)!r})"
+
     def __str__(self) -> str:
         parts = [
             f"{self.name} at {self.start_s:.1f}–{self.end_s:.1f} s, cost {self.cost:.3f}: "
@@ -159,7 +162,12 @@ def explain(match: Explainable | Evidence) -> Explanation:
     InvalidInput
         If the label carries no evidence, because it was read from a table.
     """
-    evidence = match if isinstance(match, Evidence) else match.evidence
+    evidence = match if isinstance(match, Evidence) else getattr(match, "evidence", ...)
+    if evidence is ...:
+        raise WrongKind(
+            f"match must be a Label or Hit, got {type(match).__name__}; explain one after the "
+            "other: [explain(label) for label in track]"
+        )
     if evidence is None:
         raise InvalidInput(
             "a label that was read from a table cannot be explained; "

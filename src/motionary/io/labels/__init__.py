@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, check_kind, check_path
 from motionary.files import STDOUT
 from motionary.io.text import format_suffix
 from motionary.labels import LabelTrack
@@ -108,6 +108,7 @@ FORMATS = (
 )  # fmt: skip
 #: By these names alone a format is written: tables, which any suffix of a table means.
 _NEEDS_NAME = frozenset({".json"})
+_REMEDY = "labels are of a recording: LabelTrack(Recording(name), labels)"
 
 
 def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
@@ -129,7 +130,7 @@ def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, 
         If the file is missing, broken, of an unknown format, lacks a column, or a row makes no
         sense; the message names the line.
     """
-    form = _find(path)
+    form = _find(check_path(path))
     try:
         return _read(form, Path(path), rate_hz)
     except InvalidInput as error:
@@ -194,7 +195,11 @@ def write_labels(
         tracks = [tracks]
     elif isinstance(tracks, Mapping):
         tracks = tracks.values()
-    form = find_label_format(path, to=to)
+    check_kind(tracks, (Iterable,), name="tracks", remedy=_REMEDY)
+    tracks = list(tracks)
+    for track in tracks:
+        check_kind(track, (LabelTrack,), name="a track", remedy=_REMEDY)
+    form = find_label_format(check_path(path), to=to)
     if not form.needs_recording:
         _load(form.write)(tracks, Path(path), excel=excel)
         return

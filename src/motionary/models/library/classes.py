@@ -184,6 +184,10 @@ class MotionClass:
         object.__setattr__(self, "tolerance", float(self.tolerance))
         object.__setattr__(self, "parts", tuple(self.parts))
 
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one in self.prototypes)
+        return f"MotionClass({self.name!r}, {len(self.prototypes)} templates: {names[:200]})"
+
     def _check_prototypes(self) -> None:
         originals = {one.name for one in self.prototypes if not one.mirror_of}
         if len({one.name for one in self.prototypes}) != len(self.prototypes):

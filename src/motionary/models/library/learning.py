@@ -5,14 +5,14 @@ its prototypes, each with a template of its own. The order of the steps is here,
 monitor follows them.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from motionary.batch import Failure
-from motionary.errors import InvalidInput, MotionaryError, UnreadableFile
+from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, check_kind
 from motionary.features import (
     FULL_BODY,
     FeatureSequence,
@@ -131,6 +131,8 @@ def learn(
     if isinstance(examples, str | Path):
         nested = _read_folder(Path(examples), reading, feature_set, jobs=jobs, monitor=watch)
     else:
+        remedy = "give a folder with one folder per class, or a dict: {'squat': [motion, ...], ...}"
+        check_kind(examples, (Mapping,), name="examples", remedy=remedy)
         nested = {name: _by_prototype(name, x, feature_set) for name, x in examples.items()}
     if not nested:
         raise InvalidInput("there are no examples to learn from; give at least one class")
@@ -261,16 +263,18 @@ def _by_prototype(
     feature_set: FeatureSet,
 ) -> Mapping[str, Sequence[FeatureSequence]]:
     """Packed features of a class by prototype; motions are measured."""
+    remedy = "give lists of motions or features; motionary.read reads a file"
     prototypes = items if isinstance(items, Mapping) else {name: items}
-    return {
-        key: [
-            one
-            if isinstance(one, FeatureSequence)
-            else compute_features(one, feature_set=feature_set)
-            for one in given
-        ]
-        for key, given in prototypes.items()
-    }
+    result: dict[str, list[FeatureSequence]] = {}
+    for key, given in prototypes.items():
+        check_kind(given, (Iterable,), name=f"examples of {key!r}", remedy=remedy)
+        result[key] = []
+        for one in given:
+            check_kind(one, (Motion, FeatureSequence), name=f"an example of {key!r}", remedy=remedy)
+            if isinstance(one, Motion):
+                one = compute_features(one, feature_set=feature_set)
+            result[key].append(one)
+    return result
 
 
 def _learn_templates(

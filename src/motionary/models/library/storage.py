@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile, check_path
 from motionary.features import FULL_BODY, FeatureSet, describe_set, known_sets, set_from_rows
 from motionary.files import holds_others, read_bytes, remove_leftovers
 from motionary.models.library.class_files import (
@@ -294,7 +294,7 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
         If the folder is no library, was written by a newer version, or was edited into
         something that does not fit; the message names file, key and line.
     """
-    folder = Path(folder)
+    folder = check_path(folder, remedy="give the name of a folder")
     path = folder / INDEX
     if not path.is_file():
         raise UnreadableFile(f"{folder}: no library there ({INDEX} is missing)")

@@ -75,6 +75,12 @@ class MotionTemplate:
         object.__setattr__(self, "weights", _check_weights(self.weights, n_columns=len(values)))
         object.__setattr__(self, "feature_names", names)
 
+    def __repr__(self) -> str:
+        return (
+            f"MotionTemplate({self.n_columns} columns, {self.duration_s:.2f} s, "
+            f"{self.n_features} features of {self.feature_set!r}, {self.n_examples} examples)"
+        )
+
     @property
     def n_columns(self) -> int:
         """Number of columns."""

@@ -4,6 +4,7 @@ from motionary.retrieval.index.changes import Changes
 from motionary.retrieval.index.collection import (
     Collection,
     Part,
+    Sources,
     collect,
     join_collections,
     read_collection,
@@ -19,6 +20,7 @@ __all__ = [
     "Index",
     "Part",
     "Shard",
+    "Sources",
     "collect",
     "join_collections",
     "read_collection",

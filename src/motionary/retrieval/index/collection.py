@@ -26,6 +26,14 @@ from motionary.retrieval.index.shard import Shard, make_shard, select
 
 _MOST_REASONS = 3
 
+#: What features are collected of.
+Sources = (
+    str
+    | Path
+    | Sequence[str | Path | Motion | FeatureSequence]
+    | Mapping[str, Motion | FeatureSequence]
+)
+
 
 class Part(NamedTuple):
     """A shard of a collection, and the number that each of its sequences has there."""
@@ -142,7 +150,7 @@ class _Sequences(Sequence[FeatureSequence]):
 
 
 def collect(
-    recordings: str | Path | Sequence[str | Path | Motion | FeatureSequence],
+    recordings: Sources,
     *,
     reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
@@ -153,7 +161,8 @@ def collect(
 
     Parameters
     ----------
-    recordings : a folder, file or pattern, or a sequence of such, of motions or of features
+    recordings : a folder, file or pattern, or a sequence of such, of motions or of features;
+        or motions or features by the names that they are to have
     reading : what the files do not say themselves
     jobs : processes that read; the result does not depend on it
     on_done : called after each file
@@ -166,6 +175,8 @@ def collect(
     """
     remedy = "give a folder, paths, or motions in a list; motionary.read reads a file"
     check_kind(recordings, (str, Path, Iterable), name="recordings", remedy=remedy)
+    if isinstance(recordings, Mapping):
+        recordings = [_named(name, one) for name, one in recordings.items()]
     given = [recordings] if isinstance(recordings, str | Path) else list(recordings)
     for item in given:
         check_kind(item, (str, Path, Motion, FeatureSequence), name="a recording", remedy=remedy)
@@ -183,6 +194,13 @@ def collect(
         on_done=on_done,
     )
     return replace(read, sequences=(*packed, *read.sequences))
+
+
+def _named(name: str, recording: Motion | FeatureSequence) -> Motion | FeatureSequence:
+    check_kind(recording, (Motion, FeatureSequence), name=f"{name!r}", remedy="read files first")
+    if isinstance(recording, Motion):
+        return recording.renamed(name)
+    return replace(recording, recording=recording.recording.renamed(name))
 
 
 def read_collection(

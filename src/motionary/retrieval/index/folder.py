@@ -23,6 +23,7 @@ from motionary.errors import (
     NotAMotion,
     NotHuman,
     UnreadableFile,
+    check_path,
 )
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
 from motionary.files import LEFT_ALONE_S
@@ -83,6 +84,9 @@ class Index:
         self._shards: dict[str, Shard] = {}
         self.damage: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"Index({str(self.folder)!r}, {len(self)} recordings, kept in {str(self.place)!r})"
+
     @classmethod
     def open(
         cls,
@@ -111,7 +115,7 @@ class Index:
             If the index at `at` has another feature set, or its files were read otherwise.
         """
         reading = reading or ReadOptions()
-        path = Path(folder)
+        path = check_path(folder, remedy="give the name of a folder")
         recipe = Recipe.of(feature_set, reading)
         place = cache_place(path, recipe) if at is None else Path(at)
         index = cls(path, place, feature_set=feature_set, reading=reading)

@@ -12,7 +12,8 @@ irrelevant ones show at the same moments has little weight.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from motionary.models.templates import MotionTemplate, learn_template, pattern_o
 from motionary.motion import Motion
 from motionary.packing import unpack
 from motionary.retrieval.explanation import describe_nearest
-from motionary.retrieval.index import Collection, Index, collect
+from motionary.retrieval.index import Collection, Index, Sources, collect
 from motionary.retrieval.search.keyframes import (
     Preselection,
     explain_absence,
@@ -97,7 +98,7 @@ _QUERY_KINDS = (
     Motion, FeatureSequence, RelevanceFeedback, MotionTemplate, MotionClass, KeyframeQuery,
 )  # fmt: skip
 #: What can be searched.
-Recordings = Collection | Index | str | Path | Sequence[str | Path | Motion | FeatureSequence]
+Recordings = Collection | Index | Sources
 
 
 def search(
@@ -117,7 +118,8 @@ def search(
     ----------
     query : an example (a motion or its features, cut to the motion itself), one with relevance
         feedback, a template, a class, or keyframes alone, of which any may be found
-    recordings : a folder or files, motions, features, an index, or a collection of them
+    recordings : a folder or files, motions, features (as a dict: by the names that their hits
+        get), an index, or a collection of them
     threshold : largest cost; by default the class's own, otherwise none
     limit : most hits; None for all
     expansion : how an example becomes a template
@@ -142,6 +144,9 @@ def search(
             role="an example, a class or keyframes",
             remedy="read files first: search(read(path), …)",
         )
+    for name, number, kinds in (("threshold", threshold, Real), ("limit", limit, Integral)):
+        if number is not None:
+            check_kind(number, (kinds,), name=name, remedy="give a number")
     if limit is not None and limit < 1:
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
     if isinstance(recordings, Index):
@@ -229,7 +234,7 @@ def class_of_result(
 
 
 def _patterns_of(
-    query: object, collection: Collection, expansion: QueryExpansion, preselect: Preselection
+    query: Any, collection: Collection, expansion: QueryExpansion, preselect: Preselection
 ) -> tuple[list[SearchPattern], list[MotionTemplate]]:
     """Patterns of a query with the queries that preselect, and its templates."""
     if isinstance(query, MotionClass):
@@ -242,18 +247,13 @@ def _patterns_of(
         quantised = quantise(query, tolerance=expansion.tolerance)
         patterns = [SearchPattern(query.provenance or "template", quantised, pattern_of(quantised))]
         templates = [query]
-    elif isinstance(query, Motion | FeatureSequence | RelevanceFeedback):
+    else:
         if isinstance(query, Motion):
             query = compute_features(query, feature_set=collection.feature_set)
         if isinstance(query, FeatureSequence):
             query = RelevanceFeedback(query)
         template, expanded = expand(query, collection, expansion, preselect=preselect)
         patterns, templates = [expanded], [template]
-    else:
-        raise InvalidInput(
-            "query must be an example, a template, a class or keyframes, got "
-            f"{type(query).__name__}"
-        )
     pairs = zip(patterns, templates, strict=True)
     return [preselect_by(preselect, p, template, collection) for p, template in pairs], templates
 
