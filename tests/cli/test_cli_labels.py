@@ -105,3 +105,35 @@ def test_labels_are_paired_with_those_they_share_most_time_with():
     assert kinds(two, [("b", 0, 0.5)]) == [("added", None), ("removed", 0), ("removed", 2)]
     assert kinds([("a", 1, 1)], [("a", 1, 1)]) == [("kept", 1)]
     assert kinds([], []) == []
+
+
+def test_tables_may_count_in_frames_everywhere(motionary, table, tmp_path):
+    framed = tmp_path / "framed.csv"
+    rate = f"{RATE_HZ:g}"
+    rows = ["one.bvh,squat,15,44", "one.bvh,wave,30,52", "two.bvh,squat,8,37"]
+    framed.write_text("\n".join(["recording,label,start_s,end_s", *rows]))
+    seconds = tmp_path / "seconds.csv"
+    options = ("--frames", "--recordings", tmp_path / "*.bvh")
+    assert motionary("labels", "convert", framed, "-o", seconds, *options).code == 0
+    first = next(iter(read_labels(seconds)["one.bvh"]))
+    assert (first.start_s, first.end_s, first.start_frame) == (0.5, 1.5, 15)
+    again = tmp_path / "again.csv"
+    ran = motionary("labels", "convert", framed, "-o", again, "--frames", "--rate", rate)
+    assert ran.code == 0, ran.err
+    assert motionary("labels", "diff", seconds, again).out == "3 kept\n"
+    assert motionary("labels", "diff", framed, framed, "--frames").code == 1
+    ran = motionary("labels", "stats", framed, "--frames", "--rate", rate, "--json")
+    assert json.loads(ran.out.splitlines()[0])["mean_s"] == 1.0
+    scores = motionary(
+        "evaluate", framed, "--truth", framed, "--frames", "--rate", rate, "--json"
+    )  # fmt: skip
+    assert scores.code == 0, scores.err
+    clips = tmp_path / "clips"
+    ran = motionary("cut", framed, tmp_path / "one.bvh", tmp_path / "two.bvh", "-o", clips,
+                    "--frames")  # fmt: skip
+    assert ran.code == 0, ran.err
+    assert "one_squat_0.50-1.50s.bvh" in {path.name for path in clips.iterdir()}
+    page = tmp_path / "page.html"
+    ran = motionary("report", tmp_path / "one.bvh", tmp_path / "two.bvh", "-o", page,
+                    "--labels", framed, "--frames")  # fmt: skip
+    assert ran.code == 0, ran.err

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.io import read_labels, write_labels
 from motionary.labels import Label, LabelTrack
-from motionary.recording import Recording
+from motionary.recording import Recording, Segment
 
 HEADER = "recording,label,start_s,end_s\n"
 
@@ -185,11 +185,30 @@ def test_times_as_people_write_them(tmp_path, table, rate_hz):
     assert (label.start_s, label.end_s, label.cost) == (1.5, 3723, None)
 
 
+@pytest.mark.parametrize(
+    ("columns", "options"),
+    [("start_frame,end_frame", {}), ("start_s,end_s", {"in_frames": True})],
+)
+def test_frames_are_those_of_the_recording(tmp_path, columns, options):
+    path = tmp_path / "labels.csv"
+    path.write_text(f"recording,label,{columns},unassessed\nx,a,16,20,\nx,,21,30,1\n", "utf-8")
+    first = Recording("x.amc", rate_hz=10, first_frame=1)
+    track = read_labels(path, recordings={"x.amc": first}, rate_hz=99, **options)["x"]
+    (label,) = track
+    assert (label.start_s, label.end_s) == (1.5, 2.0)
+    assert (label.start_frame, label.end_frame) == (16, 20)
+    assert track.unassessed == (Segment(2.0, 3.0),)
+    with pytest.raises(InvalidInput, match=r"times of ELAN are no frames"):
+        read_labels(tmp_path / "a.eaf", in_frames=True)
+
+
 def test_frames_without_a_rate_and_cells_without_a_column_are_refused(tmp_path):
     path = tmp_path / "labels.csv"
     path.write_text("recording,label,start_frame,end_frame\nx,a,1,2\n", encoding="utf-8")
     with pytest.raises(UnreadableFile, match=r"line 2: says frames and no times"):
         read_labels(path)
+    with pytest.raises(UnreadableFile, match=r"line 2: frame 1 comes before the first one, 3"):
+        read_labels(path, recordings={"x.amc": Recording("x.amc", rate_hz=10, first_frame=3)})
     path.write_text("recording,label,start_s,end_s,\nx,a,1,2,what\n", encoding="utf-8")
     with pytest.raises(UnreadableFile, match=r"line 2: 'what' stands in a column without a name"):
         read_labels(path)

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
+from motionary.cli.labels import RecordingsOf
 from motionary.cli.options import (
     AsJson,
     Excel,
     Force,
+    InFrames,
     Jobs,
     check_picture,
     check_target,
@@ -233,6 +235,7 @@ def cut(
         list[str] | None,
         typer.Option("--only", metavar="LABEL", help="Cut labels of this name; may be repeated."),
     ] = None,
+    frames: InFrames = False,
     force: Force = False,
     *,
     jobs: Jobs,
@@ -250,7 +253,13 @@ def cut(
     from motionary.io import read_labels
 
     check_target(output, is_folder=True)
-    tracks = read_labels(labels, rate_hz=reading.rate_hz)
+    found = find_files(recordings)
+    tracks = read_labels(
+        labels,
+        rate_hz=reading.rate_hz,
+        in_frames=frames,
+        recordings=RecordingsOf(found.files, reading),
+    )
     if only:
         names = {label.name for track in tracks.values() for label in track}
         unknown = sorted(set(only) - names)
@@ -263,7 +272,6 @@ def cut(
             name: replace(track, labels=tuple(label for label in track if label.name in only))
             for name, track in tracks.items()
         }
-    found = find_files(recordings)
     for error in found.missing.values():
         screen.warn(str(error))
     done = cut_labels(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import AsJson, wrong
+from motionary.cli.options import AsJson, InFrames, wrong
 from motionary.cli.screen import enumerate_names
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.labels import LabelTrack
@@ -53,6 +53,11 @@ def evaluate(
             "recording without labels has no row in LABELS.",
         ),
     ] = False,
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="HZ", help="Frames per second, where times are frames."),
+    ] = None,
+    frames: InFrames = False,
     as_json: AsJson = False,
 ) -> int:
     """Score labels against the truth.
@@ -67,7 +72,8 @@ def evaluate(
     from motionary.io import read_labels
 
     names = _read_renames(rename or [])
-    predicted, true = _match(read_labels(labels), read_labels(truth), count_missing=count_missing)
+    tables = (read_labels(x, rate_hz=rate, in_frames=frames) for x in (labels, truth))
+    predicted, true = _match(*tables, count_missing=count_missing)
     predicted, true = _rename(predicted, names), _rename(true, names)
     if only:
         _check_only(only, predicted, true)

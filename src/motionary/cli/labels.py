@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import AsJson, Excel, Force, check_target, wrong
+from motionary.cli.options import AsJson, Excel, Force, InFrames, check_target, wrong
 from motionary.cli.recordings import find_files, read_recording
 from motionary.cli.screen import enumerate_names
 from motionary.errors import InvalidInput, UnreadableFile
@@ -17,6 +17,7 @@ from motionary.io.options import ReadOptions
 if TYPE_CHECKING:
     from motionary.io.labels import LabelFormat
     from motionary.labels import LabelTrack
+    from motionary.recording import Recording
 
 Tracks = dict[str, "LabelTrack"]
 
@@ -84,6 +85,7 @@ def convert(
     files: LabelFiles,
     options: ConvertOptions,
     rate: Rate = None,
+    frames: InFrames = False,
 ) -> int:
     """Write labels in the format of another program, or of another program as a table.
 
@@ -100,12 +102,13 @@ def convert(
     is_file = _is_file(options, form)
     if is_file:
         check_target(options.output, replace=options.force)
-    tracks = _read_all(files, rate)
-    tracks = _select(tracks, only=options.only, track=options.track)
     sources = find_files(options.recordings or ())
     for error in sources.missing.values():
         screen.warn(str(error))
-    tracks = {n: _check(track, sources.files, rate) for n, track in tracks.items()}
+    known = RecordingsOf(sources.files, ReadOptions(rate_hz=rate))
+    tracks = _read_all(files, rate_hz=rate, in_frames=frames, recordings=known)
+    tracks = _select(tracks, only=options.only, track=options.track)
+    tracks = {n: _check(track, known, rate) for n, track in tracks.items()}
     if form.needs_recording and not sources.files:
         raise wrong("--recordings", f"{form.title} needs the recordings that are labelled")
     targets = _targets(tracks, options, form) if not is_file else {options.output: tracks}
@@ -157,13 +160,13 @@ def _targets(tracks: Tracks, options: ConvertOptions, form: "LabelFormat") -> di
     return targets
 
 
-def _read_all(files: Sequence[str], rate_hz: float | None) -> Tracks:
+def _read_all(files: Sequence[str], **options: Any) -> Tracks:
     """Tracks of files and patterns; those of one recording become one."""
     from motionary.io import read_labels
 
     tracks: Tracks = {}
     for path in _expand(files):
-        for name, track in read_labels(path, rate_hz=rate_hz).items():
+        for name, track in read_labels(path, **options).items():
             before = tracks.get(name)
             if before is None:
                 tracks[name] = track
@@ -184,6 +187,26 @@ def _expand(files: Sequence[str]) -> Iterator[Path]:
         if not found:
             raise UnreadableFile(f"{path}: no such file")
         yield from found
+
+
+class RecordingsOf(Mapping[str, "Recording"]):
+    """What files are, by name; each is read when it is asked for."""
+
+    def __init__(self, files: Mapping[str, Path], reading: ReadOptions) -> None:
+        self._files = files
+        self._reading = reading
+        self._known: dict[str, Recording] = {}
+
+    def __getitem__(self, name: str) -> "Recording":
+        if name not in self._known:
+            self._known[name] = read_recording(self._files[name], self._reading).recording
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)
 
 
 def _select(tracks: Tracks, *, only: Sequence[str] | None, track: Sequence[str] | None) -> Tracks:
@@ -218,7 +241,9 @@ def _select(tracks: Tracks, *, only: Sequence[str] | None, track: Sequence[str] 
     }
 
 
-def _check(track: "LabelTrack", sources: Mapping[str, Path], rate_hz: float | None) -> "LabelTrack":
+def _check(
+    track: "LabelTrack", sources: Mapping[str, "Recording"], rate_hz: float | None
+) -> "LabelTrack":
     """The track with what its recording says; without recordings, with the given rate."""
     from motionary.io import match_recording
     from motionary.labels import of_recording
@@ -234,8 +259,7 @@ def _check(track: "LabelTrack", sources: Mapping[str, Path], rate_hz: float | No
             f"{name}: there is no recording of this name, or not one; there are "
             f"{enumerate_names(sorted(sources))}"
         )
-    motion = read_recording(sources[source], ReadOptions(rate_hz=rate_hz))
-    return of_recording(track, replace(motion.recording, name=name))
+    return of_recording(track, sources[source].renamed(name))
 
 
 def _say_lost(form: "LabelFormat", tracks: Tracks) -> None:
@@ -258,6 +282,7 @@ def diff(
     before: Annotated[str, typer.Argument(metavar="BEFORE", help="A file of labels.")],
     after: Annotated[str, typer.Argument(metavar="AFTER", help="Another one.")],
     rate: Rate = None,
+    frames: InFrames = False,
     as_json: AsJson = False,
 ) -> None:
     """Say which labels were added, removed, renamed or moved.
@@ -267,7 +292,7 @@ def diff(
     from motionary.io import match_recording, read_labels
     from motionary.labels import compare_labels
 
-    old, new = (read_labels(path, rate_hz=rate) for path in (before, after))
+    old, new = (read_labels(x, rate_hz=rate, in_frames=frames) for x in (before, after))
     partners = {name: match_recording(name, new) for name in old}
     if old and new and not any(partners.values()):
         raise InvalidInput(
@@ -314,13 +339,15 @@ def _cell(value: Any) -> str:
 # -- stats ------------------------------------------------------------------------------
 
 
-def stats(files: LabelFiles, rate: Rate = None, as_json: AsJson = False) -> None:
+def stats(
+    files: LabelFiles, rate: Rate = None, frames: InFrames = False, as_json: AsJson = False
+) -> None:
     """Sum up labels: how many of each name, in how many recordings, how long.
 
     motionary labels stats labels.csv
     motionary labels stats elan/*.eaf
     """
-    tracks = _read_all(files, rate)
+    tracks = _read_all(files, rate_hz=rate, in_frames=frames)
     rows = list(_sum_up(tracks))
     if as_json:
         for row in rows:

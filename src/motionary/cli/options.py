@@ -201,6 +201,15 @@ def parse_moment(text: str) -> Moment:
     return Moment(seconds)
 
 
+InFrames = Annotated[
+    bool,
+    typer.Option(
+        "--frames",
+        help="Times of tables of labels are numbers of frames, the last one included.",
+    ),
+]
+
+
 # -- checks before the work -------------------------------------------------------------
 
 

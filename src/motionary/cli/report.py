@@ -10,15 +10,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import Force, LibraryDefault, check_target, wrong
-from motionary.cli.recordings import Found, find_files, map_files, read_recording, warn_of_all
+from motionary.cli.labels import RecordingsOf
+from motionary.cli.options import Force, InFrames, LibraryDefault, check_target, wrong
+from motionary.cli.recordings import (
+    Found,
+    find_files,
+    map_files,
+    read_recording,
+    warn_of_all,
+)
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.batch import Failure
     from motionary.features import NamedFile
     from motionary.motion import Motion
-    from motionary.reporting import Tracks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +60,7 @@ class PageOptions:
             help="Most frames a second that the page keeps.",
         ),
     ]
+    frames: InFrames = False
     force: Force = False
 
 
@@ -73,15 +80,22 @@ def report(
     motionary report take.bvh --labels labels.csv --truth truth.csv -o take.html
     motionary report takes/*.amc --library my-classes -o takes.html
     """
+    from motionary.io import read_labels
     from motionary.models.library import open_library
     from motionary.reporting import report as write_report
 
     output = options.output
     _check_page("--output", output, replace=options.force)
-    tables = _read_tables(options.labels or [])
-    truth = _read_table(options.truth) if options.truth is not None else None
-    classes = open_library(options.library) if options.library is not None else None
     found = find_files(files)
+    read = partial(
+        read_labels,
+        rate_hz=reading.rate_hz,
+        in_frames=options.frames,
+        recordings=RecordingsOf(found.files, reading),
+    )
+    tables = {name: read(path) for name, path in _name_tables(options.labels or []).items()}
+    truth = read(options.truth) if options.truth is not None else None
+    classes = open_library(options.library) if options.library is not None else None
     failures: list[Failure[NamedFile]] = []
     motions = _read(found, reading, failures)
     first = next(motions, None)
@@ -105,21 +119,15 @@ def _check_page(option: str, path: str, *, replace: bool) -> None:
     check_target(path, replace=replace)
 
 
-def _read_tables(paths: Sequence[str]) -> "dict[str, Tracks]":
+def _name_tables(paths: Sequence[str]) -> dict[str, str]:
     """Tables by the names of their lanes; equal names are numbered."""
-    tables: dict[str, Tracks] = {}
+    tables: dict[str, str] = {}
     for path in paths:
         name, number = Path(path).stem, 2
         while name in tables:
             name, number = f"{Path(path).stem} {number}", number + 1
-        tables[name] = _read_table(path)
+        tables[name] = path
     return tables
-
-
-def _read_table(path: str) -> "Tracks":
-    from motionary.io import read_labels
-
-    return read_labels(path)
 
 
 def _read(

@@ -14,6 +14,7 @@ from motionary.errors import InvalidInput, UnreadableFile, check_kind, check_pat
 from motionary.files import STDOUT
 from motionary.io.text import format_suffix
 from motionary.labels import LabelTrack
+from motionary.recording import Recording
 
 __all__ = [
     "FORMATS", "LabelFormat", "check_label_file", "find_label_format", "read_labels",
@@ -49,6 +50,7 @@ class LabelFormat(NamedTuple):
 
 
 _TABLES = "table:read_any"
+_WORKBOOKS = "spreadsheet:read_spreadsheet"
 _JSON = "json_files:read_json"
 
 #: The first one of a suffix is what writing takes; "" are names without a suffix.
@@ -59,7 +61,7 @@ FORMATS = (
     ),
     LabelFormat("tsv", (".tsv",), "table with tabs", _TABLES, "table:write_table", keeps_all=True),
     LabelFormat(
-        "xlsx", (".xlsx",), "Excel", "spreadsheet:read_spreadsheet",
+        "xlsx", (".xlsx",), "Excel", _WORKBOOKS,
         "spreadsheet:write_spreadsheet", resolution_s=1e-9, keeps_all=True,
     ),
     LabelFormat(
@@ -111,7 +113,13 @@ _NEEDS_NAME = frozenset({".json"})
 _REMEDY = "labels are of a recording: LabelTrack(Recording(name), labels)"
 
 
-def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_labels(
+    path: str | Path,
+    *,
+    rate_hz: float | None = None,
+    in_frames: bool = False,
+    recordings: Mapping[str, Recording] | None = None,
+) -> dict[str, LabelTrack]:
     """Labels of a file, one track per recording, sorted by recording.
 
     The suffix says the format: a table (.csv, .tsv, .txt; also those of BORIS, and label tracks
@@ -123,16 +131,29 @@ def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, 
     ----------
     path : the file
     rate_hz : frames per second of the recordings, for files that do not say it
+    in_frames : whether the times of tables are numbers of frames as the recordings count them,
+        the last one included; those in columns `start_frame`, `end_frame` without times always are
+    recordings : by name: what is labelled, for its rate and the number of its first frame, which
+        without them is 0
 
     Raises
     ------
+    InvalidInput
+        If the times of another format than tables are to be numbers of frames.
     UnreadableFile
         If the file is missing, broken, of an unknown format, lacks a column, or a row makes no
         sense; the message names the line.
     """
     form = _find(check_path(path))
+    if in_frames and form.read not in (_TABLES, _WORKBOOKS):
+        raise InvalidInput(f"{path}: times of {form.title} are no frames; tables may have them")
     try:
-        return _read(form, Path(path), rate_hz)
+        if form.read not in (_TABLES, _WORKBOOKS):
+            return _read(form, Path(path), rate_hz)
+        from motionary.io.labels.table import FrameTimes
+
+        frames = FrameTimes(rate_hz=rate_hz, in_frames=in_frames, recordings=recordings or {})
+        return _read(form, Path(path), rate_hz, frames=frames)
     except InvalidInput as error:
         raise UnreadableFile(f"{Path(path).name}: {error}") from error
     except (ValueError, OverflowError, LookupError, TypeError, AttributeError) as error:
@@ -142,8 +163,10 @@ def read_labels(path: str | Path, *, rate_hz: float | None = None) -> dict[str, 
         ) from error
 
 
-def _read(form: LabelFormat, path: Path, rate_hz: float | None) -> dict[str, LabelTrack]:
-    tracks: dict[str, LabelTrack] = _load(form.read)(path, rate_hz=rate_hz)
+def _read(
+    form: LabelFormat, path: Path, rate_hz: float | None, **frames: Any
+) -> dict[str, LabelTrack]:
+    tracks: dict[str, LabelTrack] = _load(form.read)(path, rate_hz=rate_hz, **frames)
     same = [x for x in FORMATS if x.read == form.read and set(x.suffixes) & set(form.suffixes)]
     resolution_s = max(x.resolution_s for x in same)
     if not resolution_s:

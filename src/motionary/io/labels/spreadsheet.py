@@ -11,7 +11,7 @@ from typing import Any
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import open_regular, write_atomically
-from motionary.io.labels.table import check_columns, collect_rows, list_rows
+from motionary.io.labels.table import FrameTimes, check_columns, collect_rows, list_rows
 from motionary.io.text import Cell
 from motionary.labels import LabelTrack
 
@@ -31,7 +31,9 @@ def _load() -> Any:
     return openpyxl
 
 
-def read_spreadsheet(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_spreadsheet(
+    path: Path, *, rate_hz: float | None = None, frames: FrameTimes | None = None
+) -> dict[str, LabelTrack]:
     """Labels of the first sheet of a workbook; see `read_labels`."""
     openpyxl = _load()
     with open_regular(path) as file:
@@ -47,7 +49,9 @@ def read_spreadsheet(path: Path, *, rate_hz: float | None = None) -> dict[str, L
             ) from error
         if not book.worksheets:
             raise UnreadableFile(f"{path.name}: has no sheet with cells")
-        return collect_rows(_rows(book.worksheets[0], path.name), rate_hz=rate_hz)
+        return collect_rows(
+            _rows(book.worksheets[0], path.name), frames or FrameTimes(rate_hz=rate_hz)
+        )
 
 
 def _check_parts(archive: zipfile.ZipFile, name: str) -> None:

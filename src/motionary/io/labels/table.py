@@ -11,16 +11,18 @@ tables with tabs know no quotes.
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io import text
+from motionary.io.finding import match_recording
 from motionary.io.formats.numbers import parse_number
 from motionary.io.labels.lanes import UNASSESSED, build_tracks
 from motionary.io.text import Cell, read_text
 from motionary.labels import Label, LabelTrack
-from motionary.recording import Segment
+from motionary.recording import Recording, Segment
 
 REQUIRED = ("recording", "label", "start_s", "end_s")
 OPTIONAL = (
@@ -39,7 +41,41 @@ _NOTHING = frozenset({"", "-", "na", "n/a"})
 _NO = frozenset({*_NOTHING, "0", "false", "no"})
 
 
-def read_any(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+@dataclass(frozen=True, kw_only=True)
+class FrameTimes:
+    """How numbers of frames become times.
+
+    Attributes
+    ----------
+    rate_hz : frames per second, where the recordings do not say it
+    in_frames : whether `start_s` and `end_s` are numbers of frames, too
+    recordings : by name, for their rates and the numbers of their first frames
+    """
+
+    rate_hz: float | None = None
+    in_frames: bool = False
+    recordings: Mapping[str, Recording] = field(default_factory=dict)
+
+    def to_seconds(self, frame: float, name: str, where: str, *, is_end: bool) -> float:
+        """Seconds at which a frame of a recording begins or, the last one of a label, ends."""
+        found = match_recording(name, self.recordings)
+        rate_hz, first = self.rate_hz, 0
+        if found is not None:
+            recording = self.recordings[found]
+            rate_hz, first = recording.rate_hz or rate_hz, recording.first_frame
+        if not rate_hz:
+            raise UnreadableFile(
+                f"{where}: says frames and no times; expected columns start_s, end_s, or a rate "
+                "(--rate HZ, rate_hz=...), from which times follow"
+            )
+        if frame < first:
+            raise UnreadableFile(f"{where}: frame {frame:g} comes before the first one, {first}")
+        return (frame - first + is_end) / rate_hz
+
+
+def read_any(
+    path: Path, *, rate_hz: float | None = None, frames: FrameTimes | None = None
+) -> dict[str, LabelTrack]:
     """Labels of a table, one of BORIS, or a label track of Audacity; see `read_labels`."""
     from motionary.io.labels.boris import is_boris, read_boris
     from motionary.io.labels.subtitles import is_audacity, read_audacity
@@ -50,11 +86,11 @@ def read_any(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrac
         return read_audacity(path, rate_hz=rate_hz)
     if is_boris(content):
         return read_boris(path, rate_hz=rate_hz)
-    return collect_rows(_rows(content, path.name), rate_hz=rate_hz)
+    return collect_rows(_rows(content, path.name), frames or FrameTimes(rate_hz=rate_hz))
 
 
 def collect_rows(
-    rows: Iterable[tuple[str, dict[str, str]]], *, rate_hz: float | None = None
+    rows: Iterable[tuple[str, dict[str, str]]], frames: FrameTimes
 ) -> dict[str, LabelTrack]:
     """Tracks of rows by column, each with its place for errors."""
     labels: list[tuple[str, Label]] = []
@@ -63,10 +99,10 @@ def collect_rows(
         if not row["recording"]:
             raise UnreadableFile(f"{where}: the recording is empty")
         if row.pop(UNASSESSED, "").lower() not in _NO:
-            times = (_time(row, column, where, rate_hz) for column in _TIMES)
+            times = (_time(row, column, where, frames) for column in _TIMES)
             unassessed.append((row["recording"], Segment(*times)))
         else:
-            labels.append((row["recording"], _to_label(row, where, rate_hz)))
+            labels.append((row["recording"], _to_label(row, where, frames)))
     return build_tracks(labels, unassessed)
 
 
@@ -196,18 +232,19 @@ def _with_point(cell: str) -> str:
     return cell if all(math.isnan(parse_number(part)) for part in changed.split(":")) else changed
 
 
-def _to_label(row: dict[str, str], where: str, rate_hz: float | None) -> Label:
+def _to_label(row: dict[str, str], where: str, frames: FrameTimes) -> Label:
     known = _number(row, "known", where)
     own = {*REQUIRED, *OPTIONAL, *_MILLISECONDS}
+    whole = frames.in_frames and "start_s" in row
     try:
         return Label(
             name=row["label"],
-            start_s=_time(row, "start_s", where, rate_hz),
-            end_s=_time(row, "end_s", where, rate_hz),
+            start_s=_time(row, "start_s", where, frames),
+            end_s=_time(row, "end_s", where, frames),
             cost=_number(row, "cost", where),
             known=1.0 if known is None else known,
-            start_frame=_whole(row, "start_frame", where),
-            end_frame=_whole(row, "end_frame", where),
+            start_frame=_whole(row, "start_s" if whole else "start_frame", where),
+            end_frame=_whole(row, "end_s" if whole else "end_frame", where),
             score=_number(row, "score", where),
             probability=_number(row, "probability", where),
             false_per_min=_number(row, "false_per_min", where),
@@ -218,11 +255,11 @@ def _to_label(row: dict[str, str], where: str, rate_hz: float | None) -> Label:
         raise UnreadableFile(f"{where}: {error}") from error
 
 
-def _time(row: dict[str, str], column: str, where: str, rate_hz: float | None) -> float:
+def _time(row: dict[str, str], column: str, where: str, frames: FrameTimes) -> float:
     """Seconds of a row's start or end, whichever way it is written."""
     place = next(other for other in _TIMES[column] if other in row)
     cell = row[place]
-    if place == column and ":" in cell:
+    if place == column and ":" in cell and not frames.in_frames:
         parts = [parse_number(part) for part in cell.split(":")]
         if len(parts) > 3 or any(math.isnan(part) or part < 0 for part in parts):
             raise UnreadableFile(
@@ -234,15 +271,10 @@ def _time(row: dict[str, str], column: str, where: str, rate_hz: float | None) -
         raise UnreadableFile(f"{where}: {place} is empty" + (f" ({cell[:40]!r})" if cell else ""))
     if place in _MILLISECONDS:
         return value / 1000
-    if place == column:
+    if place == column and not frames.in_frames:
         return value
-    if rate_hz is None:
-        raise UnreadableFile(
-            f"{where}: says frames and no times; expected columns start_s, end_s, or a rate "
-            "(rate_hz=...), from which times follow"
-        )
     # The last frame belongs to the label.
-    return (value + (place == "end_frame")) / rate_hz
+    return frames.to_seconds(value, row["recording"], where, is_end=column == "end_s")
 
 
 def _number(row: dict[str, str], column: str, where: str) -> float | None:
