@@ -13,7 +13,7 @@ import pytest
 from motionary.labels import Label, LabelTrack
 from motionary.models.library import TrainingOptions, learn_classes
 from motionary.recording import Recording
-from motionary.reporting import build_report
+from motionary.reporting import report
 from motionary.samples import synthetic_stream
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
@@ -60,7 +60,7 @@ def test_a_page_plays_explains_and_corrects_without_a_network(tmp_path, browser,
     track = LabelTrack(Recording("stream"), (Label("squat", 1.0, 2.0),))
     library = learn_classes(examples, training=TrainingOptions())
     page = tmp_path / "page.html"
-    page.write_text(build_report(motion.renamed("stream"), labels=track, library=library), "utf-8")
+    report(motion.renamed("stream"), page, labels=track, library=library)
     browser.get(page.as_uri())
 
     axis = "[role=slider], canvas[aria-valuetext]"

@@ -19,7 +19,6 @@ from motionary.labels import Label, LabelTrack
 from motionary.models.library import TrainingOptions, learn_classes
 from motionary.motion import Motion
 from motionary.recording import Recording, Segment
-from motionary.reporting import build_report
 from motionary.reporting.encoding import UNIT_M, encode_positions, encode_series, encode_states
 from motionary.samples import synthetic_motion, synthetic_stream
 
@@ -43,7 +42,7 @@ def library(examples):
 @pytest.fixture(scope="module")
 def page(motion, library):
     track = LabelTrack(Recording("stream"), (Label("squat", 1.0, 2.0),), (Segment(0.0, 0.5),))
-    return build_report(motion, labels=track, truth=track, library=library)
+    return report(motion, labels=track, truth=track, library=library).text
 
 
 def content_of(page):
@@ -122,7 +121,7 @@ def test_what_was_not_seen_is_marked_and_kept_on_its_bone(motion):
     positions = motion.positions.copy()
     hand = motion.names.index("lwrist")
     positions[120:240, hand] = np.nan
-    page = build_report(replace(motion, positions=positions))
+    page = report(replace(motion, positions=positions)).text
     (recording,) = content_of(page)["recordings"]
     got, known = decode_positions(block_of(page, "r0-0"), recording["page_frames"], 24)
     joint, elbow = recording["joints"].index("lwrist"), recording["joints"].index("lelbow")
@@ -139,7 +138,7 @@ def test_what_was_not_seen_is_marked_and_kept_on_its_bone(motion):
 def test_joints_of_an_unknown_rig_are_drawn_as_they_are():
     positions = np.random.default_rng(2).normal(size=(40, 3, 3))
     motion = Motion(("a", "b", "c"), positions, Recording("rig", rate_hz=30.0))
-    (recording,) = content_of(build_report(motion))["recordings"]
+    (recording,) = content_of(report(motion).text)["recordings"]
     assert recording["joints"] == ["a", "b", "c"]
     assert "strip" not in recording
 
@@ -181,7 +180,7 @@ def test_only_the_pages_own_script_and_style_may_run(page):
 def test_hostile_names_are_text(name):
     motion = synthetic_motion("squat", seed=0, rate_hz=30.0).renamed(name)
     labels = LabelTrack(Recording(name), (Label(name, 0.0, 0.5),))
-    page = build_report(motion, lanes={name: labels})
+    page = report(motion, lanes={name: labels}).text
     assert page.count("<script") == 2 + page.count('<script type="text/plain"')
     assert page.count("<script>") == 1
     (recording,) = content_of(page)["recordings"]
@@ -193,7 +192,7 @@ def test_hostile_names_are_text(name):
 def test_ten_thousand_labels_stay_small():
     motion = synthetic_motion("squat", seed=0, rate_hz=30.0)
     many = tuple(Label(f"{HOSTILE[0]}{i}", i * 1e-4, i * 1e-4 + 0.1) for i in range(10_000))
-    page = build_report(motion, labels=LabelTrack(motion.recording, many))
+    page = report(motion, labels=LabelTrack(motion.recording, many)).text
     assert len(content_of(page)["recordings"][0]["lanes"][0]["labels"]) == 10_000
     assert len(page) < 2_500_000
 
@@ -210,14 +209,14 @@ def test_the_bundle_is_the_recorded_one_with_its_licence():
 def test_labels_of_another_recording_are_refused(motion):
     other = LabelTrack(Recording("other.bvh"), (Label("squat", 0.0, 1.0),))
     with pytest.raises(InvalidInput, match=r"these labels are of other\.bvh"):
-        build_report(motion, labels=other)
+        report(motion, labels=other)
     late = LabelTrack(Recording("stream"), (Label("squat", 0.0, 1000.0),))
     with pytest.raises(InvalidInput, match=r"ends at 1000\.00 s"):
-        build_report(motion, labels=late)
+        report(motion, labels=late)
     with pytest.raises(InvalidInput, match="at least one recording"):
-        build_report([])
+        report([])
     with pytest.raises(InvalidInput, match="rate_hz"):
-        build_report(motion, rate_hz=0.5)
+        report(motion, rate_hz=0.5)
     with pytest.raises(InvalidInput, match=r"\.html"):
         report(motion, "page.txt")
 

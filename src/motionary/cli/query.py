@@ -271,6 +271,21 @@ def feedback_of(
     return RelevanceFeedback(example, relevant, irrelevant)
 
 
+def rank_among(hits: "Sequence[Hit]", first: "Sequence[Hit]") -> list[int]:
+    """Rank of each hit in a first search, from 1; 0 where it has none of most of its frames."""
+    return [
+        next((rank for rank, other in enumerate(first, start=1) if _is_same(hit, other)), 0)
+        for hit in hits
+    ]
+
+
+def _is_same(hit: "Hit", other: "Hit") -> bool:
+    if hit.recording.name != other.recording.name:
+        return False
+    common = min(hit.end_s, other.end_s) - max(hit.start_s, other.start_s)
+    return 2 * common > max(hit.end_s - hit.start_s, other.end_s - other.start_s)
+
+
 def _ranks(option: str, given: str | None) -> list[int]:
     if given is None:
         return []

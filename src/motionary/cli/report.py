@@ -11,7 +11,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.labels import RecordingsOf
-from motionary.cli.options import Force, InFrames, LibraryDefault, check_target, wrong
+from motionary.cli.options import Force, InFrames, LibraryDefault, check_page
 from motionary.cli.recordings import (
     Found,
     find_files,
@@ -85,7 +85,7 @@ def report(
     from motionary.reporting import report as write_report
 
     output = options.output
-    _check_page("--output", output, replace=options.force)
+    check_page("--output", output, replace=options.force)
     found = find_files(files)
     read = partial(
         read_labels,
@@ -108,15 +108,9 @@ def report(
             library=classes,
             rate_hz=options.keep_hz,
         )
-        screen.say(f"{output}: {Path(output).stat().st_size / 1e6:.1f} MB")
+        screen.say_size(output)
     failed = warn_of_all(found.missing.values(), failures, given=files)
     return 1 if failed else 0
-
-
-def _check_page(option: str, path: str, *, replace: bool) -> None:
-    if Path(path).suffix.lower() not in (".html", ".htm"):
-        raise wrong(option, f"pages are written as .html, got {path}")
-    check_target(path, replace=replace)
 
 
 def _name_tables(paths: Sequence[str]) -> dict[str, str]:

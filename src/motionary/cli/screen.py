@@ -49,6 +49,11 @@ def say(*lines: str) -> None:
     sys.stdout.write("".join(f"{printable(line)}\n" for line in lines))
 
 
+def say_size(path: str) -> None:
+    """What was written, and how large it is."""
+    say(f"{path}: {Path(path).stat().st_size / 1e6:.1f} MB")
+
+
 def print_json(content: Mapping[str, Any]) -> None:
     """One object, one line, on stdout; ASCII, whatever the encoding of the pipe."""
     sys.stdout.write(json.dumps(content, allow_nan=False) + "\n")

@@ -1,5 +1,6 @@
 """`motionary search`: where recordings hold a motion like an example, a class or keyframes."""
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,8 +17,10 @@ from motionary.cli.options import (
     LabelFile,
     LibraryDefault,
     TableOptions,
+    check_page,
     check_picture,
     check_target,
+    given_options,
     wrong,
 )
 from motionary.cli.query import (
@@ -26,6 +29,7 @@ from motionary.cli.query import (
     Ranks,
     check_query,
     feedback_of,
+    rank_among,
     read_query,
     read_ranks,
 )
@@ -87,6 +91,13 @@ class ResultOptions(TableOptions):
         str | None,
         typer.Option(metavar="PNG", help="Draw the hits as stick figures below the example."),
     ] = None
+    report: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HTML",
+            help="Write a page that plays the hits side by side, in step, and takes yes and no.",
+        ),
+    ] = None
     template: Annotated[
         str | None, typer.Option(metavar="PNG", help="Draw the template that was learned.")
     ] = None
@@ -125,6 +136,7 @@ def search(
     it everywhere. What was read of a folder is kept for the next search.
 
     motionary search recordings/ --like take.bvh --from 1.2 --to 3.4 --sheet hits.png
+    motionary search recordings/ --like take.bvh --report hits.html
     motionary search recordings/ --like take.bvh --relevant 1,2,5 --irrelevant 3
     motionary search recordings/ --class squat --library my-classes
     motionary search recordings/ --query "right hand fast, then within 0.5 s right hand low"
@@ -147,10 +159,15 @@ def search(
         expansion=expansion,
         preselect=query.keyframes or which.fast,
     )
-    result = _find(find, query, ranks, limit=which.limit or None)
+    first, result = _find(find, query, ranks, limit=which.limit or None)
     if results.output:
         write_labels(_to_tracks(result, query.name), results.output, excel=results.excel)
     _save(result, results, query, opened, expansion, reading=reading)
+    if results.report:
+        command = ["motionary", "search", *(Path(path).name or path for path in folder)]
+        command += given_options(options, which, index, reading, without=("relevant", "irrelevant"))
+        judging = (shlex.join(command), first, ranks) if query.example else None
+        _write_page(results.report, result, query, opened.files, judging, reading=reading)
     if as_json:
         _say_json(result)
     elif not results.takes_stdout:
@@ -171,12 +188,15 @@ def search(
 
 def _find(
     find: "Callable[..., SearchResult]", query: Query, ranks: Ranks, *, limit: int | None
-) -> "SearchResult":
-    """Hits, after a first search of those that a person judged, where there are some."""
+) -> "tuple[SearchResult, SearchResult]":
+    """Hits before and after those that a person judged; the same where there are none."""
     if not (query.example and ranks.most):
-        return find(query.what, limit=limit)
+        result = find(query.what, limit=limit)
+        return result, result
     features = query.example.features
-    return find(feedback_of(features, find(features, limit=ranks.most), ranks), limit=limit)
+    first = find(features, limit=None if limit is None else max(ranks.most, limit))
+    judged = feedback_of(features, first, ranks)
+    return first, find(judged, limit=limit)
 
 
 def _check_use(options: QueryOptions, results: ResultOptions) -> None:
@@ -187,6 +207,7 @@ def _check_use(options: QueryOptions, results: ResultOptions) -> None:
     }.items():
         if options.like is None and value is not None:
             raise wrong(option, "goes with --like FILE")
+    check_page("--report", results.report)
     check_picture("--sheet", results.sheet)
     check_picture("--template", results.template)
     check_target(results.save_query)
@@ -280,6 +301,32 @@ def _draw_sheet(
         rows.append((title, cut_frames(motions[name], hit.start_frame, hit.end_frame)))
     if rows:
         save(plot_sheet(rows[0], rows[1:]), path)
+
+
+def _write_page(
+    path: str,
+    result: "SearchResult",
+    query: Query,
+    files: Mapping[str, Path],
+    judged: "tuple[str, SearchResult, Ranks] | None",
+    *,
+    reading: ReadOptions,
+) -> None:
+    """A page of the hits beside the example; `judged`: command, first hits, ranks given."""
+    from motionary.reporting import Judging, MotionFiles, report_hits
+
+    example = judging = None
+    if query.example is not None:
+        part, motion = query.example.features.recording, query.example.motion
+        start = part.first_frame - motion.first_frame
+        example = motion.cut(start, start + part.n_frames)
+    if judged is not None:
+        command, first, ranks = judged
+        judging = Judging(command, rank_among(result, first), *ranks)
+    report_hits(
+        result, MotionFiles(files, reading), path, query=example, judging=judging, title=query.name
+    )
+    screen.say_size(path)
 
 
 def _say_json(result: "SearchResult") -> None:

@@ -1,7 +1,19 @@
-"""Pages to watch: a recording with its labels, and why; one file that needs no network."""
+"""Pages to watch: motions with their labels, and why; files that need no network."""
 
 from motionary.reporting.clips import PAGE_HZ
+from motionary.reporting.galleries import Judging, MotionFiles, Motions, report_hits
+from motionary.reporting.html import Page
 from motionary.reporting.lanes import Lane
-from motionary.reporting.recordings import Tracks, build_report, report
+from motionary.reporting.recordings import Tracks, report
 
-__all__ = ["PAGE_HZ", "Lane", "Tracks", "build_report", "report"]
+__all__ = [
+    "PAGE_HZ",
+    "Judging",
+    "Lane",
+    "MotionFiles",
+    "Motions",
+    "Page",
+    "Tracks",
+    "report",
+    "report_hits",
+]

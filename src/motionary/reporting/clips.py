@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.plots.figures import bones_over_missing, side_of
-from motionary.recording import find_runs
+from motionary.recording import Recording, find_runs
 from motionary.reporting.encoding import Block, encode_positions
 
 Floats = NDArray[np.float64]
@@ -73,7 +73,7 @@ def make_clip(motion: Motion, *, key: str, rate_hz: float = PAGE_HZ) -> Clip:
         Block(f"{key}-{i}", encode_positions(filled[at : at + piece], known[at : at + piece]))
         for i, at in enumerate(range(0, len(filled), piece))
     ]
-    content = describe_recording(motion) | {
+    content = describe_recording(motion.recording) | {
         "page_hz": page_hz,
         "page_frames": len(filled),
         "piece": piece,
@@ -84,15 +84,15 @@ def make_clip(motion: Motion, *, key: str, rate_hz: float = PAGE_HZ) -> Clip:
         "missing": [name for name, seen in zip(body.names, ever, strict=True) if not seen],
         "radius": _radius(filled[:, ever]),
         "height": _height(filled[:, ever]),
+        "reach": _reach(filled[:, ever]),
         "floor": _floor(positions),
         "gaps": _gaps(known[:, ever], page_hz),
     }
     return Clip(content, blocks)
 
 
-def describe_recording(motion: Motion) -> dict[str, Any]:
+def describe_recording(own: Recording) -> dict[str, Any]:
     """Name, length and frame numbers of a recording."""
-    own = motion.recording
     return {
         "name": own.name,
         "rate_hz": own.rate_hz,
@@ -167,6 +167,14 @@ def _height(positions: Floats) -> float:
     if not positions.size:
         return 1.0
     return round(float(np.median(np.ptp(positions[..., 1], axis=1))) or 1.0, 3)
+
+
+def _reach(positions: Floats) -> float:
+    """How far joints come above the lowest, metres: what a camera has to see."""
+    if not positions.size:
+        return 1.0
+    heights = positions[..., 1]
+    return round(float(np.percentile(heights.max(axis=1), 98) - heights.min()) or 1.0, 3)
 
 
 def _floor(positions: Floats) -> float:

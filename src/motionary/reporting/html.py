@@ -11,21 +11,24 @@ import html
 import json
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from motionary import __version__
 from motionary.errors import InvalidInput
 from motionary.files import write_atomically
-from motionary.reporting.encoding import Block
+from motionary.motion import GENERIC_JOINTS
+from motionary.reporting.encoding import UNIT_M, Block
 
 #: Browsers give up on files beyond this.
 MOST_BYTES = 400_000_000
 
 _SCRIPTS = (
     "words.js", "decoding.js", "stage.js", "view.js", "timeline.js", "why.js", "labels.js",
-    "player.js",
+    "clock.js", "player.js", "gallery.js", "start.js",
 )  # fmt: skip
 _POLICY = (
     "default-src 'none'; script-src '{script}'; style-src '{style}'; img-src data: blob:; "
@@ -36,7 +39,49 @@ _POLICY = (
 _ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
 
 
-def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: str) -> str:
+#: Height of a page in the cell of a notebook.
+_CELL_PX = 640
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page that stands alone; notebooks show it in the cell, without a network.
+
+    Attributes
+    ----------
+    title : of the window
+    text : the file of HTML
+    """
+
+    title: str
+    text: str = field(repr=False)
+
+    def save(self, path: str | Path) -> None:
+        """Write the page; what was there stays until the new one is complete.
+
+        Raises
+        ------
+        InvalidInput
+            If the name is no HTML file's.
+        UnwritableFile
+        """
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            raise InvalidInput(
+                f"{Path(path).name}: pages are written as .html; give it that suffix"
+            )
+        with write_atomically(path) as beside:
+            beside.write_text(self.text, encoding="utf-8", newline="\n")
+
+    def _repr_html_(self) -> str:
+        # The frame has no rights in the notebook: names in it come from files of strangers.
+        return (
+            f'<iframe title="{html.escape(_printable(self.title))}" sandbox="allow-scripts '
+            f'allow-downloads" srcdoc="{html.escape(self.text)}" '
+            f'style="width: 100%; height: {_CELL_PX}px; border: 1px solid #999"></iframe>'
+        )
+
+
+def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: str) -> Page:
     """The whole file.
 
     Parameters
@@ -60,33 +105,20 @@ def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: st
             f"({MOST_BYTES / 1e6:.0f} MB); give fewer recordings or a lower rate"
         )
     policy = _POLICY.format(script=_hash(script), style=_hash(style))
+    shared = {"version": __version__, "unit_m": UNIT_M, "joints": GENERIC_JOINTS}
     values = {
         "POLICY": policy,
         "TITLE": html.escape(_printable(title)),
         "STYLE": style,
-        "DATA": _element("application/json", "content", _to_json(content)),
+        "DATA": _element("application/json", "content", _to_json({**shared, **content})),
         "SCRIPT": script,
         # The script is at work while the browser still reads these.
         "BLOCKS": "\n".join(pieces),
     }
     # Split before anything is filled in: a title may look like one of the names.
     parts = re.split(r"\[\[([A-Z]+)\]\]", _read("page.html"))
-    return "".join(values[part] if i % 2 else part for i, part in enumerate(parts))
-
-
-def write_page(page: str, path: str | Path) -> None:
-    """Write a page; what was there stays until the new one is complete.
-
-    Raises
-    ------
-    InvalidInput
-        If the name is no HTML file's.
-    UnwritableFile
-    """
-    if Path(path).suffix.lower() not in (".html", ".htm"):
-        raise InvalidInput(f"{Path(path).name}: pages are written as .html; give it that suffix")
-    with write_atomically(path) as beside:
-        beside.write_text(page, encoding="utf-8", newline="\n")
+    text = "".join(values[part] if i % 2 else part for i, part in enumerate(parts))
+    return Page(title, text)
 
 
 @cache

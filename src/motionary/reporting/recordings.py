@@ -4,21 +4,25 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from motionary import __version__
 from motionary.errors import InvalidInput, check_kind
-from motionary.features import FULL_BODY, compute_features
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, compute_features
 from motionary.io import match_recording
 from motionary.labels import Label, LabelTrack
 from motionary.models.library import ClassLibrary
-from motionary.motion import GENERIC_JOINTS, Motion
-from motionary.reporting.clips import PAGE_HZ, make_clip
-from motionary.reporting.encoding import UNIT_M, Block
-from motionary.reporting.html import build_page, write_page
+from motionary.motion import Motion
+from motionary.recording import Recording
+from motionary.reporting.clips import PAGE_HZ, describe_recording, make_clip
+from motionary.reporting.encoding import Block
+from motionary.reporting.html import Page, build_page
 from motionary.reporting.lanes import Lane, describe_features, make_curves, make_lanes, make_strip
 from motionary.retrieval.annotation import annotate
 
 #: Labels of some recordings: one track, several, or by the recordings' names.
 Tracks = LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack]
+
+#: What a page has of a recording: its poses, its features, or what is known of it.
+Shown = Motion | FeatureSequence | Recording
+_KINDS = (Motion, FeatureSequence, Recording)
 
 #: Further frames a second tell nothing to eyes, and fill the page.
 MOST_HZ = 240.0
@@ -42,8 +46,8 @@ class LabelTable(NamedTuple):
 
 
 def report(
-    recordings: Motion | Iterable[Motion],
-    path: str | Path,
+    recordings: Shown | Iterable[Shown],
+    path: str | Path | None = None,
     *,
     labels: Tracks | None = None,
     truth: Tracks | None = None,
@@ -51,13 +55,14 @@ def report(
     library: ClassLibrary | None = None,
     rate_hz: float = PAGE_HZ,
     title: str = "",
-) -> None:
-    """Write a page that plays recordings over their labels; it opens without a network.
+) -> Page:
+    """A page that plays recordings over their labels; it opens without a network.
 
     Parameters
     ----------
-    recordings : one or several; iterables are read one after the other
-    path : the file, .html
+    recordings : one or several; iterables are read one after the other. Of features, or of a
+        recording that is known by name alone, labels are shown without a body
+    path : file to write, .html; otherwise `Page.save` does, and notebooks show the page
     labels : found or made, of any of the recordings, matched by name
     truth : true labels
     lanes : further labels, by the name of their lane
@@ -74,53 +79,42 @@ def report(
     UnwritableFile
         If the file cannot be written; what was there before stays.
     """
-    page = build_report(
-        recordings, labels=labels, truth=truth, lanes=lanes, library=library, rate_hz=rate_hz,
-        title=title,
-    )  # fmt: skip
-    write_page(page, path)
-
-
-def build_report(
-    recordings: Motion | Iterable[Motion],
-    *,
-    labels: Tracks | None = None,
-    truth: Tracks | None = None,
-    lanes: Mapping[str, Tracks] | None = None,
-    library: ClassLibrary | None = None,
-    rate_hz: float = PAGE_HZ,
-    title: str = "",
-) -> str:
-    """The page of `report` as text."""
-    if not 1 <= rate_hz <= MOST_HZ:
-        raise InvalidInput(f"rate_hz must be from 1 to {MOST_HZ:g}, got {rate_hz}")
-    if isinstance(recordings, Motion):
+    check_rate(rate_hz)
+    if isinstance(recordings, Motion | FeatureSequence | Recording):
         recordings = [recordings]
     given = {"labels": labels, **(lanes or {})}
     tables = [LabelTable(name, by_name(one)) for name, one in given.items() if one is not None]
     if truth is not None:
         tables.append(LabelTable("truth", by_name(truth), is_truth=True))
+    feature_set = _feature_set(library, tables)
     contents: list[dict[str, Any]] = []
     blocks: list[Block] = []
     used: set[tuple[str, str]] = set()
-    for number, motion in enumerate(recordings):
-        check_kind(motion, (Motion,), name="recordings", remedy="read files first")
-        found = _lanes_of(motion, tables, used)
-        content, own = _describe(motion, found, library, key=f"r{number}", rate_hz=rate_hz)
+    for number, shown in enumerate(recordings):
+        check_kind(shown, _KINDS, name="recordings", remedy="read files first")
+        key = f"r{number}"
+        content, own, sequence = describe_shown(shown, feature_set, key=key, rate_hz=rate_hz)
+        recording = shown if isinstance(shown, Recording) else shown.recording
+        found = _lanes_of(recording, tables, used)
+        if library is not None and sequence is not None:
+            found.insert(0, _label(sequence, library, content, own, key=key))
+        content["lanes"], whys = make_lanes(found, key=key)
         contents.append(content)
-        blocks += own
+        blocks += [*own, *whys]
     if not contents:
         raise InvalidInput("a page needs at least one recording, got none")
     _check_used(tables, used, [content["name"] for content in contents])
-    feature_set = FULL_BODY if library is None else library.feature_set
-    page = {
-        "version": __version__,
-        "unit_m": UNIT_M,
-        "joints": GENERIC_JOINTS,
-        "features": describe_features(feature_set),
-        "recordings": contents,
-    }
-    return build_page(page, blocks, title=title or _title(contents))
+    content = {"features": describe_features(feature_set), "recordings": contents}
+    page = build_page(content, blocks, title=title or _title(contents))
+    if path is not None:
+        page.save(path)
+    return page
+
+
+def check_rate(rate_hz: float) -> None:
+    """Raise InvalidInput unless a page can keep so many frames a second."""
+    if not 1 <= rate_hz <= MOST_HZ:
+        raise InvalidInput(f"rate_hz must be from 1 to {MOST_HZ:g}, got {rate_hz}")
 
 
 def by_name(tracks: Tracks) -> dict[str, LabelTrack]:
@@ -137,7 +131,7 @@ def _title(contents: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _lanes_of(
-    motion: Motion, tables: Sequence[LabelTable], used: set[tuple[str, str]]
+    recording: Recording, tables: Sequence[LabelTable], used: set[tuple[str, str]]
 ) -> list[Lane]:
     """Lanes of one recording; `used` gets the rows that belong to it."""
     lanes = []
@@ -145,25 +139,26 @@ def _lanes_of(
         # One track without a name can only be of this recording.
         row = "" if list(table.tracks) == [""] else None
         for name in table.tracks:
-            if row is None and match_recording(name, [motion.source]) is not None:
+            if row is None and match_recording(name, [recording.name]) is not None:
                 row = name
         if row is None:
-            lanes.append(Lane(table.name, LabelTrack(motion.recording), table.is_truth))
+            lanes.append(Lane(table.name, LabelTrack(recording), table.is_truth))
             continue
         used.add((table.name, row))
         track = table.tracks[row]
-        _check_within(track, motion, table.name)
+        _check_within(track, recording, table.name)
         lanes.append(Lane(table.name, track, table.is_truth))
     return lanes
 
 
-def _check_within(track: LabelTrack, motion: Motion, table: str) -> None:
-    late = [label for label in track if label.end_s > motion.duration_s + _SLACK_S]
+def _check_within(track: LabelTrack, recording: Recording, table: str) -> None:
+    late = [label for label in track if label.end_s > recording.duration_s + _SLACK_S]
     if late:
         label: Label = max(late, key=lambda one: one.end_s)
         raise InvalidInput(
-            f"{table}: {label.name!r} ends at {label.end_s:.2f} s, but {motion.source or 'motion'} "
-            f"has {motion.duration_s:.2f} s; give the labels of this recording"
+            f"{table}: {label.name!r} ends at {label.end_s:.2f} s, but "
+            f"{recording.name or 'motion'} has {recording.duration_s:.2f} s; give the labels of "
+            "this recording"
         )
 
 
@@ -179,23 +174,47 @@ def _check_used(
             )
 
 
-def _describe(
-    motion: Motion, lanes: Sequence[Lane], library: ClassLibrary | None, *, key: str, rate_hz: float
-) -> tuple[dict[str, Any], list[Block]]:
-    """What the page has of one recording."""
-    content, blocks = make_clip(motion, key=key, rate_hz=rate_hz)
-    found = list(lanes)
-    if motion.mapping is not None:
-        feature_set = FULL_BODY if library is None else library.feature_set
-        sequence = compute_features(motion, feature_set=feature_set)
+def _feature_set(library: ClassLibrary | None, tables: Sequence[LabelTable]) -> FeatureSet:
+    """The features that reasons are about: of the library, or of the matches behind labels."""
+    if library is not None:
+        return library.feature_set
+    labels = (label for table in tables for track in table.tracks.values() for label in track)
+    sets = (one.evidence.sequence.feature_set for one in labels if one.evidence is not None)
+    return next(sets, FULL_BODY)
+
+
+def describe_shown(
+    shown: Shown, feature_set: FeatureSet, *, key: str, rate_hz: float
+) -> tuple[dict[str, Any], list[Block], FeatureSequence | None]:
+    """What the page has of one recording but its labels, and its features."""
+    blocks: list[Block] = []
+    sequence: FeatureSequence | None = None
+    if isinstance(shown, Motion):
+        content, blocks = make_clip(shown, key=key, rate_hz=rate_hz)
+        if shown.mapping is not None:
+            sequence = compute_features(shown, feature_set=feature_set)
+    else:
+        content = describe_recording(shown if isinstance(shown, Recording) else shown.recording)
+        if isinstance(shown, FeatureSequence) and shown.feature_set.ids == feature_set.ids:
+            sequence = shown
+    if sequence is not None:
         content["strip"], block = make_strip(sequence, key=key)
-        blocks.append(block)
-        if library is not None:
-            track = annotate(sequence, library)
-            found.insert(0, Lane("library", track))
-            curves = make_curves(sequence, library, track, key=key)
-            if curves:
-                content["curves"] = curves[0]
-                blocks.append(curves[1])
-    content["lanes"], whys = make_lanes(found, key=key)
-    return content, [*blocks, *whys]
+        blocks = [*blocks, block]
+    return content, blocks, sequence
+
+
+def _label(
+    sequence: FeatureSequence,
+    library: ClassLibrary,
+    content: dict[str, Any],
+    blocks: list[Block],
+    *,
+    key: str,
+) -> Lane:
+    """The lane of a library; its curves go into content and blocks."""
+    track = annotate(sequence, library)
+    curves = make_curves(sequence, library, track, key=key)
+    if curves:
+        content["curves"] = curves[0]
+        blocks.append(curves[1])
+    return Lane("library", track)

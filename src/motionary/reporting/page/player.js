@@ -1,6 +1,5 @@
 // The page of recordings: one time, and everything that shows it.
 
-const SPEEDS = [0.1, 0.25, 0.5, 1, 1.5, 2, 4, 8];
 const KEYS = [
   ["space", "play or pause"], ["← →", "one frame"], ["shift ← →", "one second"],
   ["home end", "start, end"], ["n p", "next, previous label"], ["l", "loop on or off"],
@@ -8,18 +7,26 @@ const KEYS = [
   ["f", "follow the body"], ["delete", "delete the chosen label, while correcting"],
 ];
 
-class Player {
+class Player extends Clock {
   constructor(host) {
+    super();
     this.models = content.recordings.map(makeModel);
-    this.time = 0;
-    this.speed = 1;
-    this.playing = false;
-    this.loops = false;
     this.build(host);
-    addEventListener("keydown", (event) => this.key(event));
     addEventListener("beforeunload", (event) => this.unsaved && event.preventDefault());
     this.open(0);
-    requestAnimationFrame((now) => this.tick(now));
+    this.start();
+  }
+
+  get length() {
+    return this.model.duration_s;
+  }
+
+  get hz() {
+    return this.model.page_hz || 30;
+  }
+
+  get span() {
+    return (this.loops && this.model.loop) || [0, this.length];
   }
 
   // -- the page ------------------------------------------------------------------------------
@@ -64,26 +71,18 @@ class Player {
     const names = content.recordings.map((one) => one.name || "motion");
     this.choice = h("select", { "aria-label": "Recording", onchange: () => this.open(Number(this.choice.value)) },
       names.map((name, i) => h("option", { value: i }, name)));
-    const help = h("dialog", { class: "help", "aria-label": "Keys" },
-      h("h2", {}, "Keys"),
-      h("dl", {}, KEYS.map(([keys, what]) => [h("dt", {}, keys), h("dd", {}, what)])),
-      h("p", { class: "soft" }, "On the time axis: drag to move the playhead, scroll or pinch to zoom, shift and scroll to move along."),
-      button("Close", "Close", () => help.close()));
-    document.body.append(help);
     return h("header", { class: "bar" },
       h("h1", {}, names.length > 1 ? this.choice : names[0]),
       (this.facts = h("span", { class: "soft facts" })),
       h("span", { class: "grow" }),
       themeButton(() => this.recolour()),
-      button("?", "Keys", () => help.showModal()));
+      helpButton(KEYS, "On the time axis: drag to move the playhead, scroll or pinch to zoom, shift and scroll to move along."));
   }
 
   transport() {
-    this.playButton = button("▶", "Play", () => this.toggle(), { class: "main play" });
-    this.loopButton = button("loop", "Loop the chosen part", () => this.setLoops(!this.loops), { "aria-pressed": "false" });
+    this.loopButton.title = "Loop the chosen part";
+    this.loopButton.setAttribute("aria-label", this.loopButton.title);
     this.followButton = button("follow", "Follow the body", () => this.setFollow(!this.view.follow), { "aria-pressed": "true" });
-    this.speedChoice = h("select", { "aria-label": "Speed", onchange: () => (this.speed = Number(this.speedChoice.value)) },
-      SPEEDS.map((speed) => h("option", { value: speed, selected: speed === 1 }, `${speed}×`)));
     this.range = h("output", { class: "range", "aria-label": "Chosen part" });
     this.copied = h("span", { class: "soft", role: "status" });
     this.curveChoice = h("details", { class: "curves" });
@@ -153,23 +152,7 @@ class Player {
 
   // -- time ----------------------------------------------------------------------------------
 
-  tick(now) {
-    requestAnimationFrame((next) => this.tick(next));
-    if (this.playing) {
-      const passed = Math.min((now - (this.last || now)) / 1000, 0.25) * this.speed;
-      let time = this.time + passed;
-      const loop = this.loops && this.model.loop;
-      const [start, stop] = loop || [0, this.model.duration_s];
-      if (time >= stop) {
-        if (loop) time = start + ((time - start) % Math.max(stop - start, 0.01));
-        else {
-          time = stop;
-          this.toggle();
-        }
-      }
-      this.seek(time);
-    }
-    this.last = now;
+  draw() {
     this.timeline.draw();
     this.view.draw();
   }
@@ -198,24 +181,8 @@ class Player {
     if (this.told !== text) this.notice.textContent = shown((this.told = text));
   }
 
-  step(by) {
-    if (this.playing) this.toggle();
-    const hz = this.model.page_hz || 30;
-    this.seek((Math.round(this.time * hz) + by) / hz);
-  }
-
-  toggle() {
-    this.playing = !this.playing;
-    if (this.playing && this.time >= this.model.duration_s - 1e-3) this.seek(0);
-    this.playButton.textContent = this.playing ? "❚❚" : "▶";
-    const label = this.playing ? "Pause" : "Play";
-    this.playButton.title = label;
-    this.playButton.setAttribute("aria-label", label);
-  }
-
   setLoops(on) {
-    this.loops = on;
-    this.loopButton.setAttribute("aria-pressed", String(on));
+    super.setLoops(on);
     this.showRange();
   }
 
@@ -315,42 +282,20 @@ class Player {
 
   // -- keys ----------------------------------------------------------------------------------
 
-  key(event) {
-    const { target } = event;
-    if (event.ctrlKey || event.metaKey || event.altKey || target.closest("dialog, textarea, [type=text], [type=search], [type=number]")) return;
-    const onControl = target.closest("button, select, summary, [type=checkbox]");
-    const actions = {
-      ArrowLeft: () => (event.shiftKey ? this.seek(this.time - 1) : this.step(-1)),
-      ArrowRight: () => (event.shiftKey ? this.seek(this.time + 1) : this.step(1)),
-      Home: () => this.seek(0),
-      End: () => this.seek(this.model.duration_s),
+  keys(event) {
+    return {
+      ...super.keys(event),
       n: () => this.next(1),
       p: () => this.next(-1),
-      l: () => this.setLoops(!this.loops),
       i: () => this.markLoop(0),
       o: () => this.markLoop(1),
       "+": () => this.timeline.zoom(1.6),
       "=": () => this.timeline.zoom(1.6),
       "-": () => this.timeline.zoom(1 / 1.6),
-      0: () => this.timeline.setRange(0, this.model.duration_s),
-      ",": () => this.changeSpeed(-1),
-      ".": () => this.changeSpeed(1),
+      0: () => this.timeline.setRange(0, this.length),
       f: () => this.setFollow(!this.view.follow),
       Delete: () => this.labels.remove(),
-      " ": () => this.toggle(),
     };
-    const action = actions[event.key];
-    // Space presses a button, arrows choose in a list: there they keep their meaning.
-    const isTheirs = onControl && (event.key === " " || (onControl.tagName === "SELECT" && event.key.length > 1));
-    if (!action || isTheirs) return;
-    event.preventDefault();
-    action();
-  }
-
-  changeSpeed(by) {
-    const place = clamp(SPEEDS.indexOf(this.speed) + by, 0, SPEEDS.length - 1);
-    this.speed = SPEEDS[place];
-    this.speedChoice.value = String(this.speed);
   }
 }
 
@@ -400,5 +345,3 @@ function legend() {
   const items = [["left", "left side"], ["right", "right side"], ["unseen", "not seen"], ["held", "● held"], ["failed", "◆ failed"]];
   return h("ul", { class: "legend", "aria-label": "Colours" }, items.map(([kind, text]) => h("li", { class: `key-${kind}` }, text)));
 }
-
-new Player(document.getElementById("page"));

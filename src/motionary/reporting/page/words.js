@@ -97,3 +97,13 @@ function themeButton(onchange) {
     onchange();
   });
 }
+
+function helpButton(keys, text) {
+  const help = h("dialog", { class: "help", "aria-label": "Keys" },
+    h("h2", {}, "Keys"),
+    h("dl", {}, keys.map(([names, what]) => [h("dt", {}, names), h("dd", {}, what)])),
+    h("p", { class: "soft" }, text),
+    button("Close", "Close", () => help.close()));
+  document.body.append(help);
+  return button("?", "Keys", () => help.showModal());
+}

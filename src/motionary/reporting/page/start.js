@@ -1,0 +1,5 @@
+// The page that its content asks for.
+
+const host = document.getElementById("page");
+if (content.galleries) new Gallery(host);
+else new Player(host);
