@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from cli_cases import CLASSES, EXAMPLES, RATE_HZ, write_bvh, write_examples
+from cli_cases import CLASSES, EXAMPLES, RATE_HZ, write_bvh, write_examples, write_stream
 from motionary.models.library import ClassLibrary, TrainingOptions, learn, load_library
 from motionary.samples import synthetic_motion
 
@@ -386,3 +386,37 @@ def test_every_command_has_help_with_an_example(motionary, command):
     ran = motionary("library", command, "--help")
     assert ran.code == 0
     assert f"motionary library {command} " in ran.out.split("Options:")[0].split("\n\n", 1)[1]
+
+
+# -- from a table of times ----------------------------------------------------------------
+
+
+def test_a_table_of_times_teaches_and_counts(motionary, tmp_path):
+    segments = write_stream(tmp_path / "takes" / "one.bvh", seed=3)
+    rows = [f"one.bvh,{name},{start:.3f},{end:.3f}" for name, start, end in segments[:1]]
+    table = tmp_path / "times.csv"
+    table.write_text("\n".join(["recording,label,start_s,end_s", *rows]))
+    taught = motionary(
+        "learn", table, "--recordings", tmp_path / "takes", "-o", tmp_path / "library"
+    )
+    assert taught.code == 0
+    assert "add 2 or more, of other people if you can" in taught.err
+    counted = motionary("count", tmp_path / "takes", "--library", tmp_path / "library", "--json")
+    (row,) = rows_of(counted.out)
+    assert (row["label"], row["number"]) == ("squat", 1)
+
+
+def test_a_class_learns_more_from_a_table(motionary, library, tmp_path):
+    segments = write_stream(tmp_path / "takes" / "one.bvh", seed=3)
+    rows = [f"one.bvh,{name},{start:.3f},{end:.3f}" for name, start, end in segments]
+    table = tmp_path / "times.csv"
+    table.write_text("\n".join(["recording,label,start_s,end_s", *rows]))
+    where = ("--recordings", tmp_path / "takes")
+    ran = motionary("library", "add", library, "squat", table, *where)
+    assert ran.code == 0
+    changed = load_library(library)["squat"]
+    assert changed.prototypes[0].template.n_examples == EXAMPLES + 1
+    table.write_text("recording,label,start_s,end_s\none.bvh,kick,0,1\n")
+    ran = motionary("library", "add", library, "squat", table, *where)
+    assert (ran.code, ran.out) == (1, "")
+    assert "no label is called 'squat'; there are kick" in ran.err

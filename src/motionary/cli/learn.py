@@ -1,4 +1,4 @@
-"""`motionary learn`: classes of motion from examples, one folder per class."""
+"""`motionary learn`: classes of motion from examples, or from labels of recordings."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -54,6 +54,13 @@ class Queries(StrEnum):
 class TrainingFlags:
     """How classes are learned, and below which cost a match is believed."""
 
+    recordings: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH",
+            help="The recordings that labels are of; by default the folder of the table.",
+        ),
+    ] = None
     mirror: Annotated[
         bool,
         typer.Option("--mirror", help="Learn the mirror image of each class, too."),
@@ -145,6 +152,8 @@ class TrainingFlags:
         ),
     ] = None
 
+    plot: Annotated[str | None, typer.Option(metavar="FOLDER", help="Draw the templates.")] = None
+
     def check(self) -> None:
         """Refuse options that do not go together.
 
@@ -210,23 +219,27 @@ class ScreenMonitor:
 def learn(
     examples: Annotated[
         str,
-        typer.Argument(metavar="EXAMPLES", help="A folder with one folder per class."),
+        typer.Argument(
+            metavar="EXAMPLES",
+            help="A folder with one folder per class; or labels of recordings, in any format of "
+            "labels (.csv, .xlsx, .eaf, .TextGrid, .c3d ...).",
+        ),
     ],
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="LIB", help="Folder to write the library to.")
     ],
     options: TrainingFlags,
     force: Force = False,
-    plot: Annotated[str | None, typer.Option(metavar="FOLDER", help="Draw the templates.")] = None,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
     reading: ReadOptions,
 ) -> int:
-    """Learn classes of motion from examples, one folder per class.
+    """Learn classes of motion from examples: a folder per class, or a table of times.
 
     The files in a folder are the examples of its class. Folders in it are ways of doing the
-    same, each with a template of its own.
+    same, each with a template of its own. A table of times has the columns
+    recording,label,start_s,end_s and, if people are known, person.
 
     With --calibrate each class's threshold is chosen by cross-validation. "precision" is the
     estimated fraction of labels that are right, "recall" that of motions that are labelled, to
@@ -234,18 +247,21 @@ def learn(
 
     motionary learn examples/ -o my-classes --mirror
     with examples/squat/one.bvh, examples/squat/two.bvh, examples/kick/one.bvh, ...
+
+    motionary learn times.csv --recordings takes/ -o my-classes
     """
     from motionary.models.library import learn as learn_library
 
     options.check()
     check_target(output, is_folder=True, replace=force)
-    check_target(plot, is_folder=True)
+    check_target(options.plot, is_folder=True)
     feature_set = find_feature_set(options.features)
     negatives, has_failed = _read_negatives(options, feature_set, reading, jobs=jobs)
     monitor = ScreenMonitor()
     library = learn_library(
         examples,
         options.training(),
+        recordings=options.recordings,
         negatives=negatives,
         reading=reading,
         feature_set=feature_set,
@@ -255,8 +271,8 @@ def learn(
     if not library:
         raise InvalidInput(f"{examples}: no class could be learned; nothing was written")
     library.save(output)
-    for motion_class in library if plot else ():
-        _draw_class(plot or "", motion_class, library)
+    for motion_class in library if options.plot else ():
+        _draw_class(options.plot or "", motion_class, library)
     show_library(library, as_json=as_json)
     return 1 if has_failed or monitor.has_failed else 0
 

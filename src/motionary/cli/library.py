@@ -14,30 +14,26 @@ from motionary.cli.options import (
     AsJson,
     FeatureSetName,
     Force,
-    Jobs,
     check_picture,
     check_target,
     find_feature_set,
     wrong,
 )
-from motionary.cli.recordings import find_files, measure_files, split_failures, warn_of_all
+from motionary.cli.relearn import (
+    ClassName,
+    LibraryFolder,
+    PlotTemplate,
+    TemplateName,
+    add,
+    draw_template,
+    say_changed,
+)
 from motionary.errors import InvalidInput
-from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.models.library import ClassEdit, ClassLibrary, MotionClass
     from motionary.models.templates import MotionTemplate
 
-LibraryFolder = Annotated[
-    str, typer.Argument(metavar="LIB", help="A folder that `motionary learn` wrote.")
-]
-ClassName = Annotated[str, typer.Argument(metavar="CLASS", help="One of its classes.")]
-TemplateName = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Which template, of a class of several.")
-]
-PlotTemplate = Annotated[
-    str | None, typer.Option(metavar="PICTURE", help="Draw the template: png, svg or pdf.")
-]
 PlotLibrary = Annotated[
     str | None, typer.Option(metavar="PICTURE", help="Draw the classes: png, svg or pdf.")
 ]
@@ -108,7 +104,7 @@ def show(
     text = template_to_text(found, tolerance=motion_class.tolerance, feature_set=loaded.feature_set)
     screen.say(*_origin(loaded, motion_class), *text.splitlines())
     if plot:
-        _draw_template(plot, loaded, name, template)
+        draw_template(plot, loaded, name, template)
 
 
 def _origin(library: "ClassLibrary", motion_class: "MotionClass") -> list[str]:
@@ -143,15 +139,6 @@ def _draw_library(plot: str, library: "ClassLibrary", folder: str) -> None:
     from motionary.plots import plot_library, save
 
     save(plot_library(library, title=Path(folder).name), plot)
-
-
-def _draw_template(plot: str, library: "ClassLibrary", name: str, template: str | None) -> None:
-    """A template of a class, and its fixed cells beside it."""
-    from motionary.plots import plot_template, save
-
-    found = _find(library[name], template)
-    tolerance = library[name].tolerance
-    save(plot_template(found, tolerance=tolerance, feature_set=library.feature_set), plot)
 
 
 def _find(motion_class: "MotionClass", name: str | None) -> "MotionTemplate":
@@ -298,9 +285,9 @@ def edit(
     if edited.name not in edited.library.names:
         screen.say(f"{name}: removed")
         return
-    _say_changed(edited.library, edited.name, lost_queries=edited.lost_queries)
+    say_changed(edited.library, edited.name, lost_queries=edited.lost_queries)
     if plot:
-        _draw_template(plot, edited.library, edited.name, changes.template)
+        draw_template(plot, edited.library, edited.name, changes.template)
 
 
 def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
@@ -317,80 +304,6 @@ def _read_text(path: str) -> str:
     from motionary.io import read_text
 
     return read_text(Path(path))
-
-
-# -- add --------------------------------------------------------------------------------
-
-
-def add(
-    folder: LibraryFolder,
-    name: ClassName,
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns: examples.")
-    ],
-    template: TemplateName = None,
-    plot: PlotTemplate = None,
-    *,
-    jobs: Jobs,
-    reading: ReadOptions,
-) -> int:
-    """Let a class learn from more examples.
-
-    A library that was learned with --keep-examples becomes what it would be had they been
-    there from the start, thresholds included. Otherwise the class's template stands for
-    its examples, and its threshold stays.
-
-    motionary library add my-classes squat new/*.bvh
-    """
-    from motionary.models.library import add_examples, open_library
-
-    check_picture("--plot", plot)
-    check_target(folder, is_folder=True)
-    library = open_library(folder)
-    found = find_files(files)
-    sequences, failures = split_failures(
-        measure_files(
-            found.files, "reading", reading=reading, feature_set=library.feature_set,
-            jobs=jobs,
-        )
-    )  # fmt: skip
-    warn_of_all(found.missing.values(), failures)
-    expanded = add_examples(
-        library, name, sequences, prototype=template, jobs=jobs, monitor=ScreenMonitor()
-    )
-    if expanded is library:
-        screen.warn("no example is new; nothing was changed")
-    expanded.save(folder)
-    had_queries = any(one.queries for one in library[name].prototypes)
-    has_queries = any(one.queries for one in expanded[name].prototypes)
-    _say_changed(expanded, name, lost_queries=had_queries and not has_queries)
-    if plot:
-        _draw_template(plot, expanded, name, template)
-    return 1 if found.missing or failures else 0
-
-
-def _say_changed(library: "ClassLibrary", name: str, *, lost_queries: bool) -> None:
-    """What has become of a class."""
-    if lost_queries:
-        screen.warn(
-            f"class {name!r}: its keyframe queries were of the template before, and are gone"
-        )
-    screen.say(_describe_class(library[name]))
-
-
-def _describe_class(motion_class: "MotionClass") -> str:
-    """A class in a line."""
-    from motionary.models.library import fractions_fixed
-
-    parts = [
-        f"{prototype.name} {prototype.template.duration_s:.2f} s, {100 * fraction:.0f} % fixed, "
-        f"{prototype.template.provenance}"
-        for prototype, fraction in zip(
-            motion_class.prototypes, fractions_fixed(motion_class), strict=True
-        )
-    ]
-    threshold = f"threshold {motion_class.threshold:.3g}"
-    return f"{motion_class.name}: {threshold}; {'; '.join(parts)}"
 
 
 #: Commands of the group, in the sequence of its help.

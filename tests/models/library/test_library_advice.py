@@ -1,5 +1,7 @@
 """Are faults in examples told, by the names of the files, and sound examples left in peace?"""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,14 +27,31 @@ def test_sound_examples_are_left_in_peace():
         assert look(performances(seed, 3 + seed)) == []
 
 
-@pytest.mark.parametrize(("n", "packed"), [(1, "one example:"), (2, "2 examples:")])
-def test_few_examples(n, packed):
+@pytest.mark.parametrize(("n", "packed", "more"), [(1, "one example:", 2), (2, "2 examples:", 1)])
+def test_few_examples(n, packed, more):
     (found,) = look(performances(1, n))
     assert found.kind == "few"
     assert str(found) == (
         f"class 'kick': {packed} too few to tell what may vary, so that other people will "
-        "hardly match"
+        f"hardly match; add {more} or more, of other people if you can"
     )
+
+
+def test_examples_of_one_person():
+    def of(*people):
+        return [
+            replace(one, recording=replace(one.recording, person=person))
+            for one, person in zip(performances(1, len(people)), people, strict=True)
+        ]
+
+    (found,) = look(of("s01", "s01", "s01"))
+    assert found.kind == "people"
+    assert found.text == (
+        "all 3 examples are of s01, whose own way is then asked of everybody; add some of another "
+        "person"
+    )
+    assert look(of("s01", "s01", "s02")) == []
+    assert look(of("", "", "")) == []
 
 
 def test_a_clip_over_before_anything_happens():

@@ -34,15 +34,20 @@ from motionary.models.library.editing import (
     replace_class,
     replace_template,
 )
+from motionary.models.library.examples import (
+    ReadExamples,
+    cut_example,
+    list_examples,
+    list_tracks,
+    read_examples,
+    read_labelled,
+)
 from motionary.models.library.false_rates import FalseRates, fit_false_rates
 from motionary.models.library.learning import (
     Monitor,
     Notice,
-    ReadExamples,
     StrictMonitor,
     learn,
-    list_examples,
-    read_examples,
 )
 from motionary.models.library.relearning import (
     ClassEdit,
@@ -104,6 +109,7 @@ __all__ = [
     "choose_candidates",
     "choose_queries",
     "class_of_query",
+    "cut_example",
     "edit_class",
     "false_rates_of",
     "find_candidates",
@@ -118,6 +124,7 @@ __all__ = [
     "learn_classes",
     "learn_queries",
     "list_examples",
+    "list_tracks",
     "load_everyday",
     "load_library",
     "measure_background",
@@ -128,6 +135,7 @@ __all__ = [
     "mix_prior",
     "open_library",
     "read_examples",
+    "read_labelled",
     "remove_class",
     "rename_class",
     "replace_class",

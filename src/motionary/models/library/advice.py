@@ -1,8 +1,8 @@
 """Advice on examples: what may be wrong with them, before anything is learned.
 
-Too few examples, one that is much shorter or longer, one that does not fit, two motions under
-one name, nothing in common. The limits were set on the HDM05 classes and on such with planted
-faults; they alarm for about one set of examples in twenty that is sound.
+Too few examples, all of one person, one that is much shorter or longer, one that does not fit,
+two motions under one name, nothing in common. The limits were set on the HDM05 classes and on
+such with planted faults; they alarm for about one set of examples in twenty that is sound.
 
 Conventions: distances are costs of matching, in [0, 1]; lengths in frames of 30 Hz.
 """
@@ -52,7 +52,7 @@ class Advice(NamedTuple):
     Attributes
     ----------
     name : of the class
-    kind : "few", "short", "length", "odd", "two" or "loose"
+    kind : "few", "people", "short", "length", "odd", "two" or "loose"
     text : a sentence
     examples : names of the examples that it is about
     """
@@ -88,8 +88,11 @@ _Finding = tuple[str, str, tuple[str, ...]]
 
 
 def _look(items: Sequence[FeatureSequence], tolerance: float) -> Iterator[_Finding]:
+    people = {item.recording.person for item in items}
     if len(items) < FEWEST:
         yield "few", _describe_few(len(items)), ()
+    elif len(people) == 1 and "" not in people:
+        yield "people", _describe_people(len(items), people.pop()), ()
     short = [item for item in items if len(item) < SHORTEST_S * SEQUENCE_HZ]
     if short:
         yield "short", f"shorter than {SHORTEST_S} s: {_list(short)}; cut it anew", _names(short)
@@ -210,7 +213,17 @@ def _fraction_fixed(template: MotionTemplate, tolerance: float) -> float:
 
 def _describe_few(n_examples: int) -> str:
     count = "one example" if n_examples == 1 else f"{n_examples} examples"
-    return f"{count}: too few to tell what may vary, so that other people will hardly match"
+    return (
+        f"{count}: too few to tell what may vary, so that other people will hardly match; add "
+        f"{FEWEST - n_examples} or more, of other people if you can"
+    )
+
+
+def _describe_people(n_examples: int, person: str) -> str:
+    return (
+        f"all {n_examples} examples are of {person}, whose own way is then asked of everybody; add "
+        "some of another person"
+    )
 
 
 def _describe_length(item: FeatureSequence, median: float) -> str:

@@ -45,7 +45,8 @@ class TrainingOptions:
         can learn from more later as if from all at once
     calibrate : choose each class's threshold by cross-validation, and keep the estimates
     groups : regular expression on the names of examples, such as "HDM_(..)_" for actors;
-        those with the same match are held out together
+        those with the same match are held out together; without it, those of a person, where
+        all examples say whose they are
     fold_sides : take each example as it is or mirrored, as it fits the others of its
         prototype best: for motions that people do on either side
     queries : where keyframe queries come from; "none" matches templates everywhere

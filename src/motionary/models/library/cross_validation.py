@@ -99,7 +99,8 @@ def make_folds(examples: Examples, *, groups: str | None, seed: int) -> list[Fol
     ----------
     examples : class -> prototype -> packed features
     groups : regular expression; examples whose names have the same match (its first
-        parentheses, if it has any) are held out together
+        parentheses, if it has any) are held out together; without one, those of a person
+        are, where all examples say whose they are
     seed : of the order in which they are dealt
 
     Returns
@@ -118,7 +119,8 @@ def make_folds(examples: Examples, *, groups: str | None, seed: int) -> list[Fol
         for item in of_prototype
     ]
     rng = np.random.default_rng(seed)
-    fold_of = _deal_groups(items, groups, rng) if groups else _deal(items, rng)
+    keys = _find_groups([item for *_, item in items], groups)
+    fold_of = _deal_groups(keys, rng) if keys else _deal(items, rng)
     folds = []
     for fold in range(N_FOLDS):
         learned: dict[str, dict[str, list[FeatureSequence]]] = {}
@@ -169,18 +171,25 @@ def make_stream(
     return Stream(packed, known, truth, len(packed) - n_frames)
 
 
-def _deal_groups(
-    items: Sequence[tuple[str, str, FeatureSequence]], groups: str, rng: np.random.Generator
-) -> Sequence[int | None]:
-    keys = name_groups([item for _, _, item in items], groups)
+def _find_groups(examples: Sequence[FeatureSequence], groups: str | None) -> list[str]:
+    """Group of each example, by its name or its person; none where people are not known."""
+    if not groups:
+        people = [item.recording.person for item in examples]
+        return people if all(people) and len(set(people)) > 1 else []
+    keys = name_groups(examples, groups)
+    if len(set(keys)) == 1:
+        raise InvalidInput(
+            f"groups {groups!r} puts all examples into one group, {keys[0]!r}, and none can be "
+            "held out; write an expression that tells them apart, or leave it out"
+        )
+    return keys
+
+
+def _deal_groups(keys: Sequence[str], rng: np.random.Generator) -> Sequence[int | None]:
+    """Folds of examples, those of one group together."""
     names = sorted(set(keys))
     order = rng.permutation(len(names))
     parts = {names[k]: place % N_FOLDS for place, k in enumerate(order)}
-    if len(names) == 1:
-        raise InvalidInput(
-            f"groups {groups!r} puts all examples into one group, {names[0]!r}, and none can be "
-            "held out; write an expression that tells them apart, or leave it out"
-        )
     return [parts[key] for key in keys]
 
 

@@ -1,32 +1,33 @@
-"""A library from a folder of examples: read, looked at, learned, calibrated, queried.
+"""A library from examples: read, looked at, learned, calibrated, queried.
 
-One folder per class; the files in it are its examples. Folders within a class folder are
-its prototypes, each with a template of its own. The order of the steps is here, and a
-monitor follows them.
+The order of the steps is here, and a monitor follows them.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from motionary.batch import Failure
-from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, check_kind
-from motionary.features import (
-    FULL_BODY,
-    FeatureSequence,
-    FeatureSet,
-    NamedFile,
-    compute_features,
-    read_features,
-)
+from motionary.errors import InvalidInput, MotionaryError, check_kind
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile
 from motionary.io import MOTION_SUFFIXES, ReadOptions, format_suffix
+from motionary.io.labels import FORMATS
+from motionary.labels import LabelTrack
 from motionary.models.library.advice import advise
 from motionary.models.library.assignment import measure_false_rates
 from motionary.models.library.calibration import apply_calibrations, calibrate_thresholds
 from motionary.models.library.classes import TrainingOptions
 from motionary.models.library.cross_validation import N_FOLDS
+from motionary.models.library.examples import (
+    ReadExamples,
+    Recordings,
+    list_examples,
+    list_tracks,
+    measure,
+    read_examples,
+    read_labelled,
+)
 from motionary.models.library.scoring import scoring_for
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.library.training import (
@@ -37,7 +38,9 @@ from motionary.models.library.training import (
     learn_queries,
     list_sequences,
 )
-from motionary.motion import Motion
+
+# C3D and tables may hold labels as well as points.
+_OF_LABELS = frozenset(suffix for form in FORMATS for suffix in form.suffixes)
 
 
 class Notice(NamedTuple):
@@ -82,18 +85,11 @@ class StrictMonitor:
             raise notice.error
 
 
-@dataclass(slots=True)
-class ReadExamples:
-    """Examples of a folder: class -> prototype -> packed features; and what is unreadable."""
-
-    classes: dict[str, dict[str, list[FeatureSequence]]] = field(default_factory=dict)
-    failures: list[Failure[NamedFile]] = field(default_factory=list)
-
-
 def learn(
-    examples: str | Path | Examples | Mapping[str, Sequence[Motion | FeatureSequence]],
+    examples: str | Path | LabelTrack | Sequence[LabelTrack] | Mapping[str, Any],
     training: TrainingOptions | None = None,
     *,
+    recordings: Recordings | None = None,
     negatives: Sequence[FeatureSequence] = (),
     reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
@@ -107,18 +103,22 @@ def learn(
 
     Parameters
     ----------
-    examples : a folder with one folder per class; or examples by class name, or by class
-        and prototype
+    examples : a folder with one folder per class; a file in any format of labels, whose
+        times are examples of the classes they name; label tracks, one or several; or
+        motions, features or arrays of positions by class name, or by class and prototype
     training : how they are trained; the library remembers it
+    recordings : those of the labels: files and folders, or motions, features or arrays by
+        name; by default the folder that holds the file of labels
     negatives : other recordings, without any of the classes: thresholds are calibrated and
         scores told against them. Without any, scores are told from the corpus that comes
         with the package.
-    reading : what the files do not say themselves
+    reading : what the files, and arrays, do not say themselves
     feature_set : features that are measured
     jobs : processes; the result does not depend on it
     monitor : told what happens. With it, what cannot be used is left out, and examples are
         looked at first (`advise`); without it, the first error is raised.
-    **options : fields of `TrainingOptions`, such as `mirror=True`, before those of `training`
+    **options : fields of `TrainingOptions` and `ReadOptions`, such as `mirror=True` or
+        `rate_hz=60, skeleton="smpl"`, before those of `training` and `reading`
 
     Raises
     ------
@@ -126,14 +126,12 @@ def learn(
         If there are no examples, examples of a class have nothing in common, or one of
         them cannot be read.
     """
+    of_reading = {one.name: options.pop(one.name) for one in fields(ReadOptions)
+                  if one.name in options}  # fmt: skip
     settings = replace(training or TrainingOptions(), **options)
+    reading = replace(reading or ReadOptions(), **of_reading)
     watch = monitor or StrictMonitor()
-    if isinstance(examples, str | Path):
-        nested = _read_folder(Path(examples), reading, feature_set, jobs=jobs, monitor=watch)
-    else:
-        remedy = "give a folder with one folder per class, or a dict: {'squat': [motion, ...], ...}"
-        check_kind(examples, (Mapping,), name="examples", remedy=remedy)
-        nested = {name: _by_prototype(name, x, feature_set) for name, x in examples.items()}
+    nested = _read(examples, recordings, reading, feature_set, jobs=jobs, monitor=watch)
     if not nested:
         raise InvalidInput("there are no examples to learn from; give at least one class")
     if monitor is not None:
@@ -186,95 +184,81 @@ def calibrate(
     return apply_calibrations(library, chosen)
 
 
-def read_examples(
-    folder: Path,
-    *,
-    reading: ReadOptions | None = None,
-    feature_set: FeatureSet = FULL_BODY,
-    jobs: int = 1,
-    on_done: Callable[[NamedFile], None] | None = None,
-) -> ReadExamples:
-    """Packed features of a folder of examples, and the files that could not be read.
-
-    Examples are called by their path below the folder ("squat/one.bvh").
-    """
-    files = list_examples(folder)
-    result = ReadExamples()
-    named = [(path.relative_to(folder).as_posix(), path) for _, _, path in files]
-    packed = read_features(
-        named, options=reading, feature_set=feature_set, jobs=jobs, on_done=on_done
-    )
-    for (name, prototype, _), item in zip(files, packed, strict=True):
-        if isinstance(item, Failure):
-            result.failures.append(item)
-        else:
-            result.classes.setdefault(name, {}).setdefault(prototype, []).append(item)
-    return result
-
-
-def list_examples(folder: Path) -> list[tuple[str, str, Path]]:
-    """Class, prototype and path of every example below a folder, sorted."""
-    if not folder.is_dir():
-        raise UnreadableFile(f"{folder}: no such folder; give a folder with one folder per class")
-    files = []
-    for path in sorted(folder.rglob("*")):
-        parts = path.relative_to(folder).parts
-        hidden = any(part.startswith(".") for part in parts)
-        is_recording = format_suffix(path) in MOTION_SUFFIXES and path.is_file()
-        if is_recording and len(parts) > 1 and not hidden:
-            files.append((parts[0], "/".join(parts[1:-1]) or parts[0], path))
-    if not files:
-        raise UnreadableFile(
-            f"{folder}: no examples found; expected one folder per class with files of the "
-            f"kinds {', '.join(MOTION_SUFFIXES)}, such as {folder.name}/squat/one.bvh"
-        )
-    return files
-
-
-def _read_folder(
-    folder: Path,
-    reading: ReadOptions | None,
+def _read(
+    examples: Any,
+    recordings: Recordings | None,
+    reading: ReadOptions,
     feature_set: FeatureSet,
     *,
     jobs: int,
     monitor: Monitor,
 ) -> Examples:
-    listed = list_examples(folder)
-    with monitor.stage("reading", len(listed)) as done:
-        read = read_examples(
-            folder, reading=reading, feature_set=feature_set, jobs=jobs, on_done=done
-        )
+    """Examples in whichever way they are given."""
+    measured: Any = {"reading": reading, "feature_set": feature_set}
+    if _is_labels(examples):
+        tracks = list_tracks(examples, reading)
+        if recordings is None and isinstance(examples, str | Path):
+            recordings = Path(examples).parent
+        with monitor.stage("reading", sum(len(track) > 0 for track in tracks)) as done:
+            read = read_labelled(tracks, recordings, jobs=jobs, on_done=done, **measured)
+        _report(read, {label.name for track in tracks for label in track}, monitor)
+        return read.classes
+    if recordings is not None:
+        raise InvalidInput("recordings go with labels of their times; examples are whole files")
+    if isinstance(examples, str | Path):
+        folder = Path(examples)
+        listed = list_examples(folder)
+        with monitor.stage("reading", len(listed)) as done:
+            read = read_examples(folder, jobs=jobs, on_done=done, **measured)
+        _report(read, {name for name, _, _ in listed}, monitor)
+        _report_stray(folder, monitor)
+        return read.classes
+    remedy = "give a folder with one folder per class, or a dict: {'squat': [motion, ...], ...}"
+    check_kind(examples, (Mapping,), name="examples", remedy=remedy)
+    return {name: _by_prototype(name, x, **measured) for name, x in examples.items()}
+
+
+def _by_prototype(name: str, items: Any, **measured: Any) -> Mapping[str, list[FeatureSequence]]:
+    """Packed features of a class by prototype; motions and arrays are measured."""
+    remedy = "give lists of motions, features or arrays; motionary.read reads a file"
+    prototypes = items if isinstance(items, Mapping) else {name: items}
+    for key, given in prototypes.items():
+        check_kind(given, (Iterable,), name=f"examples of {key!r}", remedy=remedy)
+    return {
+        key: [measure(one, name=f"an example of {key!r}", **measured) for one in given]
+        for key, given in prototypes.items()
+    }
+
+
+def _is_labels(examples: object) -> bool:
+    if isinstance(examples, str | Path):
+        return Path(examples).is_file() and format_suffix(examples) in _OF_LABELS
+    items = examples.values() if isinstance(examples, Mapping) else examples
+    if isinstance(items, LabelTrack):
+        return True
+    if isinstance(items, Collection) and len(items):
+        return all(isinstance(one, LabelTrack) for one in items)
+    return False
+
+
+def _report(read: ReadExamples, names: Collection[str], monitor: Monitor) -> None:
+    """Notify of what could not be read, and of classes that are left without examples."""
     for failure in read.failures:
         monitor.notify(Notice(str(failure.error), True, failure.error, failure.item))
-    for name in sorted({name for name, _, _ in listed} - set(read.classes)):
+    for error in read.unusable:
+        monitor.notify(Notice(str(error), True, error))
+    for name in sorted(set(names) - set(read.classes)):
         text = f"class {name!r}: none of its examples could be read; left out"
         monitor.notify(Notice(text, True))
+
+
+def _report_stray(folder: Path, monitor: Monitor) -> None:
+    """Notify of recordings that are in no class."""
     stray = sorted(path.name for path in folder.iterdir() if format_suffix(path) in MOTION_SUFFIXES)
     if stray:
         more = f" and {len(stray) - 1} more" if len(stray) > 1 else ""
         hint = "in no class; put examples into a folder named after their class"
         monitor.notify(Notice(f"{stray[0]}{more}: {hint}", True))
-    return read.classes
-
-
-def _by_prototype(
-    name: str,
-    items: Mapping[str, Sequence[FeatureSequence]] | Sequence[Motion | FeatureSequence],
-    feature_set: FeatureSet,
-) -> Mapping[str, Sequence[FeatureSequence]]:
-    """Packed features of a class by prototype; motions are measured."""
-    remedy = "give lists of motions or features; motionary.read reads a file"
-    prototypes = items if isinstance(items, Mapping) else {name: items}
-    result: dict[str, list[FeatureSequence]] = {}
-    for key, given in prototypes.items():
-        check_kind(given, (Iterable,), name=f"examples of {key!r}", remedy=remedy)
-        result[key] = []
-        for one in given:
-            check_kind(one, (Motion, FeatureSequence), name=f"an example of {key!r}", remedy=remedy)
-            if isinstance(one, Motion):
-                one = compute_features(one, feature_set=feature_set)
-            result[key].append(one)
-    return result
 
 
 def _learn_templates(

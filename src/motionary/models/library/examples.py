@@ -1,0 +1,316 @@
+"""Examples of classes: files of a folder, labelled parts of recordings, motions and arrays.
+
+In a folder, there is a folder per class, and the files in it are its examples; folders within
+a class folder are its prototypes. Labels give parts of recordings as examples of the classes
+that they name; a further column `person` says who moves.
+
+Conventions: parts are cut from the features of the whole recording, at 30 Hz.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from motionary.batch import Failure
+from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, check_kind
+from motionary.features import (
+    FULL_BODY,
+    SEQUENCE_HZ,
+    FeatureSequence,
+    FeatureSet,
+    NamedFile,
+    compute_features,
+    read_features,
+)
+from motionary.io import (
+    MOTION_SUFFIXES,
+    ReadOptions,
+    format_suffix,
+    match_recording,
+    name_recordings,
+    read_labels,
+)
+from motionary.labels import Label, LabelTrack, of_recording
+from motionary.motion import Motion
+
+#: What recordings are measured from.
+Measurable = Motion | FeatureSequence | ArrayLike
+#: Paths of recordings, or the recordings themselves by name.
+Recordings = str | Path | Sequence[str | Path] | Mapping[str, Measurable]
+
+#: The further column of labels that says who moves.
+PERSON = "person"
+
+# What `check_kind` names: motions and features are told before.
+_ARRAYS = (Motion, FeatureSequence, np.ndarray, list)
+_MOST_NAMES = 5
+
+
+@dataclass(slots=True)
+class ReadExamples:
+    """Examples: class -> prototype -> packed features; and what is unreadable.
+
+    Attributes
+    ----------
+    classes : the examples
+    failures : recordings that could not be read
+    unusable : why labels, or all of a recording's, give no example
+    """
+
+    classes: dict[str, dict[str, list[FeatureSequence]]] = field(default_factory=dict)
+    failures: list[Failure[NamedFile]] = field(default_factory=list)
+    unusable: list[MotionaryError] = field(default_factory=list)
+
+
+# -- folders ------------------------------------------------------------------------------
+
+
+def read_examples(
+    folder: Path,
+    *,
+    reading: ReadOptions | None = None,
+    feature_set: FeatureSet = FULL_BODY,
+    jobs: int = 1,
+    on_done: Callable[[NamedFile], None] | None = None,
+) -> ReadExamples:
+    """Packed features of a folder of examples, and the files that could not be read.
+
+    Examples are called by their path below the folder ("squat/one.bvh").
+    """
+    files = list_examples(folder)
+    result = ReadExamples()
+    named = [(path.relative_to(folder).as_posix(), path) for _, _, path in files]
+    packed = read_features(
+        named, options=reading, feature_set=feature_set, jobs=jobs, on_done=on_done
+    )
+    for (name, prototype, _), item in zip(files, packed, strict=True):
+        if isinstance(item, Failure):
+            result.failures.append(item)
+        else:
+            result.classes.setdefault(name, {}).setdefault(prototype, []).append(item)
+    return result
+
+
+def list_examples(folder: Path) -> list[tuple[str, str, Path]]:
+    """Class, prototype and path of every example below a folder, sorted."""
+    if not folder.is_dir():
+        raise UnreadableFile(
+            f"{folder}: no such folder; give a folder with one folder per class, or a table of "
+            "labels with the recordings that they are of"
+        )
+    files = []
+    for path in sorted(folder.rglob("*")):
+        parts = path.relative_to(folder).parts
+        hidden = any(part.startswith(".") for part in parts)
+        is_recording = format_suffix(path) in MOTION_SUFFIXES and path.is_file()
+        if is_recording and len(parts) > 1 and not hidden:
+            files.append((parts[0], "/".join(parts[1:-1]) or parts[0], path))
+    if not files:
+        raise UnreadableFile(
+            f"{folder}: no examples found; expected one folder per class with files of the "
+            f"kinds {', '.join(MOTION_SUFFIXES)}, such as {folder.name}/squat/one.bvh"
+        )
+    return files
+
+
+# -- labels of recordings -----------------------------------------------------------------
+
+
+def read_labelled(
+    labels: str | Path | LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack],
+    recordings: Recordings | None = None,
+    *,
+    reading: ReadOptions | None = None,
+    feature_set: FeatureSet = FULL_BODY,
+    jobs: int = 1,
+    on_done: Callable[[NamedFile], None] | None = None,
+) -> ReadExamples:
+    """Packed features of labelled parts of recordings, by the names of the labels.
+
+    Examples are called by their recording and times ("take.bvh 1.20-3.40 s").
+
+    Parameters
+    ----------
+    labels : a file in any format of labels, or tracks
+    recordings : by default the folder that holds the file of labels
+    reading, feature_set, jobs, on_done : as of `read_examples`; arrays take rate and skeleton
+        from `reading`
+
+    Raises
+    ------
+    InvalidInput
+        If there is no label, or tracks come without recordings.
+    UnreadableFile
+        If the labels cannot be read, or there is no recording where one is looked for.
+    """
+    tracks = list_tracks(labels, reading)
+    if not any(len(track) for track in tracks):
+        raise InvalidInput("there are no labels to learn from")
+    sequences = find_sequences(
+        tracks,
+        _default_recordings(labels) if recordings is None else recordings,
+        reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done,
+    )  # fmt: skip
+    result = ReadExamples(failures=sequences.failures, unusable=sequences.unusable)
+    for track, sequence in sequences.pairs:
+        for label in track:
+            try:
+                part = cut_example(sequence, label)
+            except InvalidInput as error:
+                result.unusable.append(error)
+                continue
+            result.classes.setdefault(label.name, {}).setdefault(label.name, []).append(part)
+    return result
+
+
+def list_tracks(
+    labels: str | Path | LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack],
+    reading: ReadOptions | None = None,
+) -> list[LabelTrack]:
+    """Tracks of a file of labels, or as they are given."""
+    if isinstance(labels, str | Path):
+        labels = read_labels(labels, rate_hz=reading.rate_hz if reading else None)
+    if isinstance(labels, LabelTrack):
+        return [labels]
+    return list(labels.values() if isinstance(labels, Mapping) else labels)
+
+
+@dataclass(slots=True)
+class LabelledSequences:
+    """Labelled recordings with their features.
+
+    Attributes
+    ----------
+    pairs : a track of each, which fits the recording, and its features
+    failures : recordings that could not be read
+    unusable : why tracks have no recording, or do not fit theirs
+    """
+
+    pairs: list[tuple[LabelTrack, FeatureSequence]] = field(default_factory=list)
+    failures: list[Failure[NamedFile]] = field(default_factory=list)
+    unusable: list[MotionaryError] = field(default_factory=list)
+
+
+def find_sequences(
+    tracks: Sequence[LabelTrack],
+    recordings: Recordings,
+    *,
+    reading: ReadOptions | None = None,
+    feature_set: FeatureSet = FULL_BODY,
+    jobs: int = 1,
+    on_done: Callable[[NamedFile], None] | None = None,
+) -> LabelledSequences:
+    """Features of the recordings that are labelled; others are not read."""
+    result = LabelledSequences()
+    done: Iterator[FeatureSequence | Failure[NamedFile]]
+    if isinstance(recordings, Mapping):
+        found = _match(tracks, recordings, result)
+        done = (
+            measure(
+                recordings[name],
+                name=f"recording {name!r}",
+                feature_set=feature_set,
+                reading=reading,
+            ).renamed(name)
+            for _, name in found
+        )
+    else:
+        files = name_recordings(recordings)
+        found = _match(tracks, files, result)
+        named = [(name, files[name]) for _, name in found]
+        done = read_features(
+            named, options=reading, feature_set=feature_set, jobs=jobs, on_done=on_done
+        )
+    for (track, _), sequence in zip(found, done, strict=True):
+        if isinstance(sequence, Failure):
+            result.failures.append(sequence)
+            continue
+        try:
+            fitting = of_recording(track, sequence.recording)
+        except InvalidInput as error:
+            result.unusable.append(error)
+        else:
+            result.pairs.append((fitting, sequence))
+    return result
+
+
+def cut_example(sequence: FeatureSequence, label: Label) -> FeatureSequence:
+    """The labelled part of a recording, with the person that the label knows.
+
+    Raises
+    ------
+    InvalidInput
+        If it has no duration, or lies outside of the recording.
+    """
+    start = max(round(label.start_s * SEQUENCE_HZ), 0)
+    stop = min(round(label.end_s * SEQUENCE_HZ), len(sequence))
+    called = f"{sequence.source} {label.start_s:.2f}-{label.end_s:.2f} s"
+    if stop <= start:
+        raise InvalidInput(f"{called} ({label.name}): too short for an example; left out")
+    part = sequence.part(start, stop)
+    person = label.extra.get(PERSON) or sequence.recording.person
+    return replace(part, recording=replace(part.recording, name=called, person=person))
+
+
+def measure(
+    recording: Measurable,
+    *,
+    name: str,
+    feature_set: FeatureSet = FULL_BODY,
+    reading: ReadOptions | None = None,
+) -> FeatureSequence:
+    """Features of a motion, or of an array whose rate and skeleton `reading` gives.
+
+    Raises
+    ------
+    WrongKind
+        If it is something else, which `name` then calls.
+    """
+    if isinstance(recording, FeatureSequence):
+        return recording
+    if isinstance(recording, Motion):
+        return compute_features(recording, feature_set=feature_set)
+    remedy = "give motions, features or arrays; motionary.read reads a file"
+    check_kind(recording, _ARRAYS, name=name, remedy=remedy)
+    options = reading or ReadOptions()
+    skeleton = None if options.skeleton is None else str(options.skeleton)
+    return compute_features(
+        recording, rate_hz=options.rate_hz, skeleton=skeleton, feature_set=feature_set
+    )
+
+
+def _default_recordings(labels: object) -> Path:
+    if isinstance(labels, str | Path):
+        return Path(labels).parent
+    raise InvalidInput("labels without a file need the recordings that they are of (recordings=)")
+
+
+def _match(
+    tracks: Sequence[LabelTrack], known: Collection[str], result: LabelledSequences
+) -> list[tuple[LabelTrack, str]]:
+    """Tracks with labels and their recordings' names; those without are noted as unusable."""
+    found, without = [], []
+    for track in tracks:
+        if not len(track):
+            continue
+        name = match_recording(track.recording.name, known)
+        if name is None:
+            without.append(track.recording.name)
+        else:
+            found.append((track, name))
+    if without:
+        there = _enumerate(sorted(known)) or "none"
+        result.unusable.append(
+            InvalidInput(
+                f"{_enumerate(without)}: no recording of this name, or not one; there are {there}"
+            )
+        )
+    return found
+
+
+def _enumerate(names: Sequence[str]) -> str:
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
