@@ -164,7 +164,7 @@ def _points() -> Motion:
 
 
 def _open_motion(folder: Path, name: str) -> None:
-    rate_hz = 60 if Path(name).suffix in (".npy", ".npz") else None
+    rate_hz = 60 if Path(name).suffix in (".npy", ".npz", ".json") else None
     for motion in read_all(folder / name, rate_hz=rate_hz):
         _check(motion)
 
@@ -260,6 +260,18 @@ def _make_gltf(folder: Path) -> None:
     ]
     for name, content in (pair for files in packed for pair in files.items()):
         (folder / name).write_bytes(content)
+
+
+def _make_json(folder: Path) -> None:
+    motion = _small(4)
+    frames = [dict(zip(motion.names, frame, strict=True)) for frame in motion.positions.tolist()]
+    objects = [[{"name": n, "x": x, "y": y, "z": z} for n, (x, y, z) in f.items()] for f in frames]
+    people = [{"time": i / 60, "people": [{"id": 1, "joints": f}]} for i, f in enumerate(frames)]
+    lists = {"names": motion.names, "fps": 60, "positions": motion.positions.tolist()}
+    named = {"fps": 60, "unit": "m", "frames": [{"joints": frame} for frame in frames]}
+    contents = {"named": named, "lists": lists, "people": {"frames": people}, "objects": objects}
+    for name, content in contents.items():
+        (folder / f"{name}.json").write_text(json.dumps(content))
 
 
 def _make_npz(folder: Path) -> None:
@@ -414,6 +426,7 @@ KINDS: dict[str, Kind] = {
     "c3d": Kind(_make_c3d, ("*.c3d",), _open_motion),
     "trc": Kind(_make_trc, ("*.trc", "*.gz"), _open_motion),
     "mvnx": Kind(_make_mvnx, ("*.mvnx",), _open_motion),
+    "json": Kind(_make_json, ("*.json",), _open_motion),
     "gltf": Kind(_make_gltf, ("*.gl*", "*.bin"), _open_gltf),
     "csv": Kind(_make_csv, ("*.csv",), _open_motion),
     "sto": Kind(_make_opensim, ("*.sto",), _open_motion),

@@ -5,6 +5,7 @@ working directory; through names with blanks and letters of all kinds; packed wh
 format is a text; the same bytes again; whole or not at all; no folder's name inside.
 """
 
+import json
 import os
 import shutil
 from dataclasses import dataclass, field
@@ -271,6 +272,9 @@ def other_files(folder):
     (folder / "a.fbx").write_text(fbx_text(bones, turns, list(range(30))))
     figure = synthetic_motion("squat", seed=3, rate_hz=RATE_HZ).cut(0, 30)
     (folder / "a.mvnx").write_text(mvnx_text(figure)[0])
+    (folder / "a.json").write_text(
+        json.dumps({"names": figure.names, "fps": RATE_HZ, "positions": figure.positions.tolist()})
+    )
     for suffix, humanoid in ((".gltf", ""), (".glb", ""), (".vrm", "vrm0"), (".vrma", "vrma")):
         gltf = gltf_of(figure, humanoid=humanoid)
         (content,) = gltf.pack("data" if suffix == ".gltf" else "glb").values()
@@ -278,7 +282,7 @@ def other_files(folder):
     return {
         "a.amc": {}, "a.bvh": {"unit": "cm"}, "amass.npz": {}, "a.npy": {}, "a.pkl": {},
         "a.c3d": {}, "a.trc": {}, "a.sto": {}, "a.mot": {}, "a.fbx": {}, "a.mvnx": {},
-        "a.gltf": {}, "a.glb": {}, "a.vrm": {}, "a.vrma": {},
+        "a.gltf": {}, "a.glb": {}, "a.vrm": {}, "a.vrma": {}, "a.json": {},
     }  # fmt: skip
 
 
@@ -304,6 +308,7 @@ READ = [
     "a.glb",
     "a.vrm",
     "a.vrma",
+    "a.json",
 ]
 
 

@@ -78,8 +78,15 @@ FORMATS = (
         is_text=True,
         lacks=("rig", "events"),
     ),
-    # Tables named .csv are mostly labels: as with OpenSim's, where they are named only.
+    # Tables named .csv, and JSON, are mostly labels: as with OpenSim's, where they are named only.
     Format(".csv", "csv_points:read_csv", takes=("even_times",), is_text=True, in_folders=False),
+    Format(
+        ".json",
+        "json_points:read_json",
+        takes=("take", "even_times"),
+        is_text=True,
+        in_folders=False,
+    ),
     Format(
         ".npz",
         "arrays:read_npz_motion",

@@ -90,11 +90,26 @@ def read_array(path: Path, options: ReadOptions) -> FileContent:
     results = read_npy_dict(path)
     if results:
         return _read_results(results, path.name, options)
-    return _read_layout(split_array(read_npy(path), path.name), path.name, options)
+    return read_layout(split_array(read_npy(path), path.name), path.name, options)
 
 
-def _read_layout(layout: Layout, source: str, options: ReadOptions) -> FileContent:
-    """Content of the one motion that is meant."""
+def read_layout(
+    layout: Layout,
+    source: str,
+    options: ReadOptions,
+    *,
+    names: list[str] | None = None,
+    rate_hz: float | None = None,
+) -> FileContent:
+    """Content of the one motion that is meant.
+
+    Parameters
+    ----------
+    layout : the motions of a file
+    source : name of the file
+    options : what the caller gives
+    names, rate_hz : what the file says beside its numbers
+    """
     numbers = [str(i + 1) for i in range(len(layout.motions))]
     motion = layout.motions[choose_take(numbers, options.take, source)]
     if motion.ndim == 2:
@@ -103,9 +118,10 @@ def _read_layout(layout: Layout, source: str, options: ReadOptions) -> FileConte
     table = options.skeleton_table()
     if table is None and layout.skeleton:
         table = named_table(layout.skeleton)
-    joints = name_joints(positions, source, table)
-    rate = options.rate_hz if options.rate_hz is not None else layout.rate_hz
-    notes = layout.notes if options.rate_hz is None else layout.notes[:1]
+    joints = name_joints(positions, source, table, names=names)
+    given = options.rate_hz if options.rate_hz is not None else rate_hz
+    rate = given if given is not None else layout.rate_hz
+    notes = layout.notes if given is None else layout.notes[:1]
     if rate is None and joints.mapping is not None and joints.mapping.name == "humanml3d":
         rate = HUMANML3D_HZ
         joints = joints.with_note(f"rate assumed {HUMANML3D_HZ:g} Hz, as HumanML3D has")
@@ -138,7 +154,7 @@ def _read_results(results: dict[str, Any], source: str, options: ReadOptions) ->
         # What is behind the end of a motion fills the batch up.
         cut = [m[: max(1, int(n))] for m, n in zip(layout.motions, lengths, strict=True)]
         layout = layout._replace(motions=cut)
-    return _read_layout(layout, source, options)
+    return read_layout(layout, source, options)
 
 
 def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
@@ -168,13 +184,7 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
             f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
         )
     layout = split_array(arrays[key], path.name)
-    numbers = [str(i + 1) for i in range(len(layout.motions))]
-    motion = layout.motions[choose_take(numbers, options.take, path.name)]
-    positions = check_positions(motion, path.name)
-    table = options.skeleton_table()
-    joints = name_joints(positions, path.name, table, names=_find_names(arrays))
-    joints = joints._replace(notes=(*joints.notes, *layout.notes))
-    return array_content(positions, joints, path.name, rate_hz=rate)
+    return read_layout(layout, path.name, options, names=_find_names(arrays), rate_hz=rate)
 
 
 def array_content(

@@ -1,0 +1,281 @@
+"""Keypoints in three dimensions in JSON, as trackers and scripts write them.
+
+Frames are a list, alone or under one of the usual names; a frame holds points by name, a list of
+points whose names stand once in the file, or people of whom each has points. World landmarks of
+MediaPipe, bodies of Azure Kinect and instances of MMPose are such lists. Numbers alone are an
+array, as in .npy files. Keypoints in two dimensions are no places: they are refused.
+
+Conventions: a point is [x, y, z], or has x, y, z; more numbers (scores) are left out; null, and
+a point that a frame lacks, was not seen.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput, NotAMotion, UnreadableFile
+from motionary.files import open_regular
+from motionary.io.formats.array_layouts import split_array
+from motionary.io.formats.arrays import NAMES, RATES, check_positions, name_joints, read_layout
+from motionary.io.formats.content import (
+    FARTHEST,
+    POINT_UNITS,
+    RATE_HINT,
+    FileContent,
+    choose_take,
+    number_doubles,
+)
+from motionary.io.formats.json_people import (
+    FLAT,
+    MEDIAPIPE,
+    PEOPLE,
+    WORLD,
+    fill_positions,
+    find_people,
+    is_number,
+    refuse_flat,
+    refuse_image,
+)
+from motionary.io.formats.times import time_frames
+from motionary.io.normalise.units import NAMES_OF_UNITS
+from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.options import ReadOptions
+from motionary.io.text import read_text
+from motionary.skeletons import named_table
+
+Floats = NDArray[np.float64]
+
+_FRAMES = (
+    "frames", "instance_info", "data", "poses", "results", "sequence", "positions",
+    "keypoints3d", "keypoints_3d", "joints3d", "keypoints", "joints", "landmarks",
+)  # fmt: skip
+_HEADS = ("metadata", "meta", "meta_info", "info", "header")
+_MORE_NAMES = (*NAMES, "keypoint_names", "landmark_names", "joints")
+# Seconds of a unit, by the name of a frame's time; what clocks give under names that do not say.
+_TIMES = {"time_s": 1.0, "timestamp_s": 1.0, "time_ms": 1e-3, "timestamp_ms": 1e-3,
+          "timestamp_us": 1e-6, "timestamp_usec": 1e-6}  # fmt: skip
+_CLOCKS = ("time", "timestamp", "t")
+_NUMBERS = ("frame", "frame_id", "frame_index", "frame_number")
+_SECONDS = (1.0, 1e-3, 1e-6, 1e-9)
+_LONGEST_STEP_S = 1.0
+
+# An hour of MediaPipe takes 0.4 GB as text, and ten times as much as objects.
+_MOST_BYTES = 1 << 30
+_TOO_DEEP = "has lists within lists without end"
+
+
+def read_json(path: Path, options: ReadOptions) -> FileContent:
+    """Content of a JSON file of keypoints in three dimensions.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing or damaged, or holds no such keypoints, or those of an image.
+    InvalidInput
+        If it says no rate and none is given, or holds several people and none is named.
+    """
+    content, size = _load(path)
+    frames = _find_frames(content, path.name)
+    head = _Head(content)
+    if _is_array(frames):
+        return _read_numbers(frames, head, path.name, options)
+    try:
+        people = find_people(frames, path.name)
+        takes = list(people)
+        person = people[takes[choose_take(takes, options.take, path.name)]]
+        keys, positions = fill_positions(person, len(frames), size, path.name)
+    except RecursionError:
+        raise UnreadableFile(f"{path.name}: {_TOO_DEEP}; is it damaged?") from None
+    refuse_image(positions, person.key, path.name)
+    names, mapping = head.names or None, None
+    notes: tuple[str, ...] = ()
+    if all(isinstance(key, str) for key in keys):
+        names = number_doubles([" ".join(str(key).split())[:200] for key in keys])
+    else:
+        table = options.skeleton_table()
+        if table is None and names is None and person.key in WORLD:
+            table = named_table("mediapipe") if len(keys) == MEDIAPIPE else None
+        joints = name_joints(positions, path.name, table, names=names)
+        names, notes, mapping = joints.names, joints.notes, joints.mapping
+    timed = _time(frames, positions, head.rate_hz, options, path.name)
+    return FileContent(
+        names=names,
+        positions=timed.positions,
+        rate_hz=timed.rate_hz,
+        source=path.name,
+        metadata=head.metadata(person.key),
+        mapping=mapping,
+        first_frame=timed.first_frame,
+        notes=(*notes, *timed.notes),
+    )
+
+
+def _load(path: Path) -> tuple[Any, int]:
+    """What the file holds, and its size."""
+    with open_regular(path) as file:
+        size = file.seek(0, 2)
+    if size > _MOST_BYTES:
+        raise UnreadableFile(
+            f"{path.name}: {size >> 20} MB of JSON are more than is read; save positions and "
+            "names as .npz"
+        )
+    text = read_text(path)
+    try:
+        return json.loads(text), len(text)
+    except (ValueError, RecursionError) as error:
+        reason = _TOO_DEEP if isinstance(error, RecursionError) else str(error)
+        raise UnreadableFile(f"{path.name}: is no JSON: {reason[:200]}; is it whole?") from None
+
+
+class _Head:
+    """What a file says of all frames."""
+
+    def __init__(self, content: Any) -> None:
+        self.parts: list[Mapping[str, Any]] = []
+        if isinstance(content, dict):
+            inner = [content.get(key) for key in _HEADS]
+            self.parts = [content, *(part for part in inner if isinstance(part, dict))]
+        self.names = self._find_names()
+
+    @property
+    def rate_hz(self) -> float | None:
+        for value in (part[key] for part in self.parts for key in RATES if key in part):
+            if is_number(value) and 0 < value < 1e6:
+                return float(value)
+        return None
+
+    def metadata(self, key: str) -> FileMetadata:
+        """What the file says of unit and axes."""
+        if key in WORLD:
+            return FileMetadata(usual_up="-y", origin="MediaPipe", likely=POINT_UNITS)
+        said = (part.get(name) for part in self.parts for name in ("unit", "units"))
+        unit = next((u for u in said if isinstance(u, str) and u.lower() in NAMES_OF_UNITS), "")
+        return FileMetadata(unit=NAMES_OF_UNITS.get(unit.lower()), likely=POINT_UNITS)
+
+    def _find_names(self) -> list[str]:
+        for part in self.parts:
+            by_number = part.get("keypoint_id2name")
+            lists = [part.get(key) for key in _MORE_NAMES]
+            if isinstance(by_number, dict):
+                lists.append(list(by_number.values()))
+            for names in lists:
+                if isinstance(names, list) and names and all(isinstance(n, str) for n in names):
+                    return [" ".join(name.split())[:200] for name in names]
+        return []
+
+
+# ---- frames, people, points
+
+
+def _find_frames(content: Any, source: str) -> list[Any]:
+    """The list of frames, of which one is there."""
+    found = [content]
+    if isinstance(content, dict):
+        found = [content[key] for key in _FRAMES if key in content]
+        if any(key in content for key in (*PEOPLE, *FLAT)):
+            # One frame a file, as OpenPose writes, or those of a data set of images.
+            found.append([content])
+    for value in found:
+        if isinstance(value, list) and value and not all(isinstance(v, str) for v in value):
+            return value
+        if isinstance(value, dict) and value and all(isinstance(v, dict) for v in value.values()):
+            # By number, or by the name of an image.
+            return list(value.values())
+    raise NotAMotion(
+        f"{source}: holds no motion; expected keypoints in three dimensions: "
+        '{"fps": 30, "frames": [{"joints": {"hip": [x, y, z]}}]}, or lists with "names"'
+    )
+
+
+def _is_array(value: Any) -> bool:
+    """Whether a list holds numbers only, at least three lists deep."""
+    depth = 0
+    while isinstance(value, list):
+        value = next((one for one in value if one not in (None, [])), None)
+        depth += 1
+    return depth >= 3 and is_number(value)
+
+
+def _read_numbers(frames: list[Any], head: _Head, source: str, options: ReadOptions) -> FileContent:
+    try:
+        array = np.array(frames, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise UnreadableFile(
+            f"{source}: frames differ in their number of points; give points names, or null to "
+            "those that were not seen"
+        ) from None
+    if array.shape[-1] == 2:
+        refuse_flat(source)
+    # A fourth number of a point is its score.
+    array = array[..., :3] if array.ndim >= 3 and array.shape[-1] == 4 else array
+    layout = split_array(array, source)
+    if layout.rate_hz is None:
+        refuse_image(check_positions(layout.motions[0], source), "", source)
+    rate = options.rate_hz or head.rate_hz or layout.rate_hz
+    return read_layout(layout, source, options, names=head.names or None, rate_hz=rate)
+
+
+# ---- times
+
+
+class _Timed(NamedTuple):
+    positions: Floats
+    rate_hz: float
+    first_frame: int
+    notes: tuple[str, ...]
+
+
+def _time(
+    frames: Sequence[Any],
+    positions: Floats,
+    stated_hz: float | None,
+    options: ReadOptions,
+    source: str,
+) -> _Timed:
+    """Frames at the rate of their times, of their numbers, or of the file."""
+    numbers = _column(frames, _NUMBERS)
+    first = int(numbers[0]) if numbers is not None and abs(numbers[0]) < FARTHEST else 0
+    given = options.rate_hz if options.rate_hz is not None else stated_hz
+    times, notes = _find_times(frames)
+    if times is None and numbers is not None and given is not None:
+        times = (numbers - numbers[0]) / given
+    if times is None or len(times) < 2:
+        if given is None:
+            raise InvalidInput(f"{source}: says neither times nor a rate; {RATE_HINT}")
+        return _Timed(positions, given, first, ())
+    timed = time_frames(
+        positions, times, options=options, source=source, stated_hz=stated_hz or np.nan
+    )
+    return _Timed(timed.positions, timed.rate_hz, first, (*notes, *timed.notes))
+
+
+def _find_times(frames: Sequence[Any]) -> tuple[Floats | None, tuple[str, ...]]:
+    """Times in seconds, and a note where their unit is taken from their steps."""
+    for key, seconds in _TIMES.items():
+        times = _column(frames, (key,))
+        if times is not None:
+            return times * seconds, ()
+    times = _column(frames, _CLOCKS)
+    if times is None or len(times) < 2:
+        return None, ()
+    step = float(np.median(np.diff(times)))
+    for seconds in _SECONDS:
+        if step * seconds <= _LONGEST_STEP_S:
+            unit = {1.0: "", 1e-3: "milliseconds", 1e-6: "microseconds"}.get(seconds, "nanoseconds")
+            return times * seconds, ((f"times are taken for {unit}",) if unit else ())
+    return times, ()
+
+
+def _column(frames: Sequence[Any], keys: Sequence[str]) -> Floats | None:
+    """A number that every frame has, under the first of the names that is there."""
+    first = frames[0]
+    key = next((k for k in keys if isinstance(first, dict) and is_number(first.get(k))), None)
+    if key is None:
+        return None
+    values: list[Any] = [f.get(key) if isinstance(f, dict) else None for f in frames]
+    numbers = [value for value in values if is_number(value) and abs(value) < 1e18]
+    return np.array(numbers, dtype=np.float64) if len(numbers) == len(frames) else None
