@@ -90,7 +90,8 @@ def read_array(path: Path, options: ReadOptions) -> FileContent:
     results = read_npy_dict(path)
     if results:
         return _read_results(results, path.name, options)
-    return read_layout(split_array(read_npy(path), path.name), path.name, options)
+    layout = split_array(read_npy(path), path.name)
+    return read_layout(layout, path.name, options, is_bare=True)
 
 
 def read_layout(
@@ -100,6 +101,7 @@ def read_layout(
     *,
     names: list[str] | None = None,
     rate_hz: float | None = None,
+    is_bare: bool = False,
 ) -> FileContent:
     """Content of the one motion that is meant.
 
@@ -109,6 +111,7 @@ def read_layout(
     source : name of the file
     options : what the caller gives
     names, rate_hz : what the file says beside its numbers
+    is_bare : whether it can say nothing beside them
     """
     numbers = [str(i + 1) for i in range(len(layout.motions))]
     motion = layout.motions[choose_take(numbers, options.take, source)]
@@ -122,7 +125,8 @@ def read_layout(
     given = options.rate_hz if options.rate_hz is not None else rate_hz
     rate = given if given is not None else layout.rate_hz
     notes = layout.notes if given is None else layout.notes[:1]
-    if rate is None and joints.mapping is not None and joints.mapping.name == "humanml3d":
+    order = joints.mapping.name if joints.mapping is not None else ""
+    if is_bare and rate is None and order == "humanml3d":
         rate = HUMANML3D_HZ
         joints = joints.with_note(f"rate assumed {HUMANML3D_HZ:g} Hz, as HumanML3D has")
     joints = joints._replace(notes=(*joints.notes, *notes))
@@ -154,7 +158,7 @@ def _read_results(results: dict[str, Any], source: str, options: ReadOptions) ->
         # What is behind the end of a motion fills the batch up.
         cut = [m[: max(1, int(n))] for m, n in zip(layout.motions, lengths, strict=True)]
         layout = layout._replace(motions=cut)
-    return read_layout(layout, source, options)
+    return read_layout(layout, source, options, is_bare=True)
 
 
 def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
