@@ -23,7 +23,8 @@ from motionary.models.library import (
     measure_fractions,
 )
 from motionary.models.library.classes import ClassKind
-from motionary.models.library.training import learn_prototype, mirror_prototype
+from motionary.models.library.editing import mirror_prototype
+from motionary.models.library.training import learn_prototype
 from motionary.models.templates import template_from_text
 from recipes.sources import (
     Example,

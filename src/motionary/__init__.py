@@ -4,8 +4,9 @@ The public names and the modules they come from. A module is imported when one o
 is first used (PEP 562), so that `import motionary` is quick.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from motionary.lazy import lazy_names
 
 if TYPE_CHECKING:
     from motionary.errors import MotionaryError
@@ -56,34 +57,24 @@ __all__ = [
     "write_labels",
 ]
 
-_CONTENTS = {
-    "retrieval.annotation": ("annotate",),
-    "retrieval.counting": ("count",),
-    "errors": ("MotionaryError",),
-    "evaluation": ("evaluate",),
-    "retrieval.explanation": ("explain",),
-    "features": ("FeatureSequence", "FeatureSet", "compute_features"),
-    "retrieval.index": ("Index",),
-    "io": ("read", "read_labels", "write", "write_labels"),
-    "models.keyframes": ("KeyframeQuery",),
-    "labels": ("Label", "LabelTrack"),
-    "models.library": ("ClassLibrary", "MotionClass", "learn"),
-    "motion": ("Motion", "Skeleton"),
-    "recording": ("Recording",),
-    "reporting": ("report",),
-    "retrieval.search": ("Hit", "search"),
-    "models.templates": ("MotionTemplate",),
-}
-_HOME = {name: module for module, names in _CONTENTS.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'motionary' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"motionary.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "retrieval.annotation": "annotate",
+        "retrieval.counting": "count",
+        "errors": "MotionaryError",
+        "evaluation": "evaluate",
+        "retrieval.explanation": "explain",
+        "features": "FeatureSequence FeatureSet compute_features",
+        "retrieval.index": "Index",
+        "io": "read read_labels write write_labels",
+        "models.keyframes": "KeyframeQuery",
+        "labels": "Label LabelTrack",
+        "models.library": "ClassLibrary MotionClass learn",
+        "motion": "Motion Skeleton",
+        "recording": "Recording",
+        "reporting": "report",
+        "retrieval.search": "Hit search",
+        "models.templates": "MotionTemplate",
+    },
+)

@@ -4,6 +4,7 @@ Exit codes: 0 done; 1 some input failed, or a search found nothing; 2 wrong use;
 from the keyboard. Errors of the library are one line on stderr.
 """
 
+import gc
 import importlib
 import inspect
 import os
@@ -40,6 +41,10 @@ COMMANDS = {
     "labels": "labels",
     "demo": "demo",
 }
+#: Shells that complete a command line set it.
+_COMPLETION = "_MOTIONARY_COMPLETE"
+# Objects between two searches for garbage.
+_NEW_OBJECTS = 100_000
 #: Former names of options, which stay.
 _FORMER = {
     "--good": "--relevant", "--bad": "--irrelevant", "--grow": "--expand",
@@ -94,11 +99,16 @@ def _rename(argument: str) -> str:
 def run_app() -> None:
     """Run the command that this process was called with, and exit."""
     prepare_streams()
-    build_app()(prog_name="motionary")
+    # Little that a command makes becomes garbage, and looking for it costs a tenth of its start.
+    gc.set_threshold(_NEW_OBJECTS)
+    first = sys.argv[1] if len(sys.argv) > 1 else ""
+    # Completion asks with the words of the command line in variables.
+    one = first if first in COMMANDS and _COMPLETION not in os.environ else None
+    build_app(one)(prog_name="motionary")
 
 
-def build_app() -> typer.Typer:
-    """All commands."""
+def build_app(one: str | None = None) -> typer.Typer:
+    """All commands, or one of them: others need not be imported to run it."""
     app = typer.Typer(
         cls=_InSequence,
         help=_help_of(_start),
@@ -110,6 +120,8 @@ def build_app() -> typer.Typer:
     )
     app.callback()(_start)
     for name, home in COMMANDS.items():
+        if one not in (None, name):
+            continue
         module = importlib.import_module(f"motionary.cli.{home}")
         command = getattr(module, name)
         if hasattr(module, "SUBCOMMANDS"):

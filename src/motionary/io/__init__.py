@@ -4,8 +4,9 @@ A module is imported when one of its names is first used (PEP 562): options are 
 NumPy.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from motionary.lazy import lazy_names
 
 if TYPE_CHECKING:
     from motionary.io.cutting import can_cut, copy_skeleton, cut_clips, cut_file, plan_clips
@@ -67,35 +68,19 @@ __all__ = [
     "write_text",
 ]
 
-_CONTENTS = {
-    "cutting": ("can_cut", "copy_skeleton", "cut_clips", "cut_file", "plan_clips"),
-    "finding": (
-        "FileState",
-        "Sidecars",
-        "find_recordings",
-        "has_sidecar",
-        "match_recording",
-        "name_recordings",
-        "recording_name",
-        "scan_folder",
-    ),
-    "formats": ("MOTION_SUFFIXES", "WRITTEN_SUFFIXES", "options_of"),
-    "keyframe_collections": ("QueryRecord", "read_query_collections", "read_query_record"),
-    "labels": ("read_labels", "write_labels"),
-    "options": ("ReadOptions", "find_skeleton", "save_skeleton"),
-    "recordings": ("read", "read_all", "what_is_lost", "write"),
-    "text": ("Cell", "format_suffix", "read_text", "stem_of", "write_table", "write_text"),
-}
-_HOME = {name: module for module, names in _CONTENTS.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'motionary.io' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"motionary.io.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "cutting": "can_cut copy_skeleton cut_clips cut_file plan_clips",
+        "finding": (
+            "FileState Sidecars find_recordings has_sidecar match_recording name_recordings "
+            "recording_name scan_folder"
+        ),
+        "formats": "MOTION_SUFFIXES WRITTEN_SUFFIXES options_of",
+        "keyframe_collections": "QueryRecord read_query_collections read_query_record",
+        "labels": "read_labels write_labels",
+        "options": "ReadOptions find_skeleton save_skeleton",
+        "recordings": "read read_all what_is_lost write",
+        "text": "Cell format_suffix read_text stem_of write_table write_text",
+    },
+)

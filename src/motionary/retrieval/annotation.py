@@ -35,7 +35,6 @@ from motionary.matching import (
     local_minima,
     modify,
 )
-from motionary.models.keyframes import select_in_sequence
 from motionary.models.library import (
     THRESHOLD,
     ClassLibrary,
@@ -234,6 +233,8 @@ def class_distance(
 
 def _windows(prototype: Prototype, sequence: FeatureSequence) -> list[tuple[int, int]]:
     """Where a prototype is matched: around the hits of its keyframes."""
+    from motionary.models.keyframes import select_in_sequence
+
     ranges = select_in_sequence(
         prototype.queries,
         prototype.template.n_columns,

@@ -1,17 +1,11 @@
-"""Keyframe queries: a few poses with elastic gaps, found in hours of motion."""
+"""Keyframe queries: a few poses with elastic gaps, found in hours of motion.
 
-from motionary.models.keyframes.choosing import ChoiceSettings, ChosenQuery, choose_query
-from motionary.models.keyframes.columns import Choice, choose_keyframes, from_template
-from motionary.models.keyframes.index import (
-    HitRange,
-    HitRanges,
-    PostingIndex,
-    agree,
-    check_votes,
-    extend,
-    index_packed,
-    margins,
-)
+All but queries themselves is imported when it is first used (PEP 562).
+"""
+
+from typing import TYPE_CHECKING
+
+from motionary.lazy import lazy_names
 from motionary.models.keyframes.query import (
     Gap,
     KeyframeQuery,
@@ -25,24 +19,38 @@ from motionary.models.keyframes.query import (
     spring_of,
     template_of_query,
 )
-from motionary.models.keyframes.search import (
-    FittedHits,
-    fit_hits,
-    search_packed,
-    search_query,
-    select_in_index,
-    select_in_sequence,
-    single_hits,
-)
-from motionary.models.keyframes.text import (
-    Vocabulary,
-    format_queries,
-    format_query,
-    from_features,
-    from_patterns,
-    parse_queries,
-    parse_query,
-)
+
+if TYPE_CHECKING:
+    from motionary.models.keyframes.choosing import ChoiceSettings, ChosenQuery, choose_query
+    from motionary.models.keyframes.columns import Choice, choose_keyframes, from_template
+    from motionary.models.keyframes.index import (
+        HitRange,
+        HitRanges,
+        PostingIndex,
+        agree,
+        check_votes,
+        extend,
+        index_packed,
+        margins,
+    )
+    from motionary.models.keyframes.search import (
+        FittedHits,
+        fit_hits,
+        search_packed,
+        search_query,
+        select_in_index,
+        select_in_sequence,
+        single_hits,
+    )
+    from motionary.models.keyframes.text import (
+        Vocabulary,
+        format_queries,
+        format_query,
+        from_features,
+        from_patterns,
+        parse_queries,
+        parse_query,
+    )
 
 __all__ = [
     "Choice",
@@ -85,3 +93,20 @@ __all__ = [
     "spring_of",
     "template_of_query",
 ]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "choosing": "ChoiceSettings ChosenQuery choose_query",
+        "columns": "Choice choose_keyframes from_template",
+        "index": "HitRange HitRanges PostingIndex agree check_votes extend index_packed margins",
+        "search": (
+            "FittedHits fit_hits search_packed search_query select_in_index select_in_sequence "
+            "single_hits"
+        ),
+        "text": (
+            "Vocabulary format_queries format_query from_features from_patterns parse_queries "
+            "parse_query"
+        ),
+    },
+)

@@ -1,6 +1,11 @@
-"""Motion classes: what they are, how they are learned, how they lie on disk."""
+"""Motion classes: what they are, how they are learned, how they lie on disk.
 
-from motionary.models.library.advice import Advice, advise
+Training and what belongs to it is imported when it is first used (PEP 562).
+"""
+
+from typing import TYPE_CHECKING
+
+from motionary.lazy import lazy_names
 from motionary.models.library.assignment import (
     Candidates,
     choose_candidates,
@@ -8,11 +13,6 @@ from motionary.models.library.assignment import (
     find_candidates,
     measure_false_rates,
     threshold_for,
-)
-from motionary.models.library.calibration import (
-    Calibration,
-    apply_calibrations,
-    calibrate_thresholds,
 )
 from motionary.models.library.classes import (
     BODY_PARTS,
@@ -24,7 +24,6 @@ from motionary.models.library.classes import (
     TrainingOptions,
     fractions_fixed,
 )
-from motionary.models.library.cross_validation import N_FOLDS
 from motionary.models.library.editing import (
     find_clashes,
     find_prototype,
@@ -34,30 +33,7 @@ from motionary.models.library.editing import (
     replace_class,
     replace_template,
 )
-from motionary.models.library.examples import (
-    ReadExamples,
-    cut_example,
-    list_examples,
-    list_tracks,
-    read_examples,
-    read_labelled,
-)
 from motionary.models.library.false_rates import FalseRates, fit_false_rates
-from motionary.models.library.learning import (
-    Monitor,
-    Notice,
-    StrictMonitor,
-    learn,
-)
-from motionary.models.library.relearning import (
-    ClassEdit,
-    EditedLibrary,
-    add_examples,
-    edit_class,
-    join_classes,
-    kept_examples,
-    training_of,
-)
 from motionary.models.library.scoring import Scoring, measure_fractions, mix_prior, scoring_for
 from motionary.models.library.shipped import (
     EVERYDAY,
@@ -65,17 +41,44 @@ from motionary.models.library.shipped import (
     load_everyday,
     open_library,
 )
-from motionary.models.library.sides import fold_sides, mirror_sequence
 from motionary.models.library.storage import ClassLibrary, load_library
-from motionary.models.library.training import (
-    Examples,
-    QueriedLibrary,
-    choose_queries,
-    class_of_query,
-    learn_classes,
-    learn_queries,
-    measure_background,
-)
+
+if TYPE_CHECKING:
+    from motionary.models.library.advice import Advice, advise
+    from motionary.models.library.calibration import (
+        Calibration,
+        apply_calibrations,
+        calibrate_thresholds,
+    )
+    from motionary.models.library.cross_validation import N_FOLDS
+    from motionary.models.library.examples import (
+        ReadExamples,
+        cut_example,
+        list_examples,
+        list_tracks,
+        read_examples,
+        read_labelled,
+    )
+    from motionary.models.library.learning import Monitor, Notice, StrictMonitor, learn
+    from motionary.models.library.relearning import (
+        ClassEdit,
+        EditedLibrary,
+        add_examples,
+        edit_class,
+        join_classes,
+        kept_examples,
+        training_of,
+    )
+    from motionary.models.library.sides import fold_sides, mirror_sequence
+    from motionary.models.library.training import (
+        Examples,
+        QueriedLibrary,
+        choose_queries,
+        class_of_query,
+        learn_classes,
+        learn_queries,
+        measure_background,
+    )
 
 __all__ = [
     "BODY_PARTS",
@@ -144,3 +147,24 @@ __all__ = [
     "threshold_for",
     "training_of",
 ]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "advice": "Advice advise",
+        "calibration": "Calibration apply_calibrations calibrate_thresholds",
+        "cross_validation": "N_FOLDS",
+        "examples": (
+            "ReadExamples cut_example list_examples list_tracks read_examples read_labelled"
+        ),
+        "learning": "Monitor Notice StrictMonitor learn",
+        "relearning": (
+            "ClassEdit EditedLibrary add_examples edit_class join_classes kept_examples training_of"
+        ),
+        "sides": "fold_sides mirror_sequence",
+        "training": (
+            "Examples QueriedLibrary choose_queries class_of_query learn_classes learn_queries "
+            "measure_background"
+        ),
+    },
+)

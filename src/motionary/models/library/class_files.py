@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.files import read_bytes, write_atomically
-from motionary.models.keyframes import KeyframeQuery, format_queries, parse_queries
+from motionary.models.keyframes import KeyframeQuery
 from motionary.models.library.classes import MotionClass, Prototype
 from motionary.models.library.toml_tables import (
     Keys,
@@ -133,6 +133,8 @@ def _to_entry(prototype: Prototype, feature_set: FeatureSet) -> dict[str, Any]:
     if template.unmeasured:
         entry["unmeasured"] = list(template.unmeasured)
     if prototype.queries:
+        from motionary.models.keyframes import format_queries
+
         # Line by line, as a person writes a query.
         text = format_queries(prototype.queries, vocabulary=feature_set)
         entry |= {"query": text.splitlines(), "votes": prototype.votes}
@@ -264,6 +266,8 @@ def _read_queries(
         raise InvalidInput(f"votes must be a whole number, got {votes!r}", key="votes")
     if "query" not in entry:
         return (), votes
+    from motionary.models.keyframes import parse_queries
+
     try:
         return parse_queries("\n".join(lines), vocabulary=feature_set), votes
     except InvalidInput as error:

@@ -13,7 +13,7 @@ import numpy as np
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence
 from motionary.matching import WHOLE_BODY, CellRatios, Pattern, cell_ratios
-from motionary.models.keyframes import KeyframeQuery, check_features, check_votes
+from motionary.models.keyframes import KeyframeQuery, check_features
 from motionary.models.query_learning import RUNS
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, pattern_of, quantise
 
@@ -116,6 +116,9 @@ class Prototype:
         for query in self.queries:
             check_features(query, self.template.feature_set, self.template.feature_names)
         if self.queries:
+            # Late: whoever has no queries does not wait for what finds them.
+            from motionary.models.keyframes import check_votes
+
             check_votes(self.votes, n_queries=len(self.queries))
 
     @property

@@ -9,14 +9,18 @@ from functools import partial
 from typing import Any, Literal
 
 from motionary.errors import InvalidInput
+from motionary.features import FeatureSet
+from motionary.models.keyframes import mirror_query
 from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
 from motionary.models.library.scoring import Scoring
 from motionary.models.library.storage import ClassLibrary
-from motionary.models.library.training import mirror_prototype, rename_prototype
-from motionary.models.templates import MotionTemplate
+from motionary.models.templates import MotionTemplate, mirror
 
 #: What becomes of a class whose name another library has, too.
 Clash = Literal["refuse", "first", "both"]
+
+# Follows the name of a template in that of its mirror image; nothing reads it.
+_MIRRORED = "Mirrored"
 
 
 def replace_class(library: ClassLibrary, name: str, changed: MotionClass) -> ClassLibrary:
@@ -232,3 +236,26 @@ def _common_scoring(libraries: Sequence[ClassLibrary]) -> Scoring | None:
 
 def _unite(texts: Iterable[str]) -> str:
     return "; ".join(dict.fromkeys(text for text in texts if text))
+
+
+def mirror_prototype(
+    original: Prototype, feature_set: FeatureSet, *, name: str | None = None
+) -> Prototype:
+    """The mirror image of a prototype, under a name of its own."""
+    template = mirror(original.template, feature_set.mirror_order)
+    queries = tuple(mirror_query(query, feature_set) for query in original.queries)
+    called = original.name + _MIRRORED if name is None else name
+    return Prototype(called, template, queries, original.votes, mirror_of=original.name)
+
+
+def rename_prototype(prototypes: Sequence[Prototype], old: str, new: str) -> tuple[Prototype, ...]:
+    """Prototypes of a class of which one, and its mirror image, have another name."""
+    renamed = []
+    for one in prototypes:
+        if one.name == old:
+            one = replace(one, name=new)
+        elif one.mirror_of == old:
+            called = new + _MIRRORED if one.name == old + _MIRRORED else one.name
+            one = replace(one, name=called, mirror_of=new)
+        renamed.append(one)
+    return tuple(renamed)

@@ -14,6 +14,7 @@ from motionary.features import FeatureSequence
 from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
 from motionary.models.library.editing import (
     find_prototype,
+    mirror_prototype,
     remove_class,
     rename_class,
     replace_class,
@@ -30,7 +31,6 @@ from motionary.models.library.training import (
     learn_prototype,
     list_sequences,
     measure_background,
-    mirror_prototype,
 )
 from motionary.models.templates import join, restrict, revise_template, template_from_text
 

@@ -27,6 +27,7 @@ from motionary.models.keyframes import (
     template_of_query,
 )
 from motionary.models.library.classes import THRESHOLD, MotionClass, Prototype, TrainingOptions
+from motionary.models.library.editing import mirror_prototype
 from motionary.models.library.scoring import Scoring, mix_prior, scoring_for
 from motionary.models.library.sides import fold_sides
 from motionary.models.library.storage import ClassLibrary
@@ -39,14 +40,11 @@ from motionary.models.query_learning import (
     state_problem,
 )
 from motionary.models.templates import Learning, MotionTemplate, learn_template
-from motionary.models.templates import mirror as mirror_template
 from motionary.packing import full_mask
 
 #: Packed features of examples: class -> prototype -> examples.
 Examples = Mapping[str, Mapping[str, Sequence[FeatureSequence]]]
 
-# Follows the name of a template in that of its mirror image; nothing reads it.
-_MIRRORED = "Mirrored"
 _FREE = 0.5
 #: What a single example shows by chance, a keyframe would ask of everybody.
 _LEAST_EXAMPLES = 2
@@ -217,29 +215,6 @@ def name_groups(examples: Sequence[FeatureSequence], groups: str) -> list[str]:
             )
         keys.append(str(found[1 if pattern.groups else 0]))
     return keys
-
-
-def mirror_prototype(
-    original: Prototype, feature_set: FeatureSet, *, name: str | None = None
-) -> Prototype:
-    """The mirror image of a prototype, under a name of its own."""
-    template = mirror_template(original.template, feature_set.mirror_order)
-    queries = tuple(mirror_query(query, feature_set) for query in original.queries)
-    called = original.name + _MIRRORED if name is None else name
-    return Prototype(called, template, queries, original.votes, mirror_of=original.name)
-
-
-def rename_prototype(prototypes: Sequence[Prototype], old: str, new: str) -> tuple[Prototype, ...]:
-    """Prototypes of a class of which one, and its mirror image, have another name."""
-    renamed = []
-    for one in prototypes:
-        if one.name == old:
-            one = replace(one, name=new)
-        elif one.mirror_of == old:
-            called = new + _MIRRORED if one.name == old + _MIRRORED else one.name
-            one = replace(one, name=called, mirror_of=new)
-        renamed.append(one)
-    return tuple(renamed)
 
 
 def list_sequences(examples: Examples) -> list[FeatureSequence]:

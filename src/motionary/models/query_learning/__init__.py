@@ -3,26 +3,33 @@
 After Baak (2012), chapter 4.
 """
 
-from motionary.models.query_learning.fitness import Augmentation, Evaluator, weighted_f
-from motionary.models.query_learning.generations import PUBLISHED, GeneticSettings, RunResult
-from motionary.models.query_learning.individuals import (
-    Accumulation,
-    Individual,
-    accumulate,
-    to_query,
-)
-from motionary.models.query_learning.learning import (
-    RUNS,
-    LearnedQueries,
-    Problem,
-    clip_evaluator,
-    combine_runs,
-    continue_learning,
-    default_votes,
-    learn_query,
-    learn_runs,
-    state_problem,
-)
+from typing import TYPE_CHECKING
+
+from motionary.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from motionary.models.query_learning.fitness import Augmentation, Evaluator, weighted_f
+    from motionary.models.query_learning.generations import PUBLISHED, GeneticSettings, RunResult
+    from motionary.models.query_learning.individuals import (
+        Accumulation,
+        Individual,
+        accumulate,
+        to_query,
+    )
+    from motionary.models.query_learning.learning import (
+        LearnedQueries,
+        Problem,
+        clip_evaluator,
+        combine_runs,
+        continue_learning,
+        default_votes,
+        learn_query,
+        learn_runs,
+        state_problem,
+    )
+
+#: So many learned queries vote by default.
+RUNS = 5
 
 __all__ = [
     "PUBLISHED",
@@ -46,3 +53,16 @@ __all__ = [
     "to_query",
     "weighted_f",
 ]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "fitness": "Augmentation Evaluator weighted_f",
+        "generations": "PUBLISHED GeneticSettings RunResult",
+        "individuals": "Accumulation Individual accumulate to_query",
+        "learning": (
+            "LearnedQueries Problem clip_evaluator combine_runs continue_learning "
+            "default_votes learn_query learn_runs state_problem"
+        ),
+    },
+)

@@ -24,6 +24,7 @@ from motionary.models.keyframes import (
     search_query,
     select_in_index,
 )
+from motionary.models.query_learning import RUNS
 from motionary.models.query_learning.fitness import Clips, Evaluator, augment_clip, fitness_of
 from motionary.models.query_learning.generations import (
     GeneticSettings,
@@ -45,8 +46,6 @@ from motionary.models.query_learning.individuals import (
 )
 from motionary.models.templates import MotionTemplate, learn_template, quantise
 
-#: Runs, and so queries that vote.
-RUNS = 5
 #: Fraction of the queries that must agree.
 AGREEMENT = 0.6
 #: Turns of each process, so that none waits long for another, and progress is seen.
