@@ -105,7 +105,7 @@ def test_series_and_states_come_back_as_they_were():
     runs = iter(varints(zlib.decompress(base64.b64decode(encode_states(states)))))
     for row in states:
         got = [run for _ in range(next(runs)) for run in [next(runs)]]
-        assert np.concatenate([[run % 4] * (run // 4) for run in got]).tolist() == row.tolist()
+        assert np.concatenate([[run % 8] * (run // 8) for run in got]).tolist() == row.tolist()
 
 
 def test_the_page_holds_each_pose_at_thirty_hertz(motion, page):

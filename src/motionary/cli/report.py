@@ -11,7 +11,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.labels import RecordingsOf
-from motionary.cli.options import Force, InFrames, LibraryDefault, check_page
+from motionary.cli.options import Force, InFrames, LibraryDefault, check_page, wrong
 from motionary.cli.recordings import (
     Found,
     find_files,
@@ -61,6 +61,13 @@ class PageOptions:
         ),
     ]
     frames: InFrames = False
+    compare: Annotated[
+        bool,
+        typer.Option(
+            "--compare",
+            help="Play two recordings in step, and say where the second differs from the first.",
+        ),
+    ] = False
     force: Force = False
 
 
@@ -79,14 +86,40 @@ def report(
 
     motionary report take.bvh --labels labels.csv --truth truth.csv -o take.html
     motionary report takes/*.amc --library my-classes -o takes.html
+    motionary report right.c3d wrong.c3d --compare -o compared.html
     """
+    output = options.output
+    check_page("--output", output, replace=options.force)
+    found = find_files(files)
+    if options.compare:
+        return _compare(files, found, options, reading)
+    return _report(files, found, options, reading)
+
+
+def _compare(files: Sequence[str], found: Found, options: PageOptions, reading: ReadOptions) -> int:
+    """The page of two recordings, in the order in which they were given."""
+    from motionary.reporting import report_comparison
+
+    if options.labels or options.truth or options.library:
+        raise wrong("--compare", "goes without --labels, --truth and --library")
+    for error in found.missing.values():
+        raise error
+    places = [Path(file).absolute() for file in files]
+    named = {path.absolute(): name for name, path in found.files.items()}
+    if len(files) != 2 or set(named) != set(places):
+        raise wrong("--compare", f"takes two files, got {len(found.files)}")
+    reference, other = (read_recording(place, reading).renamed(named[place]) for place in places)
+    report_comparison(reference, other, options.output, rate_hz=options.keep_hz)
+    screen.say_size(options.output)
+    return 0
+
+
+def _report(files: Sequence[str], found: Found, options: PageOptions, reading: ReadOptions) -> int:
+    """The page of recordings over their labels."""
     from motionary.io import read_labels
     from motionary.models.library import open_library
     from motionary.reporting import report as write_report
 
-    output = options.output
-    check_page("--output", output, replace=options.force)
-    found = find_files(files)
     read = partial(
         read_labels,
         rate_hz=reading.rate_hz,
@@ -102,13 +135,13 @@ def report(
     if first is not None:
         write_report(
             chain([first], motions),
-            output,
+            options.output,
             truth=truth,
             lanes=tables,
             library=classes,
             rate_hz=options.keep_hz,
         )
-        screen.say_size(output)
+        screen.say_size(options.output)
     failed = warn_of_all(found.missing.values(), failures, given=files)
     return 1 if failed else 0
 

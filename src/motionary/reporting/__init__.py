@@ -1,6 +1,7 @@
 """Pages to watch: motions with their labels, and why; files that need no network."""
 
 from motionary.reporting.clips import PAGE_HZ
+from motionary.reporting.comparing import report_comparison
 from motionary.reporting.galleries import Judging, MotionFiles, Motions, report_hits
 from motionary.reporting.html import Page
 from motionary.reporting.lanes import Lane
@@ -15,5 +16,6 @@ __all__ = [
     "Page",
     "Tracks",
     "report",
+    "report_comparison",
     "report_hits",
 ]

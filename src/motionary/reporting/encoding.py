@@ -57,12 +57,12 @@ def encode_series(values: NDArray[np.int64]) -> str:
 
 
 def encode_states(states: NDArray[np.int64]) -> str:
-    """Rows of a few states over time, shape (rows, frames): 4 x length + state of each run."""
+    """Rows of up to 8 states over time, shape (rows, frames): 8 x length + state of each run."""
     parts: list[int] = []
     for row in states:
         runs = split_runs(row)
         parts.append(len(runs))
-        parts += [4 * run.n_frames + int(row[run.start]) for run in runs]
+        parts += [8 * run.n_frames + int(row[run.start]) for run in runs]
     return _deflate(_varints(np.array(parts, dtype=np.int64)))
 
 

@@ -79,7 +79,8 @@ function decodeSeries(bytes, nRows, nFrames, unit) {
   });
 }
 
-// Per row the first frames of its runs, and their states: 0 no, 1 yes, 2 unknown.
+// Per row the first frames of its runs, and their states: 0 no, 1 yes, 2 unknown; of two
+// recordings 1 in both, 3 in the first only, 4 in the second only.
 function decodeStates(bytes, nRows) {
   const reader = new Reader(bytes);
   return Array.from({ length: nRows }, () => {
@@ -88,11 +89,18 @@ function decodeStates(bytes, nRows) {
     for (let i = 0, at = 0; i < n; i++) {
       const run = reader.next();
       starts[i] = at;
-      states[i] = run % 4;
-      at += Math.floor(run / 4);
+      states[i] = run % 8;
+      at += Math.floor(run / 8);
     }
     return { starts, states };
   });
+}
+
+// Value at a place between points [place, value], by places.
+function between(points, places, at) {
+  const i = clamp(lastUpTo(places, at), 0, Math.max(points.length - 2, 0));
+  const [p, s] = points[i], [q, t] = points[Math.min(i + 1, points.length - 1)];
+  return q > p ? s + clamp((at - p) / (q - p), 0, 1) * (t - s) : s;
 }
 
 // Index of the last of sorted values that is at most `value`; -1 without one.

@@ -26,29 +26,16 @@ class Cell {
     this.body = new Body(this.scene, this.content.clip);
   }
 
-  seconds(phase) {
-    const { warp } = this.content;
-    const i = clamp(lastUpTo(this.phases, phase), 0, Math.max(warp.length - 2, 0));
-    const [p, s] = warp[i], [q, t] = warp[Math.min(i + 1, warp.length - 1)];
-    return q > p ? s + clamp((phase - p) / (q - p), 0, 1) * (t - s) : s;
-  }
-
   // Whether the pose of a phase is ready to be drawn.
   show(phase, onready) {
-    const seconds = this.seconds(phase), pose = this.clip.at(seconds, onready);
+    const seconds = between(this.content.warp, this.phases, phase), pose = this.clip.at(seconds, onready);
     if (!pose) return false;
-    const { clip } = this.content;
     if (!this.body) this.build();
-    if (!this.faced) {
-      this.body.place = { turn: 0, x: 0, y: clip.floor, z: 0 };
-      const centre = this.body.centre(pose, new THREE.Vector3());
-      this.body.place = { turn: -facingOf(this.body, pose), x: centre.x, y: clip.floor, z: centre.z };
-      this.faced = true;
-    }
+    this.body.face(pose);
     this.body.show(pose);
     this.body.centre(pose, this.target);
     this.ground.place(this.target.x, this.target.z, 0);
-    this.readout.textContent = `${formatTime(seconds + this.content.start_s)} s · frame ${frameAt(clip, seconds)}`;
+    this.readout.textContent = `${formatTime(seconds + this.content.start_s)} s · frame ${frameAt(this.content.clip, seconds)}`;
     return true;
   }
 }

@@ -111,7 +111,7 @@ class Labels {
         onclick: () => this.actions.select(lane, label),
       }, h("span", { class: "label-name" }, label.name), h("span", { class: "soft" }, `${formatTime(label.start)}–${formatTime(label.end)}`)))));
     if (lane && !labels.length && lane.nearest) this.rows.append(h("li", { class: "soft" }, lane.nearest));
-    this.correct.hidden = !lane || Boolean(lane.editable);
+    this.correct.hidden = !lane || Boolean(lane.editable || this.model.other);
     this.correct.textContent = "Correct";
     this.editor.hidden = !lane || !lane.editable;
     this.fill();

@@ -38,7 +38,8 @@ class Player extends Clock {
     this.readout = h("div", { class: "readout", "aria-live": "off" });
     this.notice = h("div", { class: "notice soft" });
     this.hover = h("div", { class: "hover soft", role: "status" });
-    view.append(this.readout, this.notice, legend());
+    this.legend = h("ul", { class: "legend", "aria-label": "Colours" });
+    view.append(this.readout, this.notice, this.legend);
     host.append(
       this.header(),
       h("main", { class: "work" },
@@ -68,7 +69,7 @@ class Player extends Clock {
   }
 
   header() {
-    const names = content.recordings.map((one) => one.name || "motion");
+    const names = content.recordings.map((one) => (one.other ? `${one.short} and ${one.other.clip.short}` : one.name || "motion"));
     this.choice = h("select", { "aria-label": "Recording", onchange: () => this.open(Number(this.choice.value)) },
       names.map((name, i) => h("option", { value: i }, name)));
     return h("header", { class: "bar" },
@@ -112,10 +113,12 @@ class Player extends Clock {
     this.clips = model.clips;
     const rate = model.rate_hz ? `${Number(model.rate_hz.toFixed(2))} Hz, frames ${model.first_frame}–${model.first_frame + model.n_frames - 1}` : "";
     this.facts.textContent = `${formatTime(model.duration_s)} ${model.duration_s >= 60 ? "min" : "s"}, ${rate}`;
-    this.view.setBodies(model.clips.map((clip) => clip.recording), []);
+    this.view.setBodies(model.clips.filter((clip) => clip.nJoints).map((clip) => clip.recording));
     this.setLoops(false);
     this.labels.setRecording(model);
-    this.why.clear(model.lanes.some((lane) => lane.labels.length) ? "Choose a label on the time axis or in the list." : nothingSays(model));
+    if (model.other) this.why.list("What differs most", model.other.summary);
+    else this.why.clear(model.lanes.some((lane) => lane.labels.length) ? "Choose a label on the time axis or in the list." : nothingSays(model));
+    this.legend.replaceChildren(...legend(model));
     this.timeline.time = 0;
     this.timeline.setRecording(model);
     this.listCurves();
@@ -160,12 +163,15 @@ class Player extends Clock {
   seek(seconds) {
     const { model } = this;
     this.time = clamp(seconds, 0, model.duration_s);
-    const poses = this.clips.map((clip) => clip.nJoints ? clip.at(this.time, () => this.seek(this.time)) : null);
+    const times = [this.time, model.other ? between(model.other.warp, model.warpPlaces, this.time) : 0];
+    const poses = this.clips.map((clip, i) => clip.nJoints ? clip.at(times[i], () => this.seek(this.time)) : null);
     const { held, failed } = this.why.at(this.time);
     this.view.bodies.forEach((body) => body.mark(held, failed));
     this.view.show(poses);
     this.timeline.setTime(this.time, this.playing);
-    this.readout.textContent = `${formatTime(this.time)} s  ·  frame ${frameAt(model, this.time)}`;
+    const readouts = this.clips.map((clip, i) => `${formatTime(times[i])} s  ·  frame ${frameAt(clip.recording, times[i])}`);
+    this.readout.textContent = readouts[0];
+    this.view.tell(readouts);
     this.timeline.canvas.setAttribute("aria-valuetext", this.readout.textContent);
     this.tellUnseen(poses[0]);
   }
@@ -317,7 +323,8 @@ function makeModel(recording) {
   return {
     ...recording, lanes, groups,
     gaps: recording.gaps || [],
-    clips: [new Clip(recording)],
+    clips: [new Clip(recording), ...(recording.other ? [new Clip(recording.other.clip)] : [])],
+    warpPlaces: recording.other ? recording.other.warp.map(([place]) => place) : [],
     chosenCurves: labelled.length ? labelled : classes.length ? [0] : [],
     showsFeatures: true, features: null, loop: null, selected: null,
   };
@@ -341,7 +348,9 @@ function nothingSays(model) {
   return lane ? lane.nearest : "This recording has no labels.";
 }
 
-function legend() {
-  const items = [["left", "left side"], ["right", "right side"], ["unseen", "not seen"], ["held", "● held"], ["failed", "◆ failed"]];
-  return h("ul", { class: "legend", "aria-label": "Colours" }, items.map(([kind, text]) => h("li", { class: `key-${kind}` }, text)));
+function legend(model) {
+  const items = [["left", "left side"], ["right", "right side"], ["unseen", "not seen"]];
+  if (model.other) items.push(["failed", "◆ differs"], ["first", `in ${model.short} only`], ["second", `in ${model.other.clip.short} only`]);
+  else if (model.lanes.some((lane) => lane.why)) items.push(["held", "● held"], ["failed", "◆ failed"]);
+  return items.map(([kind, text]) => h("li", { class: `key-${kind}` }, text));
 }

@@ -85,7 +85,7 @@ class Body {
     this.failed = new Set();
     this.group = Object.values(this.meshes);
     scene.add(...this.group);
-    this.place = { turn: 0, x: 0, y: 0, z: 0 };
+    this.place = { turn: 0, x: 0, y: 0, z: 0, aside: 0 };
     this.recolour();
   }
 
@@ -103,11 +103,19 @@ class Body {
     this.failed = failed;
   }
 
+  // From now on in place: its first pose faces us, on the ground, so far to the right.
+  face(pose, aside = 0) {
+    if (this.faced) return;
+    const middle = this.centre(pose, new THREE.Vector3());
+    this.place = { turn: -facingOf(this, pose), x: middle.x, y: this.recording.floor, z: middle.z, aside };
+    this.faced = true;
+  }
+
   point(pose, joint, out) {
     const x = pose.positions[joint * 3] - this.place.x;
     const z = pose.positions[joint * 3 + 2] - this.place.z;
     const cos = Math.cos(this.place.turn), sin = Math.sin(this.place.turn);
-    return out.set(cos * x + sin * z, pose.positions[joint * 3 + 1] - this.place.y, cos * z - sin * x);
+    return out.set(cos * x + sin * z + this.place.aside, pose.positions[joint * 3 + 1] - this.place.y, cos * z - sin * x);
   }
 
   show(pose) {

@@ -254,7 +254,7 @@ class Timeline {
     const left = this.gutter, width = Math.max(1, Math.ceil(this.x(this.stop)) - left);
     const indices = row.group.features;
     const image = new ImageData(width, indices.length * FEATURE_ROW);
-    const on = toBytes(this.colours.feature), unknown = toBytes(this.colours["unknown-line"]);
+    const fills = [null, "feature", "unknown-line", "curve", "label"].map((name) => name && toBytes(this.colours[name]));
     const hz = strip.n_frames / this.length;
     indices.forEach((feature, place) => {
       const { starts, states } = strip.rows[feature];
@@ -264,14 +264,14 @@ class Timeline {
         let state = states[run];
         while (run + 1 < starts.length && starts[run + 1] < last) {
           run++;
-          // A short yes between two pixels stays visible.
-          if (state !== 1) state = states[run];
+          // A short one between two pixels stays visible.
+          if (state === 0 || state === 2) state = states[run];
         }
         if (state === 0) continue;
-        for (let k = 0; k < FEATURE_ROW - (state === 1 ? 1 : 0); k++) {
+        for (let k = 0; k < FEATURE_ROW - (state === 2 ? 0 : 1); k++) {
           const y = place * FEATURE_ROW + k;
           if (state === 2 && (x + y) % 4) continue;
-          image.data.set(state === 1 ? on : unknown, (y * width + x) * 4);
+          image.data.set(fills[state], (y * width + x) * 4);
         }
       }
     });
@@ -419,7 +419,9 @@ class Timeline {
       const runs = strip.rows && strip.rows[feature];
       const state = runs ? runs.states[Math.max(lastUpTo(runs.starts, frame), 0)] : 2;
       const { yes, no, id } = content.features[feature];
-      this.actions.hover(`${at} s: ${state === 2 ? `unknown: ${yes}` : state ? yes : no} (${id})`);
+      const { short, other } = this.model;
+      const said = [no, yes, `unknown: ${yes}`, `${yes} in ${short} only`, other && `${yes} in ${other.clip.short} only`][state];
+      this.actions.hover(`${at} s: ${said} (${id})`);
     } else if (row && row.kind === "curve" && this.model.curves.values) {
       const values = this.model.curves.values[row.index];
       const value = values[clamp(Math.floor((this.snap(event.offsetX) * values.length) / this.length), 0, values.length - 1)];

@@ -8,6 +8,7 @@ class View {
     this.renderer = makeRenderer(this.canvas);
     this.follow = true;
     this.bodies = [];
+    this.names = [];
     this.dirty = true;
     if (!this.renderer) {
       host.append(h("p", { class: "view-problem", role: "alert" }, "This browser draws no three dimensions (WebGL is off); labels, features and reasons work without."));
@@ -35,20 +36,27 @@ class View {
   }
 
   // Other bodies in place of those shown; the camera looks from their front right.
-  setBodies(recordings, poses) {
+  setBodies(recordings) {
     if (!this.renderer) return;
     for (const body of this.bodies) this.scene.remove(...body.group);
     this.bodies = recordings.map((recording) => new Body(this.scene, recording));
+    this.names.forEach((name) => name.remove());
+    this.names = recordings.length > 1 ? recordings.map((one) => h("div", { class: "body-name" }, h("b", {}, one.short), h("br"), h("span", {}))) : [];
+    this.host.append(...this.names);
     this.framed = false;
-    poses.forEach((pose, i) => pose && this.frame(this.bodies[i], pose));
   }
 
-  frame(body, pose) {
-    const height = body.recording.height;
+  // Two bodies stand side by side and face us; one stays where it is.
+  frame(poses) {
+    const [body] = this.bodies, [pose] = poses, n = this.bodies.length;
+    const height = Math.max(...this.bodies.map((one) => one.recording.height));
+    if (n > 1) this.bodies.forEach((one, i) => one.face(poses[i], (i - (n - 1) / 2) * 1.05 * height));
+    const floor = body.recording.floor - body.place.y;
     body.centre(pose, this.target);
-    this.target.y = body.recording.floor + 0.5 * height;
-    const away = 1.85 * height * Math.max(1, 0.75 / Math.min(this.camera.aspect, 1));
-    const facing = facingOf(body, pose);
+    if (n > 1) this.target.x = 0;
+    this.target.y = floor + 0.5 * height;
+    const away = (n > 1 ? 2.3 : 1.85) * height * Math.max(1, (0.8 * n) / Math.min(this.camera.aspect, n));
+    const facing = n > 1 ? -0.3 : facingOf(body, pose);
     this.controls.target.copy(this.target);
     this.camera.position.set(
       this.target.x + away * Math.sin(facing + 0.6),
@@ -56,20 +64,21 @@ class View {
       this.target.z + away * Math.cos(facing + 0.6),
     );
     this.controls.update();
-    this.ground.place(this.target.x, this.target.z, body.recording.floor);
+    this.ground.place(this.target.x, this.target.z, floor);
     this.framed = true;
   }
 
   show(poses) {
-    if (!this.renderer) return;
+    if (!this.renderer || (!this.framed && !poses.every(Boolean))) return;
+    if (!this.framed) this.frame(poses);
     const middle = new THREE.Vector3(), one = new THREE.Vector3();
     let n = 0;
     poses.forEach((pose, i) => {
       const body = this.bodies[i];
       if (!pose || !body) return;
-      if (!this.framed) this.frame(body, pose);
       body.show(pose);
-      middle.add(body.centre(pose, one));
+      body.middle = body.centre(pose, one).clone();
+      middle.add(body.middle);
       n++;
     });
     if (n && this.follow) {
@@ -96,6 +105,22 @@ class View {
     if (!this.renderer || !this.dirty) return;
     this.dirty = false;
     this.renderer.render(this.scene, this.camera);
+    this.names.forEach((name, i) => this.nameBody(name, this.bodies[i]));
+  }
+
+  // Times and frames of several bodies stand below their names.
+  tell(readouts) {
+    this.names.forEach((name, i) => (name.lastChild.textContent = readouts[i]));
+  }
+
+  // The name stands above its body's place on the screen.
+  nameBody(name, body) {
+    if (!body.middle) return;
+    const at = body.middle.clone();
+    at.y = this.ground.height + 1.12 * body.recording.reach;
+    at.project(this.camera);
+    const x = ((at.x + 1) / 2) * this.host.clientWidth, y = ((1 - at.y) / 2) * this.host.clientHeight;
+    name.style.transform = `translate(${x.toFixed(0)}px, ${Math.max(y, 58).toFixed(0)}px) translate(-50%, -50%)`;
   }
 }
 

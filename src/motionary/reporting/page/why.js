@@ -16,6 +16,11 @@ class Why {
     this.host.replaceChildren(h("p", { class: "soft" }, text));
   }
 
+  list(title, lines) {
+    this.clear("");
+    this.host.replaceChildren(h("h4", {}, title), h("ul", { class: "lines" }, lines.map((line) => h("li", {}, line))));
+  }
+
   show(label, recording, why) {
     this.why = why;
     this.lines = [];
@@ -27,9 +32,10 @@ class Why {
     if (label.score !== null) numbers.push(`score ${label.score.toFixed(1)}`);
     if (label.cost !== null) numbers.push(`cost ${label.cost.toFixed(3)}`);
     if (label.known !== null && label.known < 1) numbers.push(`${Math.floor(100 * label.known)} % of it seen`);
-    if (why) numbers.push(`${Math.round(100 * why.fraction)} % of what the class asks for held`);
+    if (why && !why.lines) numbers.push(`${Math.round(100 * why.fraction)} % of what the class asks for held`);
     if (numbers.length) parts.push(h("p", {}, numbers.join(", ")));
-    if (why) {
+    if (why && why.lines) parts.push(...why.lines.map((line) => h("p", {}, line)));
+    else if (why) {
       parts.push(...this.findings("Failed", "failed", "◆", why.failed), ...this.findings("Held", "held", "●", why.held));
       if (why.unknown.length) {
         parts.push(h("h4", {}, "Not seen"), h("p", { class: "soft" }, why.unknown.map((i) => content.features[i].yes).join(", ")));
