@@ -19,7 +19,7 @@ FOUND = (
     ("asf", 26), ("amc", 328), ("c3d", 67), ("mvnx", 59), ("mvnx", 628), ("csv", 13), ("csv", 26),
     ("csv", 485), ("sto", 290), ("sto", 2602), ("bvh", 5037), ("npz", 22), ("npz", 164),
     ("npz", 465), ("npz", 500), ("npz", 570), ("npz", 1805), ("npz", 2374), ("npz", 2890),
-    ("npy", 17), ("npy", 748), ("library", 56), ("library", 471), ("library", 1116),
+    ("npy", 17), ("npy", 748), ("npy", 865), ("library", 56), ("library", 471), ("library", 1116),
     ("library", 3595), ("index", 12), ("index", 4028), ("queries", 8), ("queries", 6141),
     ("template", 77), ("labels-csv", 1535), ("labels-csv", 3530), ("labels-jsonl", 204),
     ("labels-jsonl", 1460), ("labels-elan", 1522), ("labels-elan", 2722), ("labels-praat", 36),

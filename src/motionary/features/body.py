@@ -184,8 +184,10 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 def unit(a: Floats) -> Floats:
     """Unit vectors, shape (3, frames); NaN where the length is zero."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        result: Floats = a / norm(a)
+    length = norm(a)
+    # Lengths below 1e-162 have squares of zero.
+    length[length == 0] = np.nan
+    result: Floats = a / length
     return result
 
 
