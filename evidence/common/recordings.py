@@ -207,7 +207,8 @@ def join(sequences: Sequence[FeatureSequence], source: str = "") -> FeatureSeque
     )
 
 
-Pick = str | Callable[[Recordings], Sequence[FeatureSequence]] | tuple[int, float]
+Extent = tuple[int, float]
+Pick = str | Callable[[Recordings], Sequence[FeatureSequence] | Extent] | Extent
 
 
 def describe(recordings: Recordings, data: Sequence[str | tuple[str, Pick]]) -> list[Results]:
@@ -216,15 +217,17 @@ def describe(recordings: Recordings, data: Sequence[str | tuple[str, Pick]]) -> 
     Parameters
     ----------
     data : keys of `SOURCES`; or what it is, in which sources are named, and how it is picked:
-        by such a key, by a function of all recordings, or files and minutes as they are
+        by such a key, or files and minutes, or either by a function of all recordings
     """
     entries = []
     for entry in data:
         what, pick = (f"{{{entry}}}", entry) if isinstance(entry, str) else entry
-        if isinstance(pick, tuple):
-            files, minutes = pick
+        picked = pick(recordings) if callable(pick) else pick
+        if isinstance(picked, str):
+            picked = _picked(recordings, picked)
+        if isinstance(picked, tuple):
+            files, minutes = picked
         else:
-            picked = pick(recordings) if callable(pick) else _picked(recordings, pick)
             files, minutes = len(picked), round(sum(map(len, picked)) / 30 / 60, 2)
         entries.append({"what": what.format(**SOURCES), "files": files, "minutes": minutes})
     return entries

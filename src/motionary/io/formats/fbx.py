@@ -27,7 +27,7 @@ from motionary.io.formats.npz import Array, read_npz
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
-from motionary.rotations import multiply_quaternions, rotate
+from motionary.rotations import multiply_quaternions, quaternions_to_matrices
 
 Floats = NDArray[np.float64]
 
@@ -147,21 +147,27 @@ def _place(arrays: dict[str, Array], parents: NDArray[np.intp], turns: Floats) -
     """Positions, shape (frames, joints, 3)."""
     places, scales = arrays["places"], arrays["scales"]
     positions, world = np.empty_like(places), np.empty_like(turns)
-    sizes = np.empty_like(scales)
+    sizes, axes = np.empty_like(scales), np.empty((*places.shape, 3))
     for joint, parent in enumerate(parents.tolist()):
+        own, local = scales[:, joint], turns[:, joint]
         if parent < 0:
-            positions[:, joint], world[:, joint] = places[:, joint], turns[:, joint]
-            sizes[:, joint] = scales[:, joint]
+            positions[:, joint], world[:, joint], sizes[:, joint] = places[:, joint], local, own
+            axes[:, joint] = quaternions_to_matrices(local) * own[:, None]
             continue
-        away = rotate(world[:, parent], places[:, joint] * sizes[:, parent])
+        away = (axes[:, parent] @ places[:, joint, :, None])[..., 0]
         positions[:, joint] = positions[:, parent] + away
-        world[:, joint] = multiply_quaternions(world[:, parent], turns[:, joint])
+        world[:, joint] = multiply_quaternions(world[:, parent], local)
         above = sizes[:, parent]
         if arrays["ignores_scale"][joint]:
             # The place is scaled with the parent, the bone is not (segment scale compensate).
-            own = scales[:, parent]
-            above = np.divide(above, own, out=np.ones_like(own), where=own != 0)
-        sizes[:, joint] = above * scales[:, joint]
+            theirs = scales[:, parent]
+            above = np.divide(above, theirs, out=np.ones_like(theirs), where=theirs != 0)
+            turned, own_size = quaternions_to_matrices(world[:, joint]), above * own
+        else:
+            # Sizes that differ along axes shear what turns below them.
+            turned, own_size = axes[:, parent] @ quaternions_to_matrices(local), own
+        axes[:, joint] = turned * own_size[:, None]
+        sizes[:, joint] = above * own
     return positions
 
 
