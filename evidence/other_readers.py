@@ -1,12 +1,14 @@
 """Joints of other readers beside ours, and files that they cannot read.
 
 BVH by pybvh, and by bvhsdk those that it refuses; C3D by ezc3d; FBX by the world transforms of
-ufbx, which our reader does not use. What the others leave as the file says it, axes and unit, is
+ufbx, which our reader does not use; glTF, made of other recordings, by pygltflib and the scene of
+trimesh. What the others leave as the file says it, axes and unit, is
 taken from the positions: of the 24 turns of axes that which brings both together, and the ratio
 of sizes. `python -m evidence.other_readers FILE TAKE FRAMES OUT` writes places of ufbx.
 """
 
 import contextlib
+import importlib
 import io
 import itertools
 import os
@@ -45,7 +47,15 @@ DATA = (
     ),
 )
 TOLERANCE_M = 1e-9
-#: So many frames of a FBX are evaluated, each of the whole scene.
+#: No glTF of a person is at hand: recordings that become one, how it is packed, what it has.
+GLTF: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("cmu/01_01.bvh", "data", {}),
+    ("rigs/jumping.bvh", "glb", {"unit_m": 0.01, "humanoid": "vrm1"}),
+    ("rigs/jumping_jacks.bvh", "data", {"humanoid": "vrma"}),
+    ("accad/Male1/Male1_B3_Walk.bvh", "glb", {"start_s": 1.5}),
+    ("wild/20tab+bvh-python/test_mocapbank.bvh", "glb", {"matrix": True, "humanoid": "vrm0"}),
+)
+#: So many frames of an FBX or a glTF are evaluated, each of the whole scene.
 FRAMES = 25
 _PATIENCE_S = 120
 
@@ -73,7 +83,22 @@ def measure(recordings: Recordings) -> Results:
             results[f"{suffix[1:].upper()} by {reader}"] = row
             refused = {name for entry in row["unread"] for name in entry["files"]}
             left = [path for path in left if _name(recordings.folder, path) in refused]
+    with tempfile.TemporaryDirectory() as folder:
+        made = _make_gltf(recordings.folder, Path(folder))
+        results["glTF by trimesh"] = compare(Path(folder), made, by_trimesh)
     return results
+
+
+def _make_gltf(data: Path, folder: Path) -> list[Path]:
+    """Files of the writer of the tests, which shares no code with the reader."""
+    gltf_of = importlib.import_module("tests.oracles.rig_files").gltf_of
+    paths = []
+    for number, (name, packing, options) in enumerate(GLTF):
+        figure = gltf_of(read(data / name), **options)
+        for file, content in figure.pack(packing, f"{number} {Path(name).stem}").items():
+            (folder / file).write_bytes(content)
+            paths.append(folder / file)
+    return [path for path in paths if path.suffix in (".gltf", ".glb")]
 
 
 def _files(data: Path, suffix: str) -> Iterator[Path]:
@@ -212,9 +237,47 @@ def by_ezc3d(path: Path, motion: Motion, take: int) -> Theirs:
     return Theirs(list(labels), np.moveaxis(other["data"]["points"][:3], 0, -1).swapaxes(0, 1))
 
 
+def by_trimesh(path: Path, motion: Motion, take: int) -> Theirs:
+    """Keys by pygltflib become transforms of nodes; where these are is told by trimesh."""
+    import pygltflib
+    import trimesh
+
+    gltf = pygltflib.GLTF2().load(str(path))
+    gltf.convert_buffers(pygltflib.BufferFormat.BINARYBLOB)
+    blob, (animation,) = gltf.binary_blob(), gltf.animations
+
+    def values(accessor: int) -> Floats:
+        row = gltf.accessors[accessor]
+        start = gltf.bufferViews[row.bufferView].byteOffset + (row.byteOffset or 0)
+        width = {"VEC3": 3, "VEC4": 4}[row.type]
+        return np.frombuffer(blob, "<f4", row.count * width, start).reshape(-1, width).astype(float)
+
+    keys = [(channel.target, values(animation.samplers[channel.sampler].output))
+            for channel in animation.channels]  # fmt: skip
+    for node in gltf.nodes:
+        node.mesh = node.skin = None
+    gltf.meshes, gltf.skins, gltf.animations, gltf.extensions = [], [], [], {}
+    below = {child for node in gltf.nodes for child in node.children or ()}
+    roots = [i for i in range(len(gltf.nodes)) if i not in below]
+    gltf.scene, gltf.scenes = 0, [pygltflib.Scene(nodes=roots)]
+    frames, places = _some(motion), []
+    for frame in frames:
+        for target, rows in keys:
+            setattr(gltf.nodes[target.node], target.path, rows[frame].tolist())
+        packed = io.BytesIO(b"".join(gltf.save_to_bytes()))
+        graph = trimesh.load_scene(packed, file_type="glb").graph
+        names = sorted(set(graph.nodes) & set(motion.names))
+        places.append([graph.get(name)[0][:3, 3] for name in names])
+    return Theirs(names, np.array(places), frames)
+
+
+def _some(motion: Motion) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, motion.n_frames - 1, FRAMES).round().astype(np.intp))
+
+
 def by_ufbx(path: Path, motion: Motion, take: int) -> Theirs:
     """World transforms of nodes at some frames, by a process that may crash."""
-    frames = np.unique(np.linspace(0, motion.n_frames - 1, FRAMES).round().astype(np.intp))
+    frames = _some(motion)
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "places.npz"
         done = subprocess.run(

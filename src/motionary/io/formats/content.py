@@ -33,6 +33,9 @@ RATE_HINT = "pass the rate with --rate (rate_hz=...)"
 
 MOST_RATE_HZ = 1e5
 
+# What is given may be more.
+_MOST_GIVEN_HZ = 1e6
+
 # Matrices of this many frames stay in the processor's cache, and memory stays flat.
 _TOGETHER = 512
 
@@ -68,6 +71,10 @@ class FileContent:
     def __post_init__(self) -> None:
         if not len(self.positions):
             raise UnreadableFile(f"{self.source}: holds no frames")
+        if not 0 < self.rate_hz <= _MOST_GIVEN_HZ:
+            raise UnreadableFile(
+                f"{self.source}: says {self.rate_hz:g} frames a second; {RATE_HINT}"
+            )
         # Comparing with NaN is False: what is not seen is not too far away.
         far = self.rotations is None and (np.abs(self.positions) > FARTHEST).any()
         if far:

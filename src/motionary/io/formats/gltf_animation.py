@@ -117,13 +117,15 @@ def find_rate(channels: Sequence[Channel], given_hz: float | None) -> tuple[floa
 def sample_channel(channel: Channel, at_s: Floats, rate_hz: float) -> Floats:
     """Values of a channel at times, (frames, width); the first and last key hold outside."""
     times = channel.times
-    # A key a rounding error behind a frame is on it.
-    right = np.searchsorted(times, at_s + _ON_FRAME / rate_hz, side="right")
+    # A key a rounding error beside a frame is on it.
+    near = _ON_FRAME / rate_hz
+    right = np.searchsorted(times, at_s + near, side="right")
     left = (right - 1).clip(0, len(times) - 1)
     right = right.clip(0, len(times) - 1)
     span = times[right] - times[left]
     into = np.zeros(len(at_s))
     np.divide(at_s - times[left], span, out=into, where=span > 0)
+    into[np.abs(at_s - times[left]) <= near] = 0.0
     into = into.clip(0.0, 1.0)[:, None]
     if channel.interpolation == "CUBICSPLINE":
         return _sample_cubic(channel.values, left, right, into, span[:, None])

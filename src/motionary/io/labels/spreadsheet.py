@@ -3,19 +3,21 @@
 Needs openpyxl, which the extra `xlsx` installs. Cells are text or numbers, never formulas.
 """
 
+import itertools
 import re
 import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, MotionaryError, UnreadableFile
 from motionary.files import open_regular, write_atomically
 from motionary.io.labels.table import FrameTimes, check_columns, collect_rows, list_rows
 from motionary.io.text import Cell
 from motionary.labels import LabelTrack
 
 _MOST_BYTES = 1 << 28
+_MOST_ROWS = 1 << 20
 _LOOKED_AT = 1 << 16
 # What XML cannot hold, and what would be read as such: Excel writes both as _x0041_.
 _SPECIAL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]|_x[0-9A-Fa-f]{4}_")
@@ -39,19 +41,18 @@ def read_spreadsheet(
     with open_regular(path) as file:
         try:
             _check_parts(zipfile.ZipFile(file), path.name)
-            book = openpyxl.load_workbook(file, data_only=True)
-        except UnreadableFile:
+            book = openpyxl.load_workbook(file, data_only=True, read_only=True)
+            if not book.worksheets:
+                raise UnreadableFile(f"{path.name}: has no sheet with cells")
+            rows = list(_rows(book.worksheets[0], path.name))
+        except MotionaryError:
             raise
         except Exception as error:
             # What openpyxl raises on damaged parts is of many kinds.
             raise UnreadableFile(
                 f"{path.name}: no workbook of Excel (.xlsx), or a damaged one: {str(error)[:80]}"
             ) from error
-        if not book.worksheets:
-            raise UnreadableFile(f"{path.name}: has no sheet with cells")
-        return collect_rows(
-            _rows(book.worksheets[0], path.name), frames or FrameTimes(rate_hz=rate_hz)
-        )
+    return collect_rows(rows, frames or FrameTimes(rate_hz=rate_hz))
 
 
 def _check_parts(archive: zipfile.ZipFile, name: str) -> None:
@@ -68,8 +69,12 @@ def _check_parts(archive: zipfile.ZipFile, name: str) -> None:
 
 def _rows(sheet: Any, name: str) -> Iterator[tuple[str, dict[str, str]]]:
     columns: list[str] = []
+    # A sheet may say that it is larger than its rows; without this all its cells are made.
+    sheet.reset_dimensions()
     for number, values in enumerate(sheet.iter_rows(values_only=True), start=1):
         where = f"{name}, row {number}"
+        if number > _MOST_ROWS:
+            raise UnreadableFile(f"{where}: Excel has {_MOST_ROWS} rows at most; save it anew")
         cells = [_to_text(value) for value in values]
         if not any(cells):
             continue
@@ -78,7 +83,7 @@ def _rows(sheet: Any, name: str) -> Iterator[tuple[str, dict[str, str]]]:
                 cells.pop()
             columns = check_columns(cells, where)
             continue
-        yield where, dict(zip(columns, cells, strict=False))
+        yield where, dict(itertools.zip_longest(columns, cells[: len(columns)], fillvalue=""))
     if not columns:
         raise UnreadableFile(f"{name}: the first sheet is empty; expected a table of labels")
 

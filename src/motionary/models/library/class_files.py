@@ -11,6 +11,7 @@ import re
 import struct
 import tokenize
 import unicodedata
+import warnings
 import zipfile
 import zlib
 from collections.abc import Collection, Iterable, Mapping
@@ -304,15 +305,23 @@ def _read_values(path: Path, name: str) -> Arrays:
     file = path.parent / name
     if not name or Path(name).name != name:
         raise refuse(path, ("values",), f"must name a file beside it, got {name!r}")
-    if not file.is_file():
-        raise refuse(path, ("values",), f"means {name}, which is missing")
+    try:
+        is_there = file.is_file()
+    except OSError:
+        # A name that is too long for the system.
+        is_there = False
+    if not is_there:
+        raise refuse(path, ("values",), f"means {name[:80]}, which is missing")
     try:
         # Not the path: after an error NumPy would leave the file open.
-        loaded = np.load(io.BytesIO(read_bytes(file)), allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            raise ValueError("one array, no archive of arrays")
-        with loaded:
-            arrays = {key: loaded[key] for key in loaded.files}
+        with warnings.catch_warnings():
+            # Of heads as Python 2 wrote them.
+            warnings.simplefilter("ignore", UserWarning)
+            loaded = np.load(io.BytesIO(read_bytes(file)), allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                raise ValueError("one array, no archive of arrays")
+            with loaded:
+                arrays = {key: loaded[key] for key in loaded.files}
         # NumPy gives the bytes of what is no array.
         odd = next((key for key, one in arrays.items() if not isinstance(one, np.ndarray)), None)
         if odd is not None:

@@ -12,6 +12,7 @@ import os
 import re
 import tempfile
 import tokenize
+import warnings
 import zlib
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -53,7 +54,10 @@ _REMEDY = "delete the index to make it anew"
 _CHECKSUMS = "checksums.json"
 _PIECE = 1 << 24
 # On damaged headers of arrays NumPy raises whatever its parser of Python raises.
-_DAMAGE = (OSError, ValueError, TypeError, LookupError, EOFError, SyntaxError, tokenize.TokenError)
+_DAMAGE = (
+    OSError, ValueError, TypeError, LookupError, EOFError, SyntaxError, tokenize.TokenError,
+    OverflowError, UserWarning,
+)  # fmt: skip
 # NumPy's format, but no .npy: an index among recordings must not be taken for motion.
 _ARRAYS = {name: f"{name}.array" for name in ("table", "words", "masks", "planes")}
 
@@ -364,7 +368,7 @@ def _check_counts(
     if ((lengths < 0) | (lengths > len(packed))).any():
         raise InvalidInput("a recording has an impossible number of frames")
     stops = masks[:, 0].astype(np.int64)
-    if (np.diff(stops, prepend=0) <= 0).any() or (len(stops) and stops[-1] != len(packed)):
+    if (np.diff(stops, prepend=0) <= 0).any() or (stops[-1] if len(stops) else 0) != len(packed):
         raise InvalidInput("its masks do not fit its features")
 
 
@@ -388,6 +392,8 @@ def _parse(content: dict[str, Any]) -> Manifest:
 
 def _map(path: Path) -> NDArray[Any]:
     # A plain view of the same memory: slices of it need no class of their own.
-    with open_regular(path):
+    with open_regular(path), warnings.catch_warnings():
+        # Heads of another version of Python are none that we wrote.
+        warnings.simplefilter("error")
         mapped: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False).view(np.ndarray)
     return mapped
