@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from motionary.errors import MotionaryError
     from motionary.evaluation import evaluate
     from motionary.features import FeatureSequence, FeatureSet, compute_features
+    from motionary.inertial import check_tracking
     from motionary.io import read, read_labels, write, write_labels
     from motionary.labels import Label, LabelTrack
     from motionary.models.keyframes import KeyframeQuery
@@ -44,6 +45,7 @@ __all__ = [
     "Recording",
     "Skeleton",
     "annotate",
+    "check_tracking",
     "compute_features",
     "count",
     "evaluate",
@@ -67,6 +69,7 @@ __getattr__, __dir__ = lazy_names(
         "retrieval.explanation": "explain",
         "features": "FeatureSequence FeatureSet compute_features",
         "retrieval.index": "Index",
+        "inertial": "check_tracking",
         "io": "read read_labels write write_labels",
         "models.keyframes": "KeyframeQuery",
         "labels": "Label LabelTrack",

@@ -143,6 +143,25 @@ def rotation_vectors_to_quaternions(vectors: ArrayLike) -> Floats:
     return result
 
 
+def quaternions_to_rotation_vectors(quaternions: ArrayLike) -> Floats:
+    """Axis times angle in radians, at most half a turn, of unit quaternions wxyz, (..., 3)."""
+    given = np.asarray(quaternions, dtype=np.float64)
+    given = np.where(given[..., :1] < 0, -given, given)
+    size = np.linalg.norm(given[..., 1:], axis=-1)
+    # By the tangent: the cosine alone loses half the digits of small angles.
+    angle = 2 * np.arctan2(size, given[..., 0])
+    scale = np.full(size.shape, 2.0)
+    np.divide(angle, size, out=scale, where=size > 1e-12)
+    return np.asarray(given[..., 1:] * scale[..., None])
+
+
+def continuous_signs(quaternions: Floats) -> Floats:
+    """The same orientations (frames, 4), each with the sign that is nearer to the one before."""
+    turned = np.sum(quaternions[1:] * quaternions[:-1], axis=-1) < 0
+    flips = np.concatenate([[False], np.logical_xor.accumulate(turned)])
+    return np.where(flips[:, None], -quaternions, quaternions)
+
+
 def euler_to_matrices(angles: Floats, order: str) -> Floats:
     """Rotation matrices, shape (..., 3, 3), of `euler_to_quaternions`' turns."""
     return quaternions_to_matrices(euler_to_quaternions(angles, order))

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Lengths = Literal["adapted", "kept"]
 
 #: The generic joints between which a bone of the body lies; it turns as what lies between them.
-_BONES = {
+BONES = {
     "belly": ("belly", "chest"), "chest": ("chest", "neck"), "head": ("head", "headtop"),
     **{
         side + bone: (side + start, side + end)
@@ -59,12 +59,31 @@ class DrivenPose(NamedTuple):
     scale: float
 
 
-class _Driver(NamedTuple):
-    """What of a motion drives: places of the generic joints, turns of the bones between them."""
+class BoneTurns(NamedTuple):
+    """How the bones of a motion turn, by the body's names of them.
+
+    Attributes
+    ----------
+    joints : array, shape (frames, 24, 3), the generic joints, metres; NaN = not seen
+    turns : of the bones whose turns the file holds, global ones, shape (frames, 3, 3)
+    rest : of these the directions at rest, unit vectors; of the root from right to left hip
+    """
 
     joints: Floats
     turns: dict[str, Floats]
     rest: dict[str, Floats]
+
+    def directions(self) -> dict[str, Floats]:
+        """Of all bones between two generic joints the unit directions (frames, 3).
+
+        Those of the turns where they are known: a toe that bends turns no foot.
+        """
+        return {
+            bone: self.turns[bone] @ self.rest[bone]
+            if bone in self.turns
+            else unit_vectors(self.joints[:, _generic(end)] - self.joints[:, _generic(start)])
+            for bone, (start, end) in BONES.items()
+        }
 
 
 def pose_from_motion(body: Body, motion: Motion, *, lengths: Lengths = "adapted") -> DrivenPose:
@@ -85,7 +104,7 @@ def pose_from_motion(body: Body, motion: Motion, *, lengths: Lengths = "adapted"
     """
     if lengths not in ("adapted", "kept"):
         raise InvalidInput(f"lengths needs to be 'adapted' or 'kept', got {lengths!r}")
-    driver = _read_driver(motion)
+    driver = read_turns(motion)
     legs = [_generic(side + joint) for side in "lr" for joint in ("hip", "knee", "ankle")]
     unseen = np.flatnonzero(np.isnan(driver.joints[:, legs]).any(axis=(1, 2)))
     if len(unseen):
@@ -108,10 +127,17 @@ def _generic(joint: str) -> int:
     return GENERIC_JOINTS.index(joint)
 
 
-def _read_driver(motion: Motion) -> _Driver:
+def read_turns(motion: Motion) -> BoneTurns:
+    """How the bones of a motion turn.
+
+    Raises
+    ------
+    UnknownSkeleton, NotHuman
+        If the motion's joints are not known.
+    """
     joints = motion.generic_positions()
     if motion.skeleton is None or motion.rotations is None or motion.mapping is None:
-        return _Driver(joints, {}, {})
+        return BoneTurns(joints, {}, {})
     skeleton = motion.skeleton
     identity = np.tile(np.eye(3), (1, len(skeleton.names), 1, 1))
     at_rest = forward_kinematics(skeleton, identity, np.zeros((1, 3)))
@@ -135,7 +161,7 @@ def _read_driver(motion: Motion) -> _Driver:
         return places.get(next(iter(of))) if len(of) == 1 else None
 
     turns, directions = {}, {}
-    for bone, (start, end) in _BONES.items():
+    for bone, (start, end) in BONES.items():
         own = file_joint(end if skeleton.ends else start)
         direction = rest[_generic(end)] - rest[_generic(start)]
         if own is not None and np.linalg.norm(direction) > 1e-6:
@@ -144,10 +170,10 @@ def _read_driver(motion: Motion) -> _Driver:
     if root is not None:
         turns["root"] = turned[:, root]
         directions["root"] = unit_vectors(rest[_generic("lhip")] - rest[_generic("rhip")])
-    return _Driver(joints, turns, directions)
+    return BoneTurns(joints, turns, directions)
 
 
-def _turn_bones(body: Body, driver: _Driver) -> tuple[Floats, NDArray[np.bool_]]:
+def _turn_bones(body: Body, driver: BoneTurns) -> tuple[Floats, NDArray[np.bool_]]:
     """Global turns of all bones (frames, joints, 3, 3), and whose twist is known."""
     n_frames, n = len(driver.joints), len(body.names)
     turned = np.empty((n_frames, n, 3, 3))
@@ -181,7 +207,7 @@ def _turn_bones(body: Body, driver: _Driver) -> tuple[Floats, NDArray[np.bool_]]
             turned[:, joint] = _follow(body, driver.joints, name, turned[:, parent])
     # What has no joints of its own in the file goes with its parent, whose twist it shares.
     for joint, parent in enumerate(body.parents):
-        if parent >= 0 and body.names[joint] not in _BONES:
+        if parent >= 0 and body.names[joint] not in BONES:
             known[joint] = known[parent]
     return turned, known
 
@@ -244,9 +270,9 @@ def _frame(
 def _follow(body: Body, joints: Floats, name: str, parent: Floats) -> Floats:
     """Turns of a bone of which only its direction is known: no twist against its parent."""
     mesh = _mesh_direction(body, name)
-    if mesh is None or name not in _BONES:
+    if mesh is None or name not in BONES:
         return parent
-    start, end = _BONES[name]
+    start, end = BONES[name]
     direction = unit_vectors(joints[:, _generic(end)] - joints[:, _generic(start)])
     carried = parent @ mesh
     swung = _shortest_turn(carried, np.where(np.isnan(direction), carried, direction)) @ parent
@@ -283,7 +309,7 @@ def _hinge(body: Body, name: str) -> Floats:
     return unit_vectors(np.cross(elbow - shoulder, wrist - elbow))
 
 
-def _stretches(body: Body, driver: _Driver) -> tuple[Floats, float]:
+def _stretches(body: Body, driver: BoneTurns) -> tuple[Floats, float]:
     """Stretch of each bone (joints, 3, 3) to the motion's lengths, and the scale of the rest."""
 
     def length(start: str, end: str) -> float:
@@ -295,10 +321,10 @@ def _stretches(body: Body, driver: _Driver) -> tuple[Floats, float]:
         return float(np.linalg.norm(body.joints[body.index(end)] - body.joints[body.index(start)]))
 
     pairs = [(side + bone, side + _NEXT[bone]) for side in "lr" for bone in ("thigh", "shank")]
-    scale = sum(length(*_BONES[bone]) for bone, _ in pairs) / sum(own(*pair) for pair in pairs)
+    scale = sum(length(*BONES[bone]) for bone, _ in pairs) / sum(own(*pair) for pair in pairs)
     result = np.tile(scale * np.eye(3), (len(body.names), 1, 1))
     wanted = {
-        side + bone: (length(*_BONES[side + bone]), own(side + bone, side + _NEXT[bone]))
+        side + bone: (length(*BONES[side + bone]), own(side + bone, side + _NEXT[bone]))
         for side in "lr"
         for bone in _STRETCHED
     }

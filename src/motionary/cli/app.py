@@ -39,6 +39,8 @@ COMMANDS = {
     "features": "convert",
     "evaluate": "evaluate",
     "labels": "labels",
+    "imu": "imu",
+    "synth": "synth",
     "demo": "demo",
 }
 #: Shells that complete a command line set it.

@@ -6,6 +6,7 @@ display, no state shared with the pictures of others.
 
 from motionary.plots.features import plot_features
 from motionary.plots.figures import BONES, plot_pose
+from motionary.plots.sensors import plot_check
 from motionary.plots.sheets import MOST_RECORDINGS, describe_facing, plot_recordings, plot_sheet
 from motionary.plots.style import save
 from motionary.plots.templates import plot_library, plot_template
@@ -16,6 +17,7 @@ __all__ = [
     "MOST_RECORDINGS",
     "describe_facing",
     "plot_annotation",
+    "plot_check",
     "plot_distance",
     "plot_features",
     "plot_library",

@@ -1,0 +1,390 @@
+"""A tracked motion held against inertial sensors: clocks, places, calibration, and what is wrong.
+
+After Baak (2012), chapter 7, from raw sensors, without a calibration pose and without a map: whose
+clock is how late, which sensor sits on which limb, how its world and mount lie, where limb and
+sensor disagree.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.inertial.calibration import (
+    Calibration,
+    CalibrationSettings,
+    calibrate,
+    calibrate_direction,
+    match_limb,
+)
+from motionary.inertial.detection import (
+    OF_DIRECTIONS,
+    DetectionSettings,
+    find_wrong,
+    heading_drift,
+    without_drift,
+)
+from motionary.inertial.fusion import orient
+from motionary.inertial.limbs import TrackedLimbs, track_limbs
+from motionary.inertial.orientations import (
+    distance_deg,
+    resample_orientations,
+    swing_twist_deg,
+)
+from motionary.inertial.synchronising import (
+    Lag,
+    correlate,
+    peak_of,
+    speeds_of_turn,
+    synchronise,
+)
+from motionary.io.sensors import SensorRecording
+from motionary.labels import Label, LabelTrack
+from motionary.motion import Motion
+from motionary.rotations import conjugate_quaternions, multiply_quaternions
+
+Floats = NDArray[np.float64]
+
+_MOST_LAG_S = 15.0
+# Limbs whose rates are nearly as much like a sensor's as the best one's; a rough calibration
+# decides among them.
+_NEARLY = 0.35
+_UNSURE_PEAK = 0.5
+# Between limbs that fit alike: nobody wears a sensor on the belly if one is on the pelvis.
+_USUAL = ("root", "chest", "head")
+
+
+@dataclass(frozen=True, slots=True)
+class CheckSettings:
+    """How a motion is held against sensors.
+
+    Attributes
+    ----------
+    fused : take orientations that the file brings instead of fusing raw measurements
+    magnetic : let the magnetometer tell headings
+    calibration, detection, of_directions : see there; the last for limbs without turns
+    compensate_drift : whether a slow drift of a sensor's heading is taken out
+    """
+
+    fused: bool = False
+    magnetic: bool = False
+    calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
+    detection: DetectionSettings = field(default_factory=DetectionSettings)
+    of_directions: DetectionSettings = OF_DIRECTIONS
+    compensate_drift: bool = True
+
+
+class LimbCheck(NamedTuple):
+    """What one sensor says of the limb that it sits on.
+
+    Attributes
+    ----------
+    sensor, limb : names; the limb is empty if the sensor fits none
+    residual_deg : array, shape (frames of the motion,); NaN where one is not known
+    swing_deg, twist_deg : the same across and about the limb; None where only directions are
+        tracked
+    heading_deg : of the sensor's world against the tracker's
+    deviation_deg : expected error of the calibration; NaN if not to be had
+    drift_deg : largest drift of the heading that was taken out
+    margin : residual of the next best limb over this one's; NaN where a map told the limb
+    wrong : stretches of frames, first and one past the last
+    notes : what makes it doubtful
+    """
+
+    sensor: str
+    limb: str
+    residual_deg: Floats
+    swing_deg: Floats | None
+    twist_deg: Floats | None
+    heading_deg: float
+    deviation_deg: float
+    drift_deg: float
+    margin: float
+    wrong: list[tuple[int, int]]
+    notes: tuple[str, ...]
+
+
+class TrackingCheck(NamedTuple):
+    """A motion held against its sensors.
+
+    Attributes
+    ----------
+    limbs : one for each sensor, by name
+    lag : of the sensors' clock behind the motion's
+    track : the stretches that are wrong, as labels of the motion
+    notes : what was noticed of all
+    """
+
+    limbs: list[LimbCheck]
+    lag: Lag
+    track: LabelTrack
+    notes: tuple[str, ...]
+
+
+def check_tracking(
+    motion: Motion,
+    sensors: Sequence[SensorRecording],
+    *,
+    limbs: Mapping[str, str] | None = None,
+    settings: CheckSettings | None = None,
+) -> TrackingCheck:
+    """Where a motion is tracked wrongly, by the sensors that were worn.
+
+    Parameters
+    ----------
+    motion : as tracked
+    sensors : of one system, whose clocks agree
+    limbs : limb of each sensor by name; found if None
+    settings : see there
+
+    Raises
+    ------
+    InvalidInput
+        If a name is unknown, or no sensor can be compared.
+    UnknownSkeleton, NotHuman
+        If the motion's joints are not known.
+    """
+    settings = settings or CheckSettings()
+    if not sensors:
+        raise InvalidInput("a check needs at least one sensor")
+    tracked = track_limbs(motion)
+    measured, problems = _orientations(sensors, settings)
+    if not measured:
+        raise InvalidInput(f"no sensor can be compared: {problems[0]}")
+    given = _checked_limbs(limbs, measured, tracked) if limbs is not None else None
+    lag, likely = _find_lag(tracked, measured, sensors, given)
+    times = np.arange(motion.n_frames) / motion.rate_hz
+    rates = {sensor.name: sensor.rate_hz for sensor in sensors}
+    seen = {
+        name: resample_orientations(turns, lag.sensor_times(times) * rates[name])
+        for name, turns in measured.items()
+    }
+    placed: dict[str, str] = given or {}
+    margins: dict[str, float] = {}
+    if given is None:
+        placed, margins = _place(tracked, seen, likely)
+    checks = []
+    for name in sorted(seen):
+        limb = placed.get(name, "")
+        checks.append(
+            _check_limb(name, limb, tracked, seen[name], margins.get(name, np.nan), settings)
+        )
+    notes = list(problems)
+    if lag.peak < _UNSURE_PEAK:
+        notes.append(
+            f"rates of turn agree by {lag.peak:.2f} only: the lag of {lag.offset_s:.2f} s is unsure"
+        )
+    return TrackingCheck(checks, lag, _to_track(motion, checks), tuple(notes))
+
+
+def _orientations(
+    sensors: Sequence[SensorRecording], settings: CheckSettings
+) -> tuple[dict[str, Floats], list[str]]:
+    """Orientations of each sensor by name, and why there are none of the others."""
+    found, problems = {}, []
+    for sensor in sensors:
+        if sensor.name in found:
+            problems.append(f"{sensor.name} is there twice; the second one is left out")
+            continue
+        raw = sensor.gyr is not None and sensor.acc is not None
+        try:
+            if sensor.orientations is not None and (settings.fused or not raw):
+                found[sensor.name] = sensor.orientations
+            else:
+                found[sensor.name] = orient(sensor, magnetic=settings.magnetic)
+        except InvalidInput as error:
+            problems.append(str(error))
+    for name in list(found):
+        still = speeds_of_turn(found[name], 100.0)
+        if np.nanmax(still, initial=0.0) < 0.05:
+            problems.append(f"{name} does not move and is left out")
+            del found[name]
+    return found, problems
+
+
+def _checked_limbs(
+    limbs: Mapping[str, str], measured: Mapping[str, Floats], tracked: TrackedLimbs
+) -> dict[str, str]:
+    for name, limb in limbs.items():
+        if name not in measured:
+            raise InvalidInput(
+                f"the map names a sensor {name!r}; there are {', '.join(sorted(measured))}"
+            )
+        if limb not in tracked.limbs:
+            known = ", ".join(tracked.limbs)
+            raise InvalidInput(f"the map puts {name} on {limb!r}; the motion has {known}")
+    return dict(limbs)
+
+
+def _find_lag(
+    tracked: TrackedLimbs,
+    measured: Mapping[str, Floats],
+    sensors: Sequence[SensorRecording],
+    limbs: Mapping[str, str] | None,
+) -> tuple[Lag, dict[str, list[str]]]:
+    """The common lag, and the limbs whose rates are most like each sensor's at it."""
+    rates = {sensor.name: sensor.rate_hz for sensor in sensors}
+    rate = tracked.rate_hz
+    speeds = {limb: tracked.speeds(limb) for limb in tracked.limbs}
+    own = {}
+    for name, turns in measured.items():
+        fast = speeds_of_turn(turns, rates[name])
+        at = np.arange(int(len(fast) / rates[name] * rate)) * rates[name] / rate
+        own[name] = np.interp(at, np.arange(len(fast)), fast)
+    n_most = round(_MOST_LAG_S * rate)
+    curves = {
+        name: {
+            limb: correlate(speeds[limb], one, n_most)
+            for limb in ([limbs[name]] if limbs and name in limbs else speeds)
+        }
+        for name, one in own.items()
+        if not limbs or name in limbs
+    }
+    best = np.mean([np.max(list(of.values()), axis=0) for of in curves.values()], axis=0)
+    offset_s, _, _ = peak_of(best, n_most, rate)
+    peak = round(offset_s * rate) + n_most
+    likely = {
+        name: [
+            limb
+            for limb in sorted(of, key=lambda limb: -float(of[limb][peak]))
+            if of[limb][peak] > max(float(one[peak]) for one in of.values()) - _NEARLY
+        ]
+        for name, of in curves.items()
+    }
+    pairs = [(speeds[likely[name][0]], own[name]) for name in likely]
+    lag = synchronise(
+        [a for a, _ in pairs], [b for _, b in pairs], rate_hz=rate, most_s=_MOST_LAG_S
+    )
+    return lag, likely
+
+
+def _place(
+    tracked: TrackedLimbs,
+    seen: Mapping[str, Floats],
+    likely: Mapping[str, list[str]],
+) -> tuple[dict[str, str], dict[str, float]]:
+    """Which limb each sensor sits on: the smallest residuals; several may share a limb.
+
+    The margin is the residual on the next best limb over that on the chosen one.
+    """
+    placed, margins = {}, {}
+    for name, limbs in likely.items():
+        costs = {}
+        for limb in limbs:
+            try:
+                costs[limb] = _misfit(tracked, limb, seen[name])
+            except InvalidInput:
+                continue
+        if not costs:
+            continue
+        least = min(costs.values())
+        # Neighbours of the trunk turn alike: then where sensors are usually worn.
+        close = [limb for limb in costs if costs[limb] < 1.1 * least + 0.1]
+        chosen = min(
+            close, key=lambda limb: (_USUAL.index(limb) if limb in _USUAL else 9, costs[limb])
+        )
+        placed[name] = chosen
+        others = [cost for limb, cost in costs.items() if limb != chosen]
+        margins[name] = min(others, default=np.nan) / max(costs[chosen], 0.1)
+    return placed, margins
+
+
+def _misfit(tracked: TrackedLimbs, limb: str, measured: Floats) -> float:
+    if limb in tracked.turns:
+        return match_limb(tracked.turns[limb], measured)
+    residual = calibrate_direction(tracked.directions[limb], measured).residual_deg
+    return float(np.sqrt(np.nanmean(np.minimum(residual, 45.0) ** 2)))
+
+
+def _check_limb(
+    name: str,
+    limb: str,
+    tracked: TrackedLimbs,
+    measured: Floats,
+    margin: float,
+    settings: CheckSettings,
+) -> LimbCheck:
+    nothing = np.full(len(measured), np.nan)
+    refused = LimbCheck(
+        name, limb, nothing, None, None, np.nan, np.nan, 0.0, margin, [], ("fits no limb",)
+    )
+    if not limb:
+        return refused
+    try:
+        if limb not in tracked.turns:
+            return _check_direction(name, limb, tracked, measured, margin, settings)
+        found = calibrate(tracked.turns[limb], measured, settings.calibration)
+        steadied, drift = measured, np.zeros(len(measured))
+        if settings.compensate_drift:
+            for _ in range(2):
+                drift = heading_drift(found.predict(tracked.turns[limb]), measured, tracked.rate_hz)
+                steadied = without_drift(measured, drift)
+                found = calibrate(tracked.turns[limb], steadied, settings.calibration)
+    except InvalidInput as error:
+        return refused._replace(notes=(str(error),))
+    axis = tracked.axes[limb]
+    swing, twist = _parts(tracked.turns[limb], steadied, found, axis)
+    residual = distance_deg(steadied, found.predict(tracked.turns[limb]))
+    turned = np.degrees(drift - np.median(drift))
+    notes = list(found.notes)
+    if np.isfinite(margin) and margin < 1.3:
+        notes.append("the next best limb fits nearly as well")
+    return LimbCheck(
+        name, limb, residual, swing, twist,
+        float(np.degrees(2 * np.arctan2(found.world[3], found.world[0])) % 360),
+        found.deviation_deg, float(np.abs(turned).max()), margin,
+        find_wrong(residual, tracked.rate_hz, settings.detection), tuple(notes),
+    )  # fmt: skip
+
+
+def _check_direction(
+    name: str,
+    limb: str,
+    tracked: TrackedLimbs,
+    measured: Floats,
+    margin: float,
+    settings: CheckSettings,
+) -> LimbCheck:
+    found = calibrate_direction(tracked.directions[limb], measured)
+    wrong = find_wrong(found.residual_deg, tracked.rate_hz, settings.of_directions)
+    return LimbCheck(
+        name, limb, found.residual_deg, None, None, float(np.degrees(found.heading_rad) % 360),
+        np.nan, 0.0, margin, wrong, ("only the direction is tracked: twist is not checked",),
+    )  # fmt: skip
+
+
+def _parts(
+    tracked: Floats, measured: Floats, found: Calibration, axis: Floats
+) -> tuple[Floats, Floats]:
+    """Degrees across and about the limb between its turn as tracked and as the sensor tells."""
+    told = multiply_quaternions(
+        multiply_quaternions(conjugate_quaternions(found.world), measured),
+        conjugate_quaternions(found.mount),
+    )
+    return swing_twist_deg(tracked, told, axis)
+
+
+def _to_track(motion: Motion, checks: Sequence[LimbCheck]) -> LabelTrack:
+    """The stretches as labels: the limb is wrong, by how much, and in which way."""
+    labels = []
+    for check in checks:
+        for first, stop in check.wrong:
+            worst = float(np.nanmax(check.residual_deg[first:stop]))
+            kind = "direction"
+            if check.swing_deg is not None and check.twist_deg is not None:
+                swing = np.nanmedian(check.swing_deg[first:stop])
+                kind = "direction" if swing > np.nanmedian(check.twist_deg[first:stop]) else "twist"
+            labels.append(
+                Label(
+                    f"{check.limb} off",
+                    float(first / motion.rate_hz),
+                    float(stop / motion.rate_hz),
+                    start_frame=int(motion.first_frame + first),
+                    end_frame=int(motion.first_frame + stop - 1),
+                    extra={"sensor": check.sensor, "worst_deg": f"{worst:.0f}", "kind": kind},
+                )
+            )
+    return LabelTrack(motion.recording, tuple(labels))

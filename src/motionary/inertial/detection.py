@@ -1,0 +1,110 @@
+"""Where a limb is tracked wrongly: stretches in which it and its sensor disagree.
+
+A stretch rises above one angle somewhere and stays above a smaller one, so that noise neither
+begins nor splits it. The thesis asks for 45 degrees in a frame (section 7.6).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.inertial.orientations import heading
+from motionary.recording import find_runs
+from motionary.rotations import conjugate_quaternions, multiply_quaternions
+
+Floats = NDArray[np.float64]
+
+#: The published rule: a frame is wrong from this angle on.
+PUBLISHED_DEG = 45.0
+_KNOTS_S = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class DetectionSettings:
+    """What counts as wrong.
+
+    Attributes
+    ----------
+    high_deg, low_deg : which a stretch must reach, and above which it stays
+    min_s : shorter ones are left out
+    max_gap_s : shorter ones between two stretches are bridged
+    """
+
+    high_deg: float = 25.0
+    low_deg: float = 12.0
+    min_s: float = 0.1
+    max_gap_s: float = 0.2
+
+
+#: For limbs of which only the direction is tracked.
+OF_DIRECTIONS = DetectionSettings(high_deg=15.0, low_deg=8.0)
+
+
+def find_wrong(
+    residual_deg: Floats, rate_hz: float, settings: DetectionSettings | None = None
+) -> list[tuple[int, int]]:
+    """Stretches of frames (first, one past the last) that are wrong, by time.
+
+    Parameters
+    ----------
+    residual_deg : array, shape (frames,); NaN = not known, which is never wrong
+    rate_hz : frames per second
+    settings : what counts as wrong
+    """
+    settings = settings or DetectionSettings()
+    known = np.asarray(np.nan_to_num(residual_deg, nan=0.0))
+    gap = max(round(settings.max_gap_s * rate_hz), 0)
+    joined: list[tuple[int, int]] = []
+    for first, stop in find_runs(known > settings.low_deg).tolist():
+        if joined and first - joined[-1][1] <= gap:
+            joined[-1] = joined[-1][0], stop
+        else:
+            joined.append((first, stop))
+    least = settings.min_s * rate_hz
+    return [
+        (first, stop)
+        for first, stop in joined
+        if stop - first >= least and known[first:stop].max() > settings.high_deg
+    ]
+
+
+def heading_drift(
+    predicted: Floats, measured: Floats, rate_hz: float, *, scale_deg: float = 6.0
+) -> Floats:
+    """How the sensor's heading drifts, radians, (frames,): lines between knots 8 s apart.
+
+    A slow turn of the limb about the vertical cannot be told from it, and is taken for drift.
+    Nothing is found in what is shorter than two of these lines.
+    """
+    n = len(predicted)
+    n_knots = int(n / rate_hz / _KNOTS_S) + 1
+    if n_knots < 3:
+        return np.zeros(n)
+    between = multiply_quaternions(measured, conjugate_quaternions(predicted))
+    known = np.asarray(~np.isnan(between).any(axis=1))
+    angle = np.asarray(2 * np.arctan2(between[:, 3], between[:, 0]))
+    angle = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
+    at: Floats = np.linspace(0, n_knots - 1, n)
+    left = np.minimum(at.astype(np.intp), n_knots - 2)
+    rows = np.zeros((n, n_knots))
+    rows[np.arange(n), left] = 1 - (at - left)
+    rows[np.arange(n), left + 1] = at - left
+    bends = np.diff(np.eye(n_knots), n=2, axis=0)
+    knots: Floats = np.zeros(n_knots)
+    weights: Floats = known.astype(np.float64)
+    values, scale = np.where(known, angle, 0.0), np.radians(scale_deg)
+    per_knot = n / n_knots
+    for _ in range(10):
+        normal = (rows * weights[:, None]).T @ rows + 0.2 * per_knot * bends.T @ bends
+        normal += 1e-6 * np.eye(n_knots)
+        solved = np.linalg.solve(normal, (rows * weights[:, None]).T @ values)
+        knots = np.asarray(solved, dtype=np.float64)
+        away = values - rows @ knots
+        weights = 1.0 * known * (scale**2 / (away**2 + scale**2)) ** 2
+    return np.asarray(rows @ knots)
+
+
+def without_drift(measured: Floats, drift_rad: Floats) -> Floats:
+    """Orientations of a sensor with its heading's drift turned back."""
+    return multiply_quaternions(conjugate_quaternions(heading(drift_rad)), measured)

@@ -1,0 +1,83 @@
+"""`motionary imu` and `motionary synth`, on synthetic recordings."""
+
+import json
+
+import numpy as np
+import pytest
+
+import motionary as mo
+from motionary.samples import synthetic_stream
+
+pytest.importorskip("vqf")
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("worn by Jörg")
+    stream, _ = synthetic_stream(["squat", "kick_left", "spin_left"], seed=3, rate_hz=60.0)
+    mo.write(stream, folder / "take.bvh")
+    return folder
+
+
+def test_sensors_are_made_and_checked(take, motionary):
+    made = motionary("synth", "imu", take / "take.bvh", "-o", take / "s", "--limb", "lthigh",
+                     "--limb", "rthigh")  # fmt: skip
+    assert made.code == 0
+    assert sorted(path.name for path in (take / "s").iterdir()) == [
+        "synthetic-lthigh.txt", "synthetic-rthigh.txt"]  # fmt: skip
+    done = motionary("imu", "check", take / "take.bvh", "--imu", take / "s", "--json",
+                     "-o", take / "t.csv", "--labels", take / "l.csv",
+                     "--plot", take / "p.png")  # fmt: skip
+    assert done.code == 0
+    rows = [json.loads(line) for line in done.out.splitlines()]
+    assert {row["sensor"]: row["limb"] for row in rows} == {
+        "synthetic-lthigh": "lthigh", "synthetic-rthigh": "rthigh"}  # fmt: skip
+    assert all(row["wrong"] == [] and row["median_deg"] < 4 for row in rows)
+    assert abs(rows[0]["lag_s"]) < 0.02
+    assert (take / "t.csv").read_text("utf-8").startswith("recording,sensor,limb,median_deg")
+    assert (take / "p.png").stat().st_size > 5000
+    again = motionary("imu", "check", take / "take.bvh", "--imu", take / "s", "-o", take / "t.csv")
+    assert again.code == 1
+    assert "--force" in again.err
+    limbs = take / "limbs.toml"
+    limbs.write_text('"synthetic-lthigh" = "rthigh"\n"synthetic-rthigh" = "lthigh"\n', "utf-8")
+    swapped = motionary("imu", "check", take / "take.bvh", "--imu", take / "s", "--map", limbs)
+    assert "thigh off" in swapped.out
+
+
+def test_orientations_are_written_for_opensense(take, motionary):
+    motionary("synth", "imu", take / "take.bvh", "-o", take / "o", "--limb", "lshank")
+    done = motionary("imu", "orient", take / "o", "-o", take / "o.sto")
+    assert done.code == 0
+    assert (take / "o.sto").read_text("utf-8").splitlines()[1] == "DataType=Quaternion"
+
+
+def test_depth_images_are_made(take, motionary):
+    from PIL import Image
+
+    done = motionary("synth", "depth", take / "take.bvh", "-o", take / "d", "--images", "1",
+                     "--noise", "tof")  # fmt: skip
+    assert done.code == 0
+    told = json.loads((take / "d" / "camera.json").read_text("utf-8"))
+    assert told["synthetic"] is True
+    image = np.array(Image.open(take / "d" / "synthetic-000000.png"))
+    assert (image.dtype, image.shape) == (np.uint16, (240, 320))
+    body = image[image > 0]
+    assert 1000 < len(body) < 8000
+    assert 2700 < np.median(body) < 3200
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["imu", "check", "TAKE", "--imu", "nowhere"], "nowhere"),
+        (["imu", "check", "TAKE", "--imu", "TAKE"], "recordings of sensors are"),
+        (["synth", "imu", "TAKE", "-o", "x", "--limb", "tail"], "'tail' are not known"),
+        (["synth", "depth", "TAKE", "-o", "x", "--noise", "snow"], "choose one of"),
+    ],
+)
+def test_wrong_use_is_told(take, motionary, arguments, message):
+    told = [str(take / "take.bvh") if one == "TAKE" else one for one in arguments]
+    done = motionary(*told)
+    assert done.code in (1, 2)
+    assert message in done.err
