@@ -149,10 +149,15 @@ def _state_of(place: Path) -> os.stat_result | None:
         return None
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError("a folder of this name exists")
-    # By the bits, too: whoever may write everywhere has protected it all the same.
-    if not status.st_mode & _WRITE_BITS or not os.access(place, os.W_OK):
+    if is_protected(place):
         raise PermissionError("it is write-protected")
     return status
+
+
+def is_protected(place: Path) -> bool:
+    """Whether what is there must not be replaced."""
+    # By the bits, too: whoever may write everywhere has protected it all the same.
+    return not place.stat().st_mode & _WRITE_BITS or not os.access(place, os.W_OK)
 
 
 def _send(written: Path, place: Path) -> None:

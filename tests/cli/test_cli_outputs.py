@@ -8,7 +8,7 @@ import pytest
 
 from cli_cases import RATE_HZ, write_bvh, write_examples, write_stream
 from motionary.cli import screen
-from motionary.cli.options import Moment, parse_moment
+from motionary.cli.query import Moment, parse_moment
 from motionary.errors import InvalidInput
 from motionary.io import read_labels, write_table
 from motionary.recording import Recording
@@ -46,6 +46,13 @@ def take(tmp_path):
         ("features.csv", "file", ("features", "{take}", "-o")),
         ("library", "library", ("learn", "{examples}", "-o")),
         ("merged", "library", ("library", "merge", "{library}", "-o")),
+        (
+            "query.txt",
+            "file",
+            ("search", "{take}", "--like", "{take}", "--to", "2", "--save-query"),
+        ),
+        ("page.html", "file", ("report", "{take}", "-o")),
+        ("counts.csv", "file", ("count", "{take}", "--library", "{library}", "-o")),
     ],
 )
 def test_results_that_are_there_are_replaced_on_request_only(
@@ -155,12 +162,13 @@ def test_the_library_refuses_such_names_too(tmp_path):
         write_table([["a"]], tmp_path / "a.xlsx")
 
 
-@pytest.mark.parametrize("command", ["annotate", "search", "info"])
+@pytest.mark.parametrize("command", ["annotate", "search", "info", "count"])
 def test_a_dash_sends_the_table_and_nothing_else_to_stdout(world, tmp_path, command):
     import subprocess
 
     options = {
         "annotate": ("--library", world / "library"),
+        "count": ("--library", world / "library"),
         "search": ("--like", world / "take.bvh", "--to", "2"),
         "info": (),
     }
@@ -173,6 +181,47 @@ def test_a_dash_sends_the_table_and_nothing_else_to_stdout(world, tmp_path, comm
     assert lines[0].startswith("recording,")
     assert {line.count(",") for line in lines} >= {lines[0].count(",")}
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["annotate", "search", "info", "count"])
+def test_json_and_a_table_do_not_share_stdout(motionary, world, command):
+    options = {
+        "annotate": ("--library", world / "library"),
+        "count": ("--library", world / "library"),
+        "search": ("--like", world / "take.bvh"),
+        "info": (),
+    }
+    ran = motionary(command, world / "take.bvh", *options[command], "--json", "-o", "-")
+    assert (ran.code, ran.out) == (2, "")
+    assert "both go to stdout; name a file for one of them" in " ".join(ran.err.split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("learn", "{none}", "-o", "{full}"), "holds files but no library"),
+        (("library", "merge", "{none}", "-o", "{full}"), "holds files but no library"),
+        (
+            ("search", "{none}", "--like", "{none}", "--save-class", "{full}"),
+            "holds files but no library",
+        ),
+        (("annotate", "{none}", "-o", "{full}/thesis.csv", "--force"), "it is write-protected"),
+        (("report", "{none}", "-o", "{full}/thesis.html", "--force"), "it is write-protected"),
+    ],
+)
+def test_places_that_cannot_be_written_are_told_before_the_work(
+    motionary, tmp_path, arguments, words
+):
+    full = tmp_path / "full"
+    full.mkdir()
+    for name in ("thesis.csv", "thesis.html"):
+        (full / name).write_text("mine")
+        (full / name).chmod(0o444)
+    ran = motionary(*(part.format(full=full, none=tmp_path / "none.bvh") for part in arguments))
+    # The example, the recording or the library that is not there is never looked for.
+    assert (ran.code, ran.err.count("\n")) == (1, 1)
+    assert words in ran.err
+    assert {path.read_text() for path in full.iterdir()} == {"mine"}
 
 
 def test_cells_that_excel_would_compute_are_text(tmp_path):

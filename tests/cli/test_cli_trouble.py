@@ -278,8 +278,8 @@ def test_columns_stay_aligned_below_wide_letters(motionary, world, tmp_path):
     for name in ("走る.bvh", "run.bvh"):
         shutil.copy(world / "take.bvh", tmp_path / name)
     header, *rows = motionary("info", tmp_path).out.splitlines()[:3]
-    assert [row.replace("走る", "run!").index("BVH") for row in rows] == [
-        header.index("format")
+    assert [row.replace("走る", "run!").index("generic") for row in rows] == [
+        header.index("skeleton")
     ] * 2
 
 
@@ -406,6 +406,23 @@ def test_a_table_fits_a_narrow_terminal_and_loses_nothing(world, tmp_path):
     # Numbers stay whole: each row of the wide table begins a row of the narrow one.
     numbers = [re.findall(r"\d+\.\d+", line) for line in wide if line.startswith(name)]
     assert [re.findall(r"\d+\.\d+", line) for line in narrow if line.startswith("a rec")] == numbers
+
+
+@needs_terminal
+def test_on_a_very_narrow_terminal_rows_become_lines(world):
+    shown, _ = on_terminal("info", world / "take.bvh", stream="stdout", columns=40)
+    lines = re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", shown).splitlines()
+    table = [line.rstrip() for line in lines[: lines.index("")]]
+    assert table[0] == "recording take.bvh"
+    assert max(map(len, table)) <= 40
+    assert "skeleton generic" in " ".join(" ".join(table).split())
+
+
+def test_lists_of_commands_cut_no_sentence(motionary):
+    for group in ((), ("labels",), ("library",)):
+        listed = motionary(*group, "--help").out.partition("Commands:")[2]
+        assert listed
+        assert "..." not in listed
 
 
 # -- manners --------------------------------------------------------------------------------

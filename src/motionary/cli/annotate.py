@@ -102,14 +102,14 @@ class LabelOptions(TableOptions):
         """Whether the results are labels; counts are a table."""
         return not self.count
 
-    def check(self) -> None:
+    def check(self, *, as_json: bool) -> None:
         """Refuse options that do not go together, and tables that cannot be written.
 
         Raises
         ------
         BadParameter, UnwritableFile
         """
-        super().check()
+        super().check(as_json=as_json)
         if self.at_most_false is None:
             return
         if self.threshold is not None:
@@ -151,7 +151,7 @@ def annotate(
     from motionary.io import write_labels
     from motionary.io.labels import check_label_file
 
-    options.check()
+    options.check(as_json=as_json)
     library = _library(options)
     found = find_files(files)
     if options.output and not options.count:
@@ -244,6 +244,7 @@ def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
         "rate_hz": track.rate_hz,
         "labels": labels,
         "unassessed": [{"start_s": start, "end_s": end} for start, end in track.unassessed],
+        "nearest": track.nearest or None,
     }
 
 

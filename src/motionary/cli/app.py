@@ -127,10 +127,13 @@ def build_app(one: str | None = None) -> typer.Typer:
         module = importlib.import_module(f"motionary.cli.{home}")
         command = getattr(module, name)
         if hasattr(module, "SUBCOMMANDS"):
-            app.add_typer(_build_group(command, module.SUBCOMMANDS), name=name)
+            group = _build_group(command, module.SUBCOMMANDS)
+            app.add_typer(group, name=name, short_help=_summary(command))
             continue
         # The demonstration is the one command that needs no argument.
-        app.command(name, cls=_Command, no_args_is_help=name != "demo")(_guarded(command))
+        app.command(
+            name, cls=_Command, no_args_is_help=name != "demo", short_help=_summary(command)
+        )(_guarded(command))
     app.command("help", hidden=True)(_show_help)
     app.command("version", hidden=True)(lambda: _show_version(True))
     return app
@@ -142,7 +145,7 @@ def _build_group(
     """Commands below one, which only describes them."""
     group = typer.Typer(help=_help_of(described), no_args_is_help=True, rich_markup_mode=None)
     for name, command in commands.items():
-        group.command(name, no_args_is_help=True)(_guarded(command))
+        group.command(name, no_args_is_help=True, short_help=_summary(command))(_guarded(command))
     return group
 
 
@@ -184,6 +187,12 @@ def _help_of(command: Callable[..., Any]) -> str:
     """The docstring; the lines of its examples, which start with the command, stay lines."""
     paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
     return "\n\n".join(f"\b\n{p}" if p.startswith("motionary ") else p for p in paragraphs)
+
+
+def _summary(command: Callable[..., Any]) -> str:
+    """The first sentence of a command's help, whole; lists of commands fold it."""
+    first = inspect.cleandoc(command.__doc__ or "").partition("\n\n")[0]
+    return " ".join(first.split()).partition(". ")[0].rstrip(".")
 
 
 def _guarded(command: Callable[..., int | None]) -> Callable[..., None]:

@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from motionary.motion import Motion
 
 _COLUMNS = (
-    "recording", "format", ">joints", ">frames", ">rate_hz", ">seconds", "skeleton", "features",
-    ">known",
+    "recording", ">joints", ">frames", ">rate_hz", ">seconds", "skeleton", "features", ">known",
 )  # fmt: skip
 _WRITTEN = (
     "recording", "format", "joints", "frames", "rate_hz", "duration_s", "skeleton", "facing",
@@ -76,7 +75,7 @@ def info(
 
     check_target(options.save_mapping, replace=options.force)
     check_picture("--plot", options.plot)
-    options.check()
+    options.check(as_json=as_json)
     found = find_files(files)
     rows: list[dict[str, Any]] = []
     failed = bool(found.missing)
@@ -212,10 +211,9 @@ def _format(name: str) -> str:
 
 def _cells(row: dict[str, Any]) -> list[str]:
     if "error" in row:
-        return [row["recording"], row["format"], "", "", "", "", "unreadable", "", ""]
+        return [row["recording"], "", "", "", "", "unreadable", "", ""]
     return [
         row["recording"],
-        row["format"],
         str(row["joints"]),
         str(row["frames"]),
         f"{row['rate_hz']:g}",

@@ -15,6 +15,7 @@ from motionary.cli.options import (
     Force,
     Jobs,
     LibraryDefault,
+    check_library,
     check_target,
     find_feature_set,
     picture_path,
@@ -253,7 +254,7 @@ def learn(
     from motionary.models.library import learn as learn_library
 
     options.check()
-    check_target(output, is_folder=True, replace=force)
+    check_library(output, replace=force)
     check_target(options.plot, is_folder=True)
     feature_set = find_feature_set(options.features)
     negatives, has_failed = _read_negatives(options, feature_set, reading, jobs=jobs)

@@ -14,6 +14,7 @@ from motionary.cli.options import (
     AsJson,
     FeatureSetName,
     Force,
+    check_library,
     check_picture,
     check_target,
     find_feature_set,
@@ -174,7 +175,7 @@ def merge(
     from motionary.models.library import find_clashes, merge_libraries, open_library
 
     check_picture("--plot", plot)
-    check_target(output, is_folder=True, replace=force)
+    check_library(output, replace=force)
     libraries = [open_library(folder) for folder in folders]
     clashing = find_clashes(libraries)
     if clashing and on_clash is Clashing.REFUSE:

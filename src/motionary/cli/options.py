@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import typer
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.files import STDOUT, check_table_name
+from motionary.files import STDOUT, check_table_name, holds_others, is_protected
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSet
-    from motionary.recording import Recording
 
 PICTURES = (".png", ".svg", ".pdf")
 #: By this file a folder is a library.
@@ -110,13 +109,15 @@ class TableOptions:
         """Whether the table goes to stdout, in the place of what is said to people."""
         return self.output == STDOUT
 
-    def check(self) -> None:
+    def check(self, *, as_json: bool) -> None:
         """Fail before the work where there is no table, or it cannot be written.
 
         Raises
         ------
         BadParameter, UnwritableFile
         """
+        if as_json and self.takes_stdout:
+            raise wrong("--json, --output", "both go to stdout; name a file for one of them")
         if self.excel and self.output is None:
             raise wrong("--excel", "goes with --output CSV")
         if self.output is not None:
@@ -159,49 +160,6 @@ def find_feature_set(name: str | None) -> "FeatureSet":
     if name not in known_sets():
         raise typer.BadParameter(f"no set {name!r}; choose one of {', '.join(known_sets())}")
     return known_sets()[name]
-
-
-# -- times ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Moment:
-    """A time in a recording: seconds, or the number that the file gives a frame."""
-
-    value: float
-    is_frame: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.value:.10g}{'f' if self.is_frame else ''}"
-
-    def seconds_in(self, recording: "Recording", *, is_end: bool = False) -> float:
-        """Seconds from the start of a recording; as an end, that of the frame."""
-        if not self.is_frame:
-            return self.value
-        return (self.value - recording.first_frame + is_end) / recording.rate_hz
-
-
-def parse_moment(text: str) -> Moment:
-    """The time that a person wrote: `1.5`, `0:01.5`, `1:02:03` or `45f`.
-
-    Raises
-    ------
-    BadParameter
-    """
-    if re.fullmatch(r"\d+f", text):
-        return Moment(int(text[:-1]), is_frame=True)
-    seconds = 0.0
-    *higher, last = text.split(":")
-    try:
-        if len(higher) > 2 or not all(re.fullmatch(r"\d+", part) for part in higher):
-            raise ValueError
-        for part in (*higher, last):
-            seconds = 60 * seconds + float(part)
-    except ValueError:
-        raise typer.BadParameter(
-            f"expected seconds (1.5), minutes and seconds (0:01.5) or a frame (45f), got {text!r}"
-        ) from None
-    return Moment(seconds)
 
 
 InFrames = Annotated[
@@ -269,8 +227,17 @@ def check_target(path: str | None, *, is_folder: bool = False, replace: bool = T
         problem = "it is a file, not a folder" if is_folder else "it is a folder, not a file"
     elif not os.access(above, os.W_OK):
         problem = f"{above} is read-only"
+    elif place.exists() and is_protected(place):
+        problem = "it is write-protected"
     if problem:
         raise UnwritableFile(f"{path}: cannot be written: {problem}; choose another place")
+
+
+def check_library(path: str, *, replace: bool) -> None:
+    """Fail before the work where a library cannot be written, as `check_target`."""
+    check_target(path, is_folder=True, replace=replace)
+    if not Path(path, LIBRARY_FILE).exists() and holds_others(Path(path), LIBRARY_FILE):
+        raise UnwritableFile(f"{path}: holds files but no library; give a new or empty folder")
 
 
 # -- groups of options ------------------------------------------------------------------

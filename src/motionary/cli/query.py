@@ -1,5 +1,6 @@
 """What a search looks for: an example, a class, or keyframes, as its options say."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from motionary.cli.options import LibraryDefault, Moment, parse_moment, wrong
+from motionary.cli.options import LibraryDefault, wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from motionary.models.keyframes import KeyframeQuery
     from motionary.models.library import MotionClass
     from motionary.motion import Motion
+    from motionary.recording import Recording
     from motionary.retrieval.search import Hit, RelevanceFeedback
 
 #: Nine frames of features: below, hardly one changes, and everything is like everything.
@@ -26,6 +28,46 @@ SHORTEST_S = 0.3
 _ROUNDING_S = 0.05
 #: No keyframe ends like these.
 _QUERY_FILES = (".json", ".txt")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A time in a recording: seconds, or the number that the file gives a frame."""
+
+    value: float
+    is_frame: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.value:.10g}{'f' if self.is_frame else ''}"
+
+    def seconds_in(self, recording: "Recording", *, is_end: bool = False) -> float:
+        """Seconds from the start of a recording; as an end, that of the frame."""
+        if not self.is_frame:
+            return self.value
+        return (self.value - recording.first_frame + is_end) / recording.rate_hz
+
+
+def parse_moment(text: str) -> Moment:
+    """The time that a person wrote: `1.5`, `0:01.5`, `1:02:03` or `45f`.
+
+    Raises
+    ------
+    BadParameter
+    """
+    if re.fullmatch(r"\d+f", text):
+        return Moment(int(text[:-1]), is_frame=True)
+    seconds = 0.0
+    *higher, last = text.split(":")
+    try:
+        if len(higher) > 2 or not all(re.fullmatch(r"\d+", part) for part in higher):
+            raise ValueError
+        for part in (*higher, last):
+            seconds = 60 * seconds + float(part)
+    except ValueError:
+        raise typer.BadParameter(
+            f"expected seconds (1.5), minutes and seconds (0:01.5) or a frame (45f), got {text!r}"
+        ) from None
+    return Moment(seconds)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,11 +12,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from motionary.tables import printable
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
 _BETWEEN = "  "
@@ -24,6 +25,8 @@ _LONGEST = 420
 _CUT = " ... "
 _SILENT_S = 30.0
 _MOST_NAMES = 5
+# A text in a narrower column is not read.
+_LEAST_WIDTH = 10
 
 
 def prepare_streams() -> None:
@@ -98,46 +101,71 @@ def align(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str
 def _print_fitted(
     columns: Sequence[str], rows: Sequence[Sequence[str]], below: Mapping[int, str]
 ) -> None:
-    """A table on a terminal: long texts are folded, numbers keep their width."""
+    """A table on a terminal: long texts are folded, numbers and short texts keep their width."""
     from rich.console import Console
     from rich.padding import Padding
     from rich.text import Text
 
     console = Console(highlight=False)
-    widths = _natural_widths(columns, rows)
-    is_wide = sum(widths) + len(_BETWEEN) * (len(widths) - 1) > console.width
-    table = _fitted_table(columns, widths, is_wide=is_wide, has_header=True)
+    widths = _fit(columns, _natural_widths(columns, rows), console.width)
+    if widths is None:
+        _print_blocks(console, columns, rows, below)
+        return
+    table = _fitted_table(columns, widths, has_header=True)
     for number, row in enumerate(rows):
         table.add_row(*map(Text, row))
         if number in below:
             console.print(table, Padding(Text(below[number]), (0, 0, 0, len(_BETWEEN))), sep="")
-            table = _fitted_table(columns, widths, is_wide=is_wide, has_header=False)
+            table = _fitted_table(columns, widths, has_header=False)
     if table.rows or not rows:
         console.print(table)
 
 
-def _fitted_table(
-    columns: Sequence[str], widths: Sequence[int], *, is_wide: bool, has_header: bool
-) -> "Table":
+def _fit(columns: Sequence[str], widths: Sequence[int], most: int) -> list[int] | None:
+    """Widths that a terminal holds, the longest texts made narrower; None if it is too narrow."""
+    left = most - len(_BETWEEN) * (len(widths) - 1)
+    is_text = [not column.startswith(">") for column in columns]
+    for longest in range(max(widths, default=0), _LEAST_WIDTH - 1, -1):
+        fitted = [
+            min(width, longest) if text else width
+            for width, text in zip(widths, is_text, strict=True)
+        ]
+        if sum(fitted) <= left:
+            return fitted
+    return None
+
+
+def _print_blocks(
+    console: "Console",
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    below: Mapping[int, str],
+) -> None:
+    """Each row as a few lines, where a table would not fit."""
+    from rich.padding import Padding
+    from rich.text import Text
+
+    heads = [column.removeprefix(">") for column in columns]
+    for number, row in enumerate(rows):
+        cells = [f"{head} {cell}" for head, cell in zip(heads, row, strict=True) if cell]
+        console.print(Text(cells[0]) if cells else "")
+        rest = [", ".join(cells[1:]), below.get(number, "")]
+        for line in filter(None, rest):
+            console.print(Padding(Text(line), (0, 0, 0, len(_BETWEEN))))
+
+
+def _fitted_table(columns: Sequence[str], widths: Sequence[int], *, has_header: bool) -> "Table":
     """A table without rows, its columns as wide as in every other part of the same table."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table(
-        box=None, show_header=has_header, pad_edge=False, padding=(0, len(_BETWEEN), 0, 0),
-        expand=is_wide,
-    )  # fmt: skip
+        box=None, show_header=has_header, pad_edge=False, padding=(0, len(_BETWEEN), 0, 0)
+    )
     for column, width in zip(columns, widths, strict=True):
-        is_number = column.startswith(">")
-        # What is left beside the numbers is divided among the texts by their natural widths.
-        is_flexible = is_wide and not is_number
-        table.add_column(
-            Text(column.removeprefix(">")),
-            justify="right" if is_number else "left",
-            overflow="fold",
-            width=None if is_flexible else width,
-            ratio=width if is_flexible else None,
-        )
+        justify: Literal["left", "right"] = "right" if column.startswith(">") else "left"
+        title = Text(column.removeprefix(">"))
+        table.add_column(title, justify=justify, overflow="fold", width=width)
     return table
 
 

@@ -17,6 +17,7 @@ from motionary.cli.options import (
     LabelFile,
     LibraryDefault,
     TableOptions,
+    check_library,
     check_page,
     check_picture,
     check_target,
@@ -146,7 +147,7 @@ def search(
     from motionary.retrieval.search import search as search_for
 
     _check_use(options, results)
-    results.check()
+    results.check(as_json=as_json)
     ranks = read_ranks(options)
     query = read_query(options, reading)
     opener = Opener(reading=reading, feature_set=query.feature_set, jobs=jobs)
@@ -210,9 +211,10 @@ def _check_use(options: QueryOptions, results: ResultOptions) -> None:
     check_page("--report", results.report)
     check_picture("--sheet", results.sheet)
     check_picture("--template", results.template)
-    check_target(results.save_query)
-    for path in (results.cut, results.save_class):
-        check_target(path, is_folder=True)
+    check_target(results.save_query, replace=results.force)
+    check_target(results.cut, is_folder=True)
+    if results.save_class is not None:
+        check_library(results.save_class, replace=True)
 
 
 def _to_tracks(result: "SearchResult", name: str) -> "list[LabelTrack]":
