@@ -101,14 +101,14 @@ def test_a_batch_becomes_a_file_of_each_of_its_recordings(motionary, tmp_path):
     run = motionary("convert", batch, "-o", out, "--to", ".npz", "--json")
     assert run.code == 0
     rows = [json.loads(line) for line in run.out.splitlines()]
-    assert [row["recording"] for row in rows] == ["batch-001.npz", "batch-002.npz"]
+    assert [row["recording"] for row in rows] == ["batch.npz#001", "batch.npz#002"]
     for row, shift in zip(rows, (0, 1), strict=True):
         written = read(tmp_path / row["written"])
         np.testing.assert_allclose(written.positions, body + shift)
     # One file holds one recording, and what is there stays.
     run = motionary("convert", batch, "-o", one)
-    assert run.code == 1
-    assert "holds 2 recordings (1, 2); name one with --take 1" in run.err
+    assert run.code == 2
+    assert "2 recordings need a folder with --to SUFFIX" in " ".join(run.err.split())
     assert motionary("convert", batch, "-o", one, "--take", "2").code == 0
     run = motionary("convert", batch, "-o", out, "--to", ".npz")
     assert run.code == 1

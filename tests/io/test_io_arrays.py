@@ -610,7 +610,7 @@ def test_results_of_a_generator_are_several_recordings(tmp_path):
     with pytest.raises(InvalidInput, match=r"has no take '4'; it has 1, 2, 3"):
         read(tmp_path / "results.npy", take=4)
     everything = read_all(tmp_path / "results.npy")
-    assert [m.source for m in everything] == [f"results-00{i}.npy" for i in (1, 2, 3)]
+    assert [m.source for m in everything] == [f"results.npy#00{i}" for i in (1, 2, 3)]
     for motion, expected in zip(everything, motions, strict=True):
         np.testing.assert_allclose(motion.positions, expected)
 

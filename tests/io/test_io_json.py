@@ -163,7 +163,7 @@ def test_of_several_people_one_is_named(tmp_path, trial):
 def test_arrays_and_batches_without_names(tmp_path, trial):
     path = put(tmp_path, [trial.positions.tolist(), trial.positions.tolist()])
     motions = read_all(path, rate_hz=30, skeleton="generic")
-    assert [motion.source for motion in motions] == ["a-001.json", "a-002.json"]
+    assert [motion.source for motion in motions] == ["a.json#001", "a.json#002"]
     np.testing.assert_allclose(motions[1].positions, trial.positions)
     (tmp_path / "b.json.gz").write_bytes(gzip.compress(path.read_bytes()))
     assert read(tmp_path / "b.json.gz", rate_hz=30, skeleton="generic", take=2).n_frames == 20

@@ -153,7 +153,7 @@ def annotate(
 
     options.check(as_json=as_json)
     library = _library(options)
-    found = find_files(files)
+    found = find_files(files, reading)
     if options.output and not options.count:
         check_label_file(options.output, several=len(found.files) > 1)
     failures, tracks = [], []

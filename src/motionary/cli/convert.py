@@ -79,21 +79,19 @@ def convert(
     """
     from motionary.batch import Failure
 
-    found = find_files(files)
+    found = find_files(files, reading)
     targets = _targets(found.files, output, to, replace=force)
-    work = partial(
-        convert_file, targets=targets, reading=reading, split=to is not None, replace=force
-    )
+    work = partial(convert_file, targets=targets, reading=reading)
     rows: list[dict[str, Any]] = []
     failures = []
     for done in map_files(work, found.files, "converting", jobs=jobs):
         if isinstance(done, Failure):
             failures.append(done)
-            new = [{"recording": done.item[0], "error": describe_failure(done)}]
+            row = {"recording": done.item[0], "error": describe_failure(done)}
         else:
-            new = done
-        rows += new
-        for row in new if as_json else []:
+            row = done
+        rows.append(row)
+        if as_json:
             screen.print_json(row)
     if not as_json and len(rows) > len(failures):
         screen.print_table(_COLUMNS, [_cells(row) for row in rows if "error" not in row])
@@ -102,44 +100,29 @@ def convert(
 
 
 def convert_file(
-    file: "NamedFile",
-    *,
-    targets: dict[str, Path],
-    reading: ReadOptions,
-    split: bool,
-    replace: bool,
-) -> list[dict[str, Any]]:
-    """Read and write the recordings of one file; what was written, for JSON.
+    file: "NamedFile", *, targets: dict[str, Path], reading: ReadOptions
+) -> dict[str, Any]:
+    """Read and write a recording; what was written, for JSON.
 
     Raises
     ------
     UnreadableFile, UnwritableFile, InvalidInput
-        If it cannot be read, written, or held by the format, or holds several recordings and the
-        output is one file (`split` is false).
+        If it cannot be read, written, or held by the format.
     """
-    from motionary.io import format_suffix, read_all, stem_of, what_is_lost, write
+    from motionary.io import what_is_lost, write
 
     name, path = file
-    motions = read_all(path, reading.for_file(path)) if split else [read_recording(path, reading)]
-    rows = []
-    for number, motion in enumerate(motions, start=1):
-        target, called = targets[name], name
-        if len(motions) > 1:
-            target = target.with_name(f"{stem_of(target)}-{number:03d}{format_suffix(target)}")
-            called = str(PurePosixPath(name).with_name(motion.source))
-            check_target(str(target), replace=replace)
-        write(motion, target, asf=reading.asf)
-        rows.append(
-            {
-                "recording": called,
-                "written": str(target),
-                "joints": len(motion.names),
-                "frames": motion.n_frames,
-                "rate_hz": motion.rate_hz,
-                "not_kept": list(what_is_lost(motion, target)),
-            }
-        )
-    return rows
+    motion = read_recording(path, reading)
+    target = targets[name]
+    write(motion, target, asf=reading.asf)
+    return {
+        "recording": name,
+        "written": str(target),
+        "joints": len(motion.names),
+        "frames": motion.n_frames,
+        "rate_hz": motion.rate_hz,
+        "not_kept": list(what_is_lost(motion, target)),
+    }
 
 
 def _targets(
@@ -152,8 +135,10 @@ def _targets(
     UnwritableFile
         If a target is one of the recordings, or there and must not be replaced.
     """
+    from motionary.io import file_of
+
     targets = _name_targets(list(files), output, to)
-    sources = {_identity(path) for path in files.values()} - {None}
+    sources = {_identity(file_of(path)) for path in files.values()} - {None}
     for target in targets.values():
         if _identity(target) in sources:
             raise UnwritableFile(f"{target}: would replace a recording; write to another folder")
@@ -253,7 +238,7 @@ def cut(
     from motionary.io import read_labels
 
     check_target(output, is_folder=True)
-    found = find_files(recordings)
+    found = find_files(recordings, reading)
     tracks = read_labels(
         labels,
         rate_hz=reading.rate_hz,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -76,7 +76,7 @@ def info(
     check_target(options.save_mapping, replace=options.force)
     check_picture("--plot", options.plot)
     options.check(as_json=as_json)
-    found = find_files(files)
+    found = find_files(files, reading)
     rows: list[dict[str, Any]] = []
     failed = bool(found.missing)
     for row in map_files(
@@ -206,7 +206,9 @@ def _write(rows: Sequence[dict[str, Any]], path: str, *, excel: bool) -> None:
 
 
 def _format(name: str) -> str:
-    return PurePath(name.removesuffix(".gz")).suffix.lstrip(".").upper()
+    from motionary.io import format_suffix
+
+    return format_suffix(name).removesuffix(".gz").lstrip(".").upper()
 
 
 def _cells(row: dict[str, Any]) -> list[str]:

@@ -282,7 +282,7 @@ def _read_negatives(
     options: TrainingFlags, feature_set: "FeatureSet", reading: ReadOptions, *, jobs: int
 ) -> "tuple[list[FeatureSequence], bool]":
     """Features of recordings without the classes, and whether one could not be read."""
-    found = find_files(options.negatives or ())
+    found = find_files(options.negatives or (), reading)
     sequences, failures = split_failures(
         measure_files(
             found.files, "reading others", reading=reading, feature_set=feature_set, jobs=jobs

@@ -5,7 +5,7 @@ Also `motionary index`, which keeps a folder's features so that searches of it a
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import typer
@@ -35,20 +35,23 @@ class Found(NamedTuple):
     missing: dict[str, UnreadableFile]
 
 
-def find_files(paths: Iterable[str]) -> Found:
-    """Recordings of files, folders and patterns; one wrong path does not stop the others."""
+def find_files(paths: Iterable[str], reading: ReadOptions | None = None) -> Found:
+    """Recordings of files, folders and patterns; one wrong path does not stop the others.
+
+    Of files with several recordings each is one, unless `reading` names a take.
+    """
     from motionary.io import name_recordings
 
     good: list[str] = []
     missing: dict[str, UnreadableFile] = {}
     for path in paths:
         try:
-            name_recordings(path, on_skip=screen.warn)
+            name_recordings(path, on_skip=screen.warn, split=False)
         except UnreadableFile as error:
             missing[path] = error
         else:
             good.append(path)
-    return Found(name_recordings(good), missing)
+    return Found(name_recordings(good, split=reading is None or reading.take is None), missing)
 
 
 def read_recording(path: Path, reading: ReadOptions) -> "Motion":
@@ -140,17 +143,25 @@ def warn_of_all(
 def is_passed_over(failure: "Failure[NamedFile]", given: Collection[str]) -> bool:
     """Whether a file is no motion of a person, and was not named but found."""
     is_other = isinstance(failure.error, (NotAFile, NotAMotion, NotHuman))
-    return is_other and str(failure.item[1]) not in given
+    return is_other and not {str(path) for path in _paths_of(failure)} & set(given)
 
 
 def describe_failure(failure: "Failure[NamedFile]") -> str:
     """Why a recording could not be read, under its name whatever the error calls its file."""
-    name, path = failure.item
     text = str(failure.error)
-    for called in (str(path), PurePath(path).name):
-        if text.startswith(called):
-            return name + text.removeprefix(called)
-    return f"{name}: {text}"
+    for path in _paths_of(failure):
+        for called in (str(path), path.name):
+            if text.startswith(called):
+                return failure.item[0] + text.removeprefix(called)
+    return f"{failure.item[0]}: {text}"
+
+
+def _paths_of(failure: "Failure[NamedFile]") -> tuple[Path, Path]:
+    """The path of a recording, and that of its file, which may hold several."""
+    from motionary.io import file_of
+
+    path = failure.item[1]
+    return path, file_of(path)
 
 
 # -- folders and their indexes ----------------------------------------------------------
@@ -235,7 +246,7 @@ class Opener:
             return None, False
 
     def _read(self, paths: Sequence[str]) -> Opened:
-        found = find_files(paths)
+        found = find_files(paths, self.reading)
         with screen.progress("reading", len(found.files)) as done:
             collection = self._collect(found.files, on_done=done)
         failed = warn_of_all(found.missing.values(), collection.failures, given=paths)
@@ -256,7 +267,7 @@ class Opener:
         """Folders, each by its index, and single files, under names that tell them apart."""
         from motionary.retrieval.index import join_collections
 
-        found = find_files(paths)
+        found = find_files(paths, self.reading)
         names = {path.absolute(): name for name, path in found.files.items()}
         collections, renamed, is_stopped = [], [], False
         for folder in folders:

@@ -89,7 +89,7 @@ def _read_whole(
     files: Sequence[str], library: "ClassLibrary", *, jobs: int, reading: ReadOptions
 ) -> "tuple[list[FeatureSequence], bool]":
     """Features of whole recordings, and whether one could not be read."""
-    found = find_files(files)
+    found = find_files(files, reading)
     sequences, failures = split_failures(
         measure_files(
             found.files, "reading", reading=reading, feature_set=library.feature_set,

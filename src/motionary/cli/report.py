@@ -90,7 +90,7 @@ def report(
     """
     output = options.output
     check_page("--output", output, replace=options.force)
-    found = find_files(files)
+    found = find_files(files, reading)
     if options.compare:
         return _compare(files, found, options, reading)
     return _report(files, found, options, reading)

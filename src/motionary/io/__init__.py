@@ -19,8 +19,10 @@ if TYPE_CHECKING:
         name_recordings,
         recording_name,
         scan_folder,
+        split_files,
     )
     from motionary.io.formats import MOTION_SUFFIXES, WRITTEN_SUFFIXES, options_of
+    from motionary.io.formats.takes import file_of
     from motionary.io.keyframe_collections import (
         QueryRecord,
         read_query_collections,
@@ -43,6 +45,7 @@ __all__ = [
     "copy_skeleton",
     "cut_clips",
     "cut_file",
+    "file_of",
     "find_recordings",
     "find_skeleton",
     "format_suffix",
@@ -60,6 +63,7 @@ __all__ = [
     "recording_name",
     "save_skeleton",
     "scan_folder",
+    "split_files",
     "stem_of",
     "what_is_lost",
     "write",
@@ -74,9 +78,10 @@ __getattr__, __dir__ = lazy_names(
         "cutting": "can_cut copy_skeleton cut_clips cut_file plan_clips",
         "finding": (
             "FileState Sidecars find_recordings has_sidecar match_recording name_recordings "
-            "recording_name scan_folder"
+            "recording_name scan_folder split_files"
         ),
         "formats": "MOTION_SUFFIXES WRITTEN_SUFFIXES options_of",
+        "formats.takes": "file_of",
         "keyframe_collections": "QueryRecord read_query_collections read_query_record",
         "labels": "read_labels write_labels",
         "options": "ReadOptions find_skeleton save_skeleton",

@@ -25,6 +25,7 @@ from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.files import read_bytes, write_atomically
 from motionary.io.finding import match_recording
 from motionary.io.formats import FORMATS, find_format, load_function
+from motionary.io.formats.takes import split_take
 from motionary.io.options import ReadOptions
 from motionary.io.recordings import read
 from motionary.io.text import PACKED, format_suffix, read_text, stem_of, write_text
@@ -146,7 +147,9 @@ def cut_file(
     UnwritableFile
         If the clip cannot be written.
     """
-    path, out = Path(path), Path(out)
+    out = Path(out)
+    path, named = split_take(path)
+    take = take if take is not None else named or None
     form = find_format(path)
     if form is None or not form.cut:
         known = ", ".join(form.suffix for form in FORMATS if form.cut)

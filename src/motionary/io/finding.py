@@ -13,13 +13,17 @@ import itertools
 import os
 import unicodedata
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-from motionary.errors import UnreadableFile
-from motionary.io.formats import MOTION_SUFFIXES
-from motionary.io.text import format_suffix, stem_of
+import numpy as np
+
+from motionary.errors import SeveralRecordings, UnreadableFile
+from motionary.io.formats import MOTION_SUFFIXES, find_format, load_function
+from motionary.io.formats.takes import EVERY, label_takes, split_take
+from motionary.io.options import ReadOptions
+from motionary.io.text import TAKE_MARK, format_suffix, stem_of
 
 NO_SIDECAR = 0
 
@@ -44,7 +48,7 @@ def find_recordings(
     UnreadableFile
         If a path does not exist, or a folder or pattern holds no recording.
     """
-    return sorted(set(name_recordings(paths, suffixes=suffixes).values()))
+    return sorted(set(name_recordings(paths, suffixes=suffixes, split=False).values()))
 
 
 def name_recordings(
@@ -52,13 +56,16 @@ def name_recordings(
     *,
     suffixes: Collection[str] = MOTION_SUFFIXES,
     on_skip: OnSkip | None = None,
+    split: bool = True,
 ) -> dict[str, Path]:
     """The same with their names, sorted by name.
 
-    Two files of one name, from two folders, are called by their folders too.
+    Two files of one name, from two folders, are called by their folders too. Recordings of one
+    file are called by its name and theirs, `batch.npy#001`, which `read` understands as a path.
 
     Parameters
     ----------
+    split : whether files of several recordings are opened and these named one by one
     on_skip : called with the reason where a link leads to a folder that is searched already
     """
     given = [paths] if isinstance(paths, str | Path) else list(paths)
@@ -66,7 +73,36 @@ def name_recordings(
     for path in given:
         for file, name in _find(Path(path), suffixes, on_skip):
             found.setdefault(file.absolute(), (file, name))
-    return dict(sorted(_tell_apart(list(found.values())).items()))
+    named = dict(sorted(_tell_apart(list(found.values())).items()))
+    return split_files(named) if split else named
+
+
+def split_files(files: Mapping[str, Path]) -> dict[str, Path]:
+    """Recordings by name, of files by name: of a file with several recordings each one."""
+    result: dict[str, Path] = {}
+    for name, path in files.items():
+        takes = [f"{TAKE_MARK}{take}" for take in list_takes(path)] or [""]
+        result |= {name + take: path.with_name(path.name + take) for take in takes}
+    return result
+
+
+def list_takes(path: Path) -> list[str]:
+    """What the recordings of a file are called behind its name; empty unless there are several.
+
+    A file that cannot be read has none: reading it says why.
+    """
+    form = find_format(path)
+    if form is None or not form.several or split_take(path)[1]:
+        return []
+    try:
+        with np.errstate(all="ignore"):
+            load_function(form.read)(path, ReadOptions(take=EVERY))
+    except SeveralRecordings as several:
+        return label_takes(several.takes) if len(several.takes) > 1 else []
+    except Exception:
+        # Whatever a damaged file makes of its reader, reading tells it as an error of this file.
+        return []
+    return []
 
 
 class FileState(NamedTuple):
@@ -151,7 +187,7 @@ def _find(path: Path, suffixes: Collection[str], on_skip: OnSkip | None) -> list
             known = ", ".join(sorted(suffixes))
             raise UnreadableFile(f"{path}: no recordings in this folder; looked for {known}")
         return [(file, recording_name(file, folder=path)) for file in files]
-    if path.exists():
+    if split_take(path)[0].exists():
         return [(path, path.name)]
     if not glob.has_magic(str(path)):
         raise UnreadableFile(f"{path}: no such file or folder")

@@ -24,13 +24,14 @@ from motionary.io.formats import (
     load_function,
 )
 from motionary.io.formats.content import FileContent
+from motionary.io.formats.takes import label_takes, split_take
 from motionary.io.normalise.gaps import fill_gaps
 from motionary.io.normalise.quality import check_quality
 from motionary.io.normalise.sides import normalise_sides
 from motionary.io.normalise.units_axes import normalise
 from motionary.io.normalise.zeros import unsee_zeros
 from motionary.io.options import ReadOptions
-from motionary.io.text import format_suffix, stem_of
+from motionary.io.text import TAKE_MARK, format_suffix
 from motionary.motion import JointMapping, Motion, Unmapped
 from motionary.recording import Recording
 from motionary.skeletons import SkeletonTable, known_mappings, map_joints
@@ -55,7 +56,8 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
 
     Parameters
     ----------
-    path : the file; texts may be packed (`take.bvh.gz`)
+    path : the file; texts may be packed (`take.bvh.gz`), and one recording of several in a
+        file is named behind it (`batch.npy#3`)
     options : what the file does not say
     fields : fields of `ReadOptions` by name, instead of it or on top: `rate_hz=60`, `up="z"`
 
@@ -72,6 +74,13 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
         file and the body contradict each other.
     """
     path = check_path(path, remedy="files are read one after the other: [read(p) for p in paths]")
+    options = ReadOptions(**fields) if options is None else replace(options, **fields)
+    path, take = split_take(path)
+    if take:
+        if options.take is not None:
+            raise InvalidInput(f"{path.name}{TAKE_MARK}{take}: names a take; leave out take=")
+        motion = read(path, options, take=take)
+        return motion.renamed(f"{motion.source}{TAKE_MARK}{take}")
     form = find_format(path)
     if form is None:
         known = ", ".join(form.suffix for form in FORMATS)
@@ -81,7 +90,6 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
             if way_out
             else f"{path}: unknown format {path.suffix!r}; known are {known}"
         )
-    options = ReadOptions(**fields) if options is None else replace(options, **fields)
     _check_options(options, form, path)
     table = options.skeleton_table()
     content: FileContent = load_function(form.read)(path, options)
@@ -95,7 +103,7 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
 
 
 def read_all(path: str | Path, options: ReadOptions | None = None, **fields: Any) -> list[Motion]:
-    """All recordings of a file: one, or those of a batch, named `batch-001.npy` and so on.
+    """All recordings of a file: one, or those of a batch, named `batch.npy#001` and so on.
 
     Parameters
     ----------
@@ -111,13 +119,8 @@ def read_all(path: str | Path, options: ReadOptions | None = None, **fields: Any
     try:
         return [read(path, options)]
     except SeveralRecordings as several:
-        takes = several.takes
-    motions = []
-    for number, take in enumerate(takes, start=1):
-        motion = read(path, options, take=take)
-        name = f"{stem_of(path)}-{number:03d}{format_suffix(path)}"
-        motions.append(replace(motion, recording=replace(motion.recording, name=name)))
-    return motions
+        takes = label_takes(several.takes)
+    return [read(path.with_name(f"{path.name}{TAKE_MARK}{take}"), options) for take in takes]
 
 
 def write(

@@ -18,6 +18,9 @@ from motionary.files import check_table_name, read_bytes, write_atomically
 #: A text that is packed keeps its own suffix before this one: `take.bvh.gz`.
 PACKED = ".gz"
 
+#: Between the name of a file and that of one of its recordings.
+TAKE_MARK = "#"
+
 Cell = str | int | float | None
 
 _BREAKS = re.compile(r"[\t\r\n]+")
@@ -32,16 +35,21 @@ _LOOKED_AT = 1 << 10
 
 
 def format_suffix(path: str | PurePath) -> str:
-    """Suffix in lower case, of a packed file both: ".bvh", ".bvh.gz"."""
+    """Suffix in lower case, of a packed file both: ".bvh", ".bvh.gz"; takes have their file's."""
     path = PurePath(path)
-    suffix = path.suffix.lower()
+    suffix = path.suffix.lower().partition(TAKE_MARK)[0]
     return PurePath(path.stem).suffix.lower() + suffix if suffix == PACKED else suffix
 
 
 def stem_of(path: str | PurePath) -> str:
-    """Name of a file without folder and suffix, of a packed file without both."""
+    """Name of a file without folder and suffix, of a packed file without both.
+
+    Of a take of a file, `batch.npy#007`, both: `batch-007`.
+    """
     path = PurePath(path)
-    return PurePath(path.stem).stem if path.suffix.lower() == PACKED else path.stem
+    suffix, mark, take = path.suffix.partition(TAKE_MARK)
+    stem = PurePath(path.stem).stem if suffix.lower() == PACKED else path.stem
+    return f"{stem}-{take}" if mark else stem
 
 
 def read_text(path: Path) -> str:

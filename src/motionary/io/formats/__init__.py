@@ -25,6 +25,7 @@ class Format(NamedTuple):
     takes : options of `read` that not every format has
     write_takes : options of `write` that not every format has
     is_text : whether a file may be packed with gzip
+    several : whether a file may hold several recordings, of which one must be named
     in_folders : whether files are looked for in folders, or read where they are named only
     lacks : what the format cannot hold of a motion
     """
@@ -36,6 +37,7 @@ class Format(NamedTuple):
     takes: tuple[str, ...] = ()
     write_takes: tuple[str, ...] = ()
     is_text: bool = False
+    several: bool = False
     in_folders: bool = True
     lacks: tuple[str, ...] = ()
 
@@ -85,6 +87,7 @@ FORMATS = (
         "json_points:read_json",
         takes=("take", "even_times"),
         is_text=True,
+        several=True,
         in_folders=False,
     ),
     Format(
@@ -93,15 +96,16 @@ FORMATS = (
         "npz:write_npz",
         "clips:cut_npz",
         takes=("body_model", "take"),
+        several=True,
     ),
-    Format(".npy", "arrays:read_array", takes=("take",)),
-    Format(".pkl", "pickled:read_pickle", takes=("take",)),
+    Format(".npy", "arrays:read_array", takes=("take",), several=True),
+    Format(".pkl", "pickled:read_pickle", takes=("take",), several=True),
     Format(".fbx", "fbx:read_fbx", takes=("take",)),
     *(
         Format(suffix, "gltf:read_gltf", takes=("take",))
         for suffix in (".glb", ".gltf", ".vrm", ".vrma")
     ),
-    Format(".mvnx", "mvnx:read_mvnx", takes=("take", "even_times")),
+    Format(".mvnx", "mvnx:read_mvnx", takes=("take", "even_times"), several=True),
     Format(".sto", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
     Format(".mot", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
 )

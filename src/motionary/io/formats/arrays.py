@@ -25,7 +25,6 @@ from motionary.io.formats.content import (
     POINT_UNITS,
     RATE_HINT,
     FileContent,
-    choose_take,
     number_doubles,
 )
 from motionary.io.formats.npz import (
@@ -37,6 +36,7 @@ from motionary.io.formats.npz import (
     read_own,
 )
 from motionary.io.formats.smpl import is_smpl, read_smpl_arrays
+from motionary.io.formats.takes import choose_take, recall
 from motionary.io.formats.unpickling import to_arrays
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
@@ -87,11 +87,15 @@ def read_array(path: Path, options: ReadOptions) -> FileContent:
         If the rate or the order of the joints is neither known nor given, or the file holds
         several recordings.
     """
+    layout = recall(path, lambda: _load_layout(path), count=lambda layout: len(layout.motions))
+    return read_layout(layout, path.name, options, is_bare=True)
+
+
+def _load_layout(path: Path) -> Layout:
     results = read_npy_dict(path)
     if results:
-        return _read_results(results, path.name, options)
-    layout = split_array(read_npy(path), path.name)
-    return read_layout(layout, path.name, options, is_bare=True)
+        return _split_results(results, path.name)
+    return split_array(read_npy(path), path.name)
 
 
 def read_layout(
@@ -143,8 +147,8 @@ def _read_motion_x(numbers: Array, source: str, options: ReadOptions) -> FileCon
     return replace(content, notes=(*content.notes, "322 parameters a frame, as Motion-X has"))
 
 
-def _read_results(results: dict[str, Any], source: str, options: ReadOptions) -> FileContent:
-    """Content of `results.npy`: motion (motions, joints, 3, frames), lengths, text."""
+def _split_results(results: dict[str, Any], source: str) -> Layout:
+    """Motions of `results.npy`: motion (motions, joints, 3, frames), lengths, text."""
     motion = results.get("motion")
     if not isinstance(motion, np.ndarray):
         raise NotAMotion(
@@ -158,7 +162,7 @@ def _read_results(results: dict[str, Any], source: str, options: ReadOptions) ->
         # What is behind the end of a motion fills the batch up.
         cut = [m[: max(1, int(n))] for m, n in zip(layout.motions, lengths, strict=True)]
         layout = layout._replace(motions=cut)
-    return read_layout(layout, source, options, is_bare=True)
+    return layout
 
 
 def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
@@ -172,6 +176,8 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
         If rate or names are neither known nor given.
     """
     arrays = read_npz(path)
+    if options.take is not None and (is_own(arrays) or not any(key in arrays for key in POSITIONS)):
+        choose_take(["1"], options.take, path.name)
     if is_own(arrays):
         return read_own(arrays, path.name, options)
     rate = options.rate_hz if options.rate_hz is not None else find_rate(arrays)
@@ -187,7 +193,9 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
             f"{path.name}: holds no motion; expected poses and trans (AMASS) or positions "
             f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
         )
-    layout = split_array(arrays[key], path.name)
+    layout = recall(
+        path, lambda: split_array(arrays[key], path.name), count=lambda layout: len(layout.motions)
+    )
     return read_layout(layout, path.name, options, names=_find_names(arrays), rate_hz=rate)
 
 

@@ -17,10 +17,10 @@ from motionary.io.formats.array_layouts import split_array
 from motionary.io.formats.arrays import NAMES, POSITIONS
 from motionary.io.formats.c3d_head import BLOCK, parse_head, recount
 from motionary.io.formats.c3d_layout import find_layout
-from motionary.io.formats.content import choose_take
 from motionary.io.formats.npz import Array, is_own, read_npz
 from motionary.io.formats.numbers import check_frames
 from motionary.io.formats.smpl import find_source
+from motionary.io.formats.takes import choose_take
 
 # As in reading: a parameter section has at most 255 blocks.
 _LONGEST_HEAD = 600 * BLOCK

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile
+from motionary.errors import UnreadableFile
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.motion import Event, JointMapping, Skeleton, forward_kinematics
 from motionary.rotations import (
@@ -141,30 +141,6 @@ def rest_offsets(positions: Floats, turns: Floats, parents: NDArray[np.intp]) ->
     away = positions[has] - positions[above]
     offsets[has] = rotate(conjugate_quaternions(world[above]), away)
     return offsets
-
-
-def choose_take(names: Sequence[str], take: str | int | None, source: str) -> int:
-    """Which of several recordings in a file is meant: by its name, or by its number from 1.
-
-    Raises
-    ------
-    SeveralRecordings
-        If there are several and none is named.
-    InvalidInput
-        If none is called so.
-    """
-    if take is None:
-        if len(names) > 1:
-            raise SeveralRecordings(source, names)
-        return 0
-    if str(take) in names:
-        return list(names).index(str(take))
-    if str(take).isascii() and str(take).isdigit() and 1 <= int(take) <= len(names):
-        return int(take) - 1
-    some = ", ".join(name[:30] for name in names[:8]) + (", ..." if len(names) > 8 else "")
-    raise InvalidInput(
-        f"{source}: has no take {str(take)[:40]!r}; it has {some} ({len(names)} in all)"
-    )
 
 
 def hide_sentinels(positions: Floats, names: Sequence[str]) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion
-from motionary.io.formats.content import FileContent, choose_take, number_doubles, rest_offsets
+from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
 from motionary.io.formats.gltf_animation import (
     Channel,
     find_rate,
@@ -26,6 +26,7 @@ from motionary.io.formats.gltf_animation import (
     sample_channel,
 )
 from motionary.io.formats.gltf_document import Document, Floats, Object
+from motionary.io.formats.takes import choose_take
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import JointMapping, Skeleton

@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, NotAMotion, UnreadableFile
 from motionary.files import open_regular
-from motionary.io.formats.array_layouts import split_array
+from motionary.io.formats.array_layouts import Layout, split_array
 from motionary.io.formats.arrays import NAMES, RATES, check_positions, name_joints, read_layout
 from motionary.io.formats.content import (
     FARTHEST,
     POINT_UNITS,
     RATE_HINT,
     FileContent,
-    choose_take,
     number_doubles,
 )
 from motionary.io.formats.json_people import (
@@ -34,12 +33,14 @@ from motionary.io.formats.json_people import (
     MEDIAPIPE,
     PEOPLE,
     WORLD,
+    Person,
     fill_positions,
     find_people,
     is_number,
     refuse_flat,
     refuse_image,
 )
+from motionary.io.formats.takes import choose_take, recall
 from motionary.io.formats.times import time_frames
 from motionary.io.normalise.units import NAMES_OF_UNITS
 from motionary.io.normalise.units_axes import FileMetadata
@@ -78,19 +79,17 @@ def read_json(path: Path, options: ReadOptions) -> FileContent:
     InvalidInput
         If it says no rate and none is given, or holds several people and none is named.
     """
-    content, size = _load(path)
-    frames = _find_frames(content, path.name)
-    head = _Head(content)
-    if _is_array(frames):
-        return _read_numbers(frames, head, path.name, options)
     try:
-        people = find_people(frames, path.name)
-        takes = list(people)
-        person = people[takes[choose_take(takes, options.take, path.name)]]
-        keys, positions = fill_positions(person, len(frames), size, path.name)
+        loaded = recall(path, lambda: _load(path), count=_Loaded.n_motions)
+        if loaded.layout is not None:
+            return _read_numbers(loaded.layout, loaded.head, path.name, options)
+        takes = list(loaded.people)
+        person = loaded.people[takes[choose_take(takes, options.take, path.name)]]
+        keys, positions = fill_positions(person, len(loaded.frames), loaded.size, path.name)
     except RecursionError:
         raise UnreadableFile(f"{path.name}: {_TOO_DEEP}; is it damaged?") from None
     refuse_image(positions, person.key, path.name)
+    head = loaded.head
     names, mapping = head.names or None, None
     notes: tuple[str, ...] = ()
     if all(isinstance(key, str) for key in keys):
@@ -101,7 +100,7 @@ def read_json(path: Path, options: ReadOptions) -> FileContent:
             table = named_table("mediapipe") if len(keys) == MEDIAPIPE else None
         joints = name_joints(positions, path.name, table, names=names)
         names, notes, mapping = joints.names, joints.notes, joints.mapping
-    timed = _time(frames, positions, head.rate_hz, options, path.name)
+    timed = _time(loaded.frames, positions, head.rate_hz, options, path.name)
     return FileContent(
         names=names,
         positions=timed.positions,
@@ -114,8 +113,20 @@ def read_json(path: Path, options: ReadOptions) -> FileContent:
     )
 
 
-def _load(path: Path) -> tuple[Any, int]:
-    """What the file holds, and its size."""
+class _Loaded(NamedTuple):
+    """What a file holds: its frames with the people in them, or numbers in a layout."""
+
+    frames: list[Any]
+    head: "_Head"
+    people: dict[str, Person]
+    layout: Layout | None
+    size: int
+
+    def n_motions(self) -> int:
+        return len(self.people) if self.layout is None else len(self.layout.motions)
+
+
+def _load(path: Path) -> _Loaded:
     with open_regular(path) as file:
         size = file.seek(0, 2)
     if size > _MOST_BYTES:
@@ -125,10 +136,14 @@ def _load(path: Path) -> tuple[Any, int]:
         )
     text = read_text(path)
     try:
-        return json.loads(text), len(text)
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         reason = _TOO_DEEP if isinstance(error, RecursionError) else str(error)
         raise UnreadableFile(f"{path.name}: is no JSON: {reason[:200]}; is it whole?") from None
+    frames, head = _find_frames(content, path.name), _Head(content)
+    if _is_array(frames):
+        return _Loaded([], head, {}, _split_numbers(frames, path.name), len(text))
+    return _Loaded(frames, head, find_people(frames, path.name), None, len(text))
 
 
 class _Head:
@@ -200,7 +215,7 @@ def _is_array(value: Any) -> bool:
     return depth >= 3 and is_number(value)
 
 
-def _read_numbers(frames: list[Any], head: _Head, source: str, options: ReadOptions) -> FileContent:
+def _split_numbers(frames: list[Any], source: str) -> Layout:
     try:
         array = np.array(frames, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -212,7 +227,10 @@ def _read_numbers(frames: list[Any], head: _Head, source: str, options: ReadOpti
         refuse_flat(source)
     # A fourth number of a point is its score.
     array = array[..., :3] if array.ndim >= 3 and array.shape[-1] == 4 else array
-    layout = split_array(array, source)
+    return split_array(array, source)
+
+
+def _read_numbers(layout: Layout, head: _Head, source: str, options: ReadOptions) -> FileContent:
     if layout.rate_hz is None:
         refuse_image(check_positions(layout.motions[0], source), "", source)
     rate = options.rate_hz or head.rate_hz or layout.rate_hz

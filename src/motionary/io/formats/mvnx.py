@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion, UnreadableFile
 from motionary.files import open_regular
-from motionary.io.formats.content import FileContent, choose_take, number_doubles
+from motionary.io.formats.content import FileContent, number_doubles
 from motionary.io.formats.numbers import parse_number
+from motionary.io.formats.takes import EVERY, choose_take
 from motionary.io.formats.times import time_frames
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
@@ -169,6 +170,8 @@ def read_mvnx_sensors(path: Path, options: ReadOptions) -> Sensors:
 
 def _choose(path: Path, wanted: tuple[str, ...], options: ReadOptions) -> _Subject:
     """The person that is meant, with the numbers of the wanted elements."""
+    # Where only people are asked for, no numbers are kept.
+    wanted = () if options.take == EVERY else wanted
     subjects = [s for s in _Reader(path.name, wanted).read(path) if s.times_s]
     if not subjects:
         raise NotAMotion(f"{path.name}: holds no frames of motion; expected an MVNX file")

@@ -17,10 +17,11 @@ from motionary.io.formats.arrays import (
     find_rate,
     name_joints,
 )
-from motionary.io.formats.content import FileContent, choose_take
+from motionary.io.formats.content import FileContent
 from motionary.io.formats.npz import Array
 from motionary.io.formats.pickle_machine import PickleRefusedError
 from motionary.io.formats.smpl import check_pose, find_source, pose_content, read_smpl_arrays
+from motionary.io.formats.takes import choose_take, recall
 from motionary.io.formats.unpickling import plain_dict, read_pickled, to_arrays
 from motionary.io.normalise.units import metres_per_unit
 from motionary.io.normalise.units_axes import FileMetadata
@@ -43,7 +44,9 @@ def read_pickle(path: Path, options: ReadOptions) -> FileContent:
     InvalidInput
         If a skeleton is given and the file has an SMPL body, or it holds several recordings.
     """
-    content = _choose_recording(_load(path), options, path.name)
+    motions = recall(path, lambda: _find_recordings(_load(path)), count=len)
+    names = list(motions)
+    content = motions[names[choose_take(names, options.take, path.name)]]
     is_aist = {"smpl_poses", "smpl_trans"} <= set(content)
     key = next((key for key in _KEYPOINTS if key in content), None)
     if key is None and not is_aist and find_source(content) is None:
@@ -72,22 +75,15 @@ def read_pickle(path: Path, options: ReadOptions) -> FileContent:
     return pose_content(pose, path.name, rate_hz=rate, metadata=_AIST, notes=notes)
 
 
-def _choose_recording(
-    content: dict[str, Any], options: ReadOptions, source: str
-) -> dict[str, Array]:
-    """The arrays of a dict, or of the one that is meant of the dicts in it."""
+def _find_recordings(content: dict[str, Any]) -> dict[str, dict[str, Array]]:
+    """The arrays of the dicts in a dict, by their names, or of the dict itself."""
     inner = {key: plain_dict(value) for key, value in content.items() if isinstance(value, dict)}
     if _GLOBAL in inner:
-        return to_arrays(inner[_GLOBAL])
+        return {"1": to_arrays(inner[_GLOBAL])}
     motions = {
         key: arrays for key, value in inner.items() if _is_motion(arrays := to_arrays(value))
     }
-    if not motions:
-        if options.take is not None:
-            choose_take(["1"], options.take, source)
-        return to_arrays(content)
-    names = list(motions)
-    return motions[names[choose_take(names, options.take, source)]]
+    return motions or {"1": to_arrays(content)}
 
 
 def _is_motion(arrays: dict[str, Array]) -> bool:

@@ -32,6 +32,7 @@ from motionary.io import (
     match_recording,
     name_recordings,
     read_labels,
+    split_files,
 )
 from motionary.labels import Label, LabelTrack, of_recording
 from motionary.motion import Motion
@@ -80,7 +81,7 @@ def read_examples(
 
     Examples are called by their path below the folder ("squat/one.bvh").
     """
-    files = list_examples(folder)
+    files = list_examples(folder, split=reading is None or reading.take is None)
     result = ReadExamples()
     named = [(path.relative_to(folder).as_posix(), path) for _, _, path in files]
     packed = read_features(
@@ -94,8 +95,11 @@ def read_examples(
     return result
 
 
-def list_examples(folder: Path) -> list[tuple[str, str, Path]]:
-    """Class, prototype and path of every example below a folder, sorted."""
+def list_examples(folder: Path, *, split: bool = True) -> list[tuple[str, str, Path]]:
+    """Class, prototype and path of every example below a folder, sorted.
+
+    Of files with several recordings each is one, unless `split` is false.
+    """
     if not folder.is_dir():
         raise UnreadableFile(
             f"{folder}: no such folder; give a folder with one folder per class, or a table of "
@@ -107,7 +111,8 @@ def list_examples(folder: Path) -> list[tuple[str, str, Path]]:
         hidden = any(part.startswith(".") for part in parts)
         is_recording = format_suffix(path) in MOTION_SUFFIXES and path.is_file()
         if is_recording and len(parts) > 1 and not hidden:
-            files.append((parts[0], "/".join(parts[1:-1]) or parts[0], path))
+            takes = split_files({"": path}) if split else {"": path}
+            files += [(parts[0], "/".join(parts[1:-1]) or parts[0], p) for p in takes.values()]
     if not files:
         raise UnreadableFile(
             f"{folder}: no examples found; expected one folder per class with files of the "
@@ -218,7 +223,8 @@ def find_sequences(
             for _, name in found
         )
     else:
-        files = name_recordings(recordings)
+        split = reading is None or reading.take is None
+        files = name_recordings(recordings, split=split)
         found = _match(tracks, files, result)
         named = [(name, files[name]) for _, name in found]
         done = read_features(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder
+from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder, split_files
 
 
 class Changes(NamedTuple):
@@ -51,7 +51,8 @@ def find_changes(
 ) -> Changes:
     """Recordings of a folder that differ from what was seen of them."""
     skipped: list[str] = []
-    states = scan_folder(folder, on_skip=skipped.append)
+    files = scan_folder(folder, on_skip=skipped.append)
+    states = files if reading.take is not None else _split(folder, files, seen)
     sidecars = Sidecars(reading.acclaim_skeleton)
     around = {
         place: sidecars.dependency_digest(folder / place)
@@ -74,6 +75,20 @@ def find_changes(
     return Changes(
         tuple(new), tuple(changed), tuple(gone), states, read_with, around, tuple(skipped)
     )
+
+
+def _split(
+    folder: Path, files: Mapping[str, FileState], seen: Mapping[str, Seen]
+) -> dict[str, FileState]:
+    """States of recordings; files that were read as one and have not changed are not opened."""
+    states: dict[str, FileState] = {}
+    for name, state in files.items():
+        before = seen.get(name)
+        if before is not None and not _is_other(state, before):
+            states[name] = state
+            continue
+        states |= dict.fromkeys(split_files({name: folder / name}), state)
+    return states
 
 
 def _is_other(state: FileState, before: Seen) -> bool:

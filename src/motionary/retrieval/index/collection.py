@@ -187,7 +187,7 @@ def collect(
     if not paths:
         return Collection(tuple(packed), feature_set)
     read = read_collection(
-        name_recordings(paths).items(),
+        name_recordings(paths, split=reading is None or reading.take is None).items(),
         reading=reading,
         feature_set=feature_set,
         jobs=jobs,
