@@ -62,6 +62,18 @@ class TrainingFlags:
             help="The recordings that labels are of; by default the folder of the table.",
         ),
     ] = None
+    corrections: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LABELS",
+            help="Learn from labels that --library gave and a person corrected, such as those "
+            "that the page of `motionary report` saves.",
+        ),
+    ] = None
+    library: Annotated[
+        str | None,
+        typer.Option(metavar="LIB", help="With --corrections: the library that learns further."),
+    ] = None
     mirror: Annotated[
         bool,
         typer.Option("--mirror", help="Learn the mirror image of each class, too."),
@@ -218,18 +230,19 @@ class ScreenMonitor:
 
 
 def learn(
+    options: TrainingFlags,
     examples: Annotated[
-        str,
+        str | None,
         typer.Argument(
             metavar="EXAMPLES",
             help="A folder with one folder per class; or labels of recordings, in any format of "
             "labels (.csv, .xlsx, .eaf, .TextGrid, .c3d ...).",
         ),
-    ],
+    ] = None,
     output: Annotated[
-        str, typer.Option("--output", "-o", metavar="LIB", help="Folder to write the library to.")
-    ],
-    options: TrainingFlags,
+        str | None,
+        typer.Option("--output", "-o", metavar="LIB", help="Folder to write the library to."),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
     *,
@@ -250,10 +263,23 @@ def learn(
     with examples/squat/one.bvh, examples/squat/two.bvh, examples/kick/one.bvh, ...
 
     motionary learn times.csv --recordings takes/ -o my-classes
+
+    With --corrections a library learns from what a person changed in its labels, and says what that
+    did to precision and recall.
+
+    motionary learn --corrections labels.csv --library my-classes --recordings takes/
     """
     from motionary.models.library import learn as learn_library
 
     options.check()
+    if options.corrections is not None:
+        from motionary.cli.relearn import learn_corrected
+
+        if examples is not None or options.library is None:
+            raise wrong("--corrections", "needs --library, and no EXAMPLES")
+        return learn_corrected(options, output, as_json=as_json, jobs=jobs, reading=reading)
+    if examples is None or output is None or options.library is not None:
+        raise wrong("EXAMPLES", "needs examples and --output; --library goes with --corrections")
     check_library(output, replace=force)
     check_target(options.plot, is_folder=True)
     feature_set = find_feature_set(options.features)

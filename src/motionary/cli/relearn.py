@@ -1,22 +1,27 @@
-"""`motionary library add`: classes of a library that learn from more examples."""
+"""Classes that learn further: `motionary library add`, `motionary learn --corrections`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from motionary.cli import screen
-from motionary.cli.learn import ScreenMonitor
-from motionary.cli.options import Jobs, check_picture, check_target
+from motionary.cli.learn import ScreenMonitor, TrainingFlags
+from motionary.cli.options import Jobs, check_library, check_picture, check_target, wrong
 from motionary.cli.recordings import find_files, measure_files, split_failures, warn_of_all
 from motionary.cli.screen import enumerate_names
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
+    from motionary.evaluation import Rates
     from motionary.features import FeatureSequence
     from motionary.models.library import ClassLibrary, MotionClass
+    from motionary.retrieval.corrections import Corrections
+
+_CHANGES = ("kept", "moved", "renamed", "added", "removed")
 
 LibraryFolder = Annotated[
     str, typer.Argument(metavar="LIB", help="A folder that `motionary learn` wrote.")
@@ -127,6 +132,80 @@ def _read_parts(
     for error in read.unusable:
         screen.warn(str(error))
     return read.classes.get(name, {}).get(name, []), bool(read.failures or read.unusable)
+
+
+def learn_corrected(
+    options: TrainingFlags, output: str | None, *, as_json: bool, jobs: int, reading: ReadOptions
+) -> int:
+    """Let a library learn from its labels as a person left them, and say what that did."""
+    from motionary.models.library import EVERYDAY, find_sequences, list_tracks, open_library
+    from motionary.retrieval.corrections import learn_corrections
+
+    table, folder = options.corrections or "", options.library or ""
+    target = folder if output is None else output
+    if output is None and folder == EVERYDAY:
+        raise wrong("--output", "the library that ships stays as it is; name a folder for yours")
+    check_library(target, replace=True)
+    library = open_library(folder)
+    tracks = list_tracks(table, reading)
+    with screen.progress("reading", len(tracks)) as done:
+        found = find_sequences(
+            tracks, options.recordings or Path(table).parent, reading=reading,
+            feature_set=library.feature_set, jobs=jobs, on_done=done,
+        )  # fmt: skip
+    warn_of_all((), found.failures)
+    for error in found.unusable:
+        screen.warn(str(error))
+    if not found.pairs:
+        raise InvalidInput(f"{table}: none of its recordings could be read; nothing was changed")
+    corrections = learn_corrections(library, found.pairs)
+    if corrections.n_changed:
+        corrections.library.save(target)
+    else:
+        screen.warn("the labels are as the library gives them; nothing was changed")
+    _show_corrections(corrections, as_json=as_json)
+    return 1 if found.failures or found.unusable else 0
+
+
+def _show_corrections(corrections: "Corrections", *, as_json: bool) -> None:
+    """A row a class: what was changed, and precision and recall before and after."""
+    rows = [
+        {
+            "class": one.name,
+            **{kind: getattr(one, kind) for kind in _CHANGES},
+            **_describe_rates(one.before, one.after),
+        }
+        for one in corrections.classes
+    ]
+    if as_json:
+        for row in rows:
+            screen.print_json(row)
+        return
+    columns = ("class", *(f">{name}" for name in _CHANGES), ">precision", ">recall")
+    cells = [
+        (*map(str, list(row.values())[:6]), _format_change(row, "precision"),
+         _format_change(row, "recall"))
+        for row in rows
+    ]  # fmt: skip
+    screen.print_table(columns, cells)
+    row = _describe_rates(corrections.before, corrections.after)
+    screen.say(
+        f"all: precision {_format_change(row, 'precision')}, recall {_format_change(row, 'recall')}"
+    )
+
+
+def _describe_rates(before: "Rates", after: "Rates | None") -> "dict[str, float | None]":
+    return {
+        "precision_before": before.precision,
+        "recall_before": before.recall,
+        "precision_after": None if after is None else after.precision,
+        "recall_after": None if after is None else after.recall,
+    }
+
+
+def _format_change(row: Mapping[str, Any], name: str) -> str:
+    before, after = (row[f"{name}_{when}"] for when in ("before", "after"))
+    return f"{screen.percent(before)} to {'?' if after is None else screen.percent(after)}"
 
 
 def say_changed(library: "ClassLibrary", name: str, *, lost_queries: bool) -> None:

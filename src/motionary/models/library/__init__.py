@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from motionary.models.library.examples import (
         ReadExamples,
         cut_example,
+        find_sequences,
         list_examples,
         list_tracks,
         read_examples,
@@ -67,6 +68,7 @@ if TYPE_CHECKING:
         edit_class,
         join_classes,
         kept_examples,
+        learn_beside,
         training_of,
     )
     from motionary.models.library.sides import fold_sides, mirror_sequence
@@ -118,12 +120,14 @@ __all__ = [
     "find_candidates",
     "find_clashes",
     "find_prototype",
+    "find_sequences",
     "fit_false_rates",
     "fold_sides",
     "fractions_fixed",
     "join_classes",
     "kept_examples",
     "learn",
+    "learn_beside",
     "learn_classes",
     "learn_queries",
     "list_examples",
@@ -155,11 +159,13 @@ __getattr__, __dir__ = lazy_names(
         "calibration": "Calibration apply_calibrations calibrate_thresholds",
         "cross_validation": "N_FOLDS",
         "examples": (
-            "ReadExamples cut_example list_examples list_tracks read_examples read_labelled"
+            "ReadExamples cut_example find_sequences list_examples list_tracks read_examples "
+            "read_labelled"
         ),
         "learning": "Monitor Notice StrictMonitor learn",
         "relearning": (
-            "ClassEdit EditedLibrary add_examples edit_class join_classes kept_examples training_of"
+            "ClassEdit EditedLibrary add_examples edit_class join_classes kept_examples "
+            "learn_beside training_of"
         ),
         "sides": "fold_sides mirror_sequence",
         "training": (

@@ -151,8 +151,8 @@ def read_labelled(
     UnreadableFile
         If the labels cannot be read, or there is no recording where one is looked for.
     """
-    tracks = list_tracks(labels, reading)
-    if not any(len(track) for track in tracks):
+    tracks = [track for track in list_tracks(labels, reading) if len(track)]
+    if not tracks:
         raise InvalidInput("there are no labels to learn from")
     sequences = find_sequences(
         tracks,
@@ -208,7 +208,7 @@ def find_sequences(
     jobs: int = 1,
     on_done: Callable[[NamedFile], None] | None = None,
 ) -> LabelledSequences:
-    """Features of the recordings that are labelled; others are not read."""
+    """Features of the recordings of tracks; others are not read."""
     result = LabelledSequences()
     done: Iterator[FeatureSequence | Failure[NamedFile]]
     if isinstance(recordings, Mapping):
@@ -297,11 +297,9 @@ def _default_recordings(labels: object) -> Path:
 def _match(
     tracks: Sequence[LabelTrack], known: Collection[str], result: LabelledSequences
 ) -> list[tuple[LabelTrack, str]]:
-    """Tracks with labels and their recordings' names; those without are noted as unusable."""
+    """Tracks and their recordings' names; those without one are noted as unusable."""
     found, without = [], []
     for track in tracks:
-        if not len(track):
-            continue
         name = match_recording(track.recording.name, known)
         if name is None:
             without.append(track.recording.name)

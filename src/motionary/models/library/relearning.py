@@ -28,6 +28,7 @@ from motionary.models.library.sides import fold_sides
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.library.training import (
     Examples,
+    learn_class,
     learn_prototype,
     list_sequences,
     measure_background,
@@ -170,6 +171,63 @@ def add_examples(
         return expanded
     calibrated = [one.name for one in library if _is_calibrated(one)]
     return _calibrate_again(expanded, calibrated, jobs=jobs, monitor=monitor)
+
+
+def learn_beside(
+    library: ClassLibrary,
+    examples: Examples,
+    *,
+    jobs: int = 1,
+    monitor: Monitor | None = None,
+) -> ClassLibrary:
+    """Library in which classes have learned from examples of others, and remember how they do it.
+
+    A prototype learns from its examples as in `add_examples`; two or more of them also make a
+    prototype beside it, since people do the same in ways of their own. Names that are not in the
+    library become classes.
+
+    Parameters
+    ----------
+    library : classes
+    examples : class -> prototype that learns -> packed features, on the prototype's side
+    jobs, monitor : as in `add_examples`
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such prototype, or examples of a new class have nothing in common.
+    """
+    training = training_of(library) or TrainingOptions()
+    calibrated = [one.name for one in library if _is_calibrated(one)]
+    for name, prototypes in examples.items():
+        if name not in library.names:
+            background = library.classes[0].background if len(library) else ()
+            made = learn_class(name, prototypes, background=background, training=training)
+            prior = library.classes[0].prior if len(library) else ()
+            library = replace(library, classes=(*library.classes, replace(made, prior=prior)))
+            continue
+        for prototype, items in prototypes.items():
+            old = find_prototype(library[name], prototype)
+            library = replace_prototype(library, name, _learn_more(old, items, fold=False))
+            if len(items) > 1:
+                library = _add_prototype(library, name, prototype, items)
+    expanded = _weigh_again(library)
+    return _calibrate_again(expanded, calibrated, jobs=jobs, monitor=monitor)
+
+
+def _add_prototype(
+    library: ClassLibrary, name: str, beside: str, items: Sequence[FeatureSequence]
+) -> ClassLibrary:
+    """Library in which a class has a further prototype, and its mirror image as the others do."""
+    motion_class = library[name]
+    number = 2
+    while f"{beside} {number}" in {one.name for one in motion_class.prototypes}:
+        number += 1
+    added = [learn_prototype(f"{beside} {number}", items)]
+    if any(one.mirror_of == beside for one in motion_class.prototypes):
+        added.append(mirror_prototype(added[0], library.feature_set))
+    prototypes = (*motion_class.prototypes, *added)
+    return replace_class(library, name, without_estimates(motion_class, prototypes=prototypes))
 
 
 def join_classes(

@@ -277,10 +277,13 @@ class Player extends Clock {
   }
 
   save(lane) {
-    const rows = [["recording", "label", "start_s", "end_s"]];
-    for (const model of this.models) {
-      const own = model.lanes.find((one) => one.name === lane.name);
-      for (const label of own ? own.labels : []) rows.push([model.name, label.name, Number(label.start.toFixed(4)), Number(label.end.toFixed(4))]);
+    const lanes = this.models.map((model) => [model.name, model.lanes.find((one) => one.name === lane.name)]).filter(([, own]) => own);
+    // A recording of which no label is left says so, by a segment without length.
+    const emptied = lanes.some(([, own]) => own.editable && !own.labels.length) ? ["unassessed"] : [];
+    const rows = [["recording", "label", "start_s", "end_s", ...emptied]];
+    for (const [name, own] of lanes) {
+      for (const label of own.labels) rows.push([name, label.name, Number(label.start.toFixed(4)), Number(label.end.toFixed(4)), ...emptied.map(() => "")]);
+      if (emptied.length && !own.labels.length) rows.push([name, "", 0, 0, 1]);
     }
     download("labels.csv", toCsv(rows));
     this.unsaved = false;
