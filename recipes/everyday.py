@@ -52,7 +52,8 @@ PROVENANCE = {
 }
 LICENCE = {FREE: "Apache-2.0", HDM05: "CC BY-SA 3.0"}
 
-STATES = ("walk", "run", "sneak", "walk backwards", "run backwards", "side step", "skip", "crawl")
+GAITS = ("walk", "run", "sneak", "walk backwards", "run backwards", "side step", "skip", "crawl")
+STATES = (*GAITS, "T-pose", "lie")
 #: Gaits are found by one, two and three cycles in a row.
 CYCLES = (1, 2, 3)
 #: Designs count as so many examples.
@@ -86,7 +87,7 @@ def learn_all(examples: Iterable[Example]) -> list[tuple[str, Prototype]]:
         by_class.setdefault(one.name, []).append(one.sequence)
     found = []
     for name, items in by_class.items():
-        if name in STATES:
+        if name in GAITS:
             found += repeat(name, learn_prototype(name, items))
         else:
             found.append((name, learn_prototype(name, fold_sides(items))))
@@ -106,25 +107,27 @@ def repeat(name: str, one: Prototype) -> list[tuple[str, Prototype]]:
 
 def designed(learned: Sequence[tuple[str, Prototype]]) -> Iterable[tuple[str, Prototype]]:
     """Classes by editing: of texts, and of templates run backwards."""
-    texts = {path.stem.replace("_", " "): path for path in sorted(DESIGNS.glob("*.txt"))}
-    drawn = {
-        name: Prototype(
-            f"{name}, designed",
-            replace(
-                template_from_text(path.read_text("utf-8"), name=name), n_examples=DESIGN_WEIGHS
-            ),
-        )
-        for name, path in texts.items()
-    }
-    for name, one in drawn.items():
-        yield from repeat(name, one) if name in STATES else [(name, one)]
-    crawl = backwards(drawn["crawl"], "crawl backwards, designed")
+    drawn = [_read_design(path) for path in sorted(DESIGNS.glob("*.txt"))]
+    for name, one in drawn:
+        yield from repeat(name, one) if name in GAITS else [(name, one)]
+    first = dict(reversed(drawn))
+    crawl = backwards(first["crawl"], "crawl backwards, designed")
     yield from repeat("crawl", crawl)
-    yield from repeat("run backwards", backwards(drawn["run"], "run backwards, designed"))
-    yield "rise from crouch", backwards(drawn["crouch"], "rise from crouch, designed")
+    yield from repeat("run backwards", backwards(first["run"], "run backwards, designed"))
+    yield "rise from crouch", backwards(first["crouch"], "rise from crouch, designed")
+    yield "lie down", backwards(first["get up"], "lie down, designed")
     walk = next(one for name, one in learned if name == "walk")
     free = [FULL_BODY.ids.index(f"F{number}") for number in _DIRECTED]
     yield from repeat("walk backwards", backwards(walk, "walk backwards, designed", free))
+
+
+def _read_design(path: Path) -> tuple[str, Prototype]:
+    """Class and prototype of a text; of "kick.high" the class is kick."""
+    called = path.stem.replace("_", " ")
+    name = called.split(".")[0]
+    template = template_from_text(path.read_text("utf-8"), name=called)
+    own = called.replace(".", " ")
+    return name, Prototype(f"{own}, designed", replace(template, n_examples=DESIGN_WEIGHS))
 
 
 def backwards(one: Prototype, name: str, free: Sequence[int] = ()) -> Prototype:

@@ -47,6 +47,8 @@ EXERCISES = {
     "standing active straight leg raise": "leg raise",
     "standing shoulder abduction": "arm raise sideways",
     "standing shoulder scaption": "arm raise forward",
+    "standing shoulder extension": "arm raise backward",
+    "standing shoulder internal-external rotation": "forearm rotation",
 }
 #: Its repetitions hold two classes: up to the middle of standing, and from there.
 SIT_TO_STAND = "sit to stand"

@@ -24,6 +24,8 @@ ACCAD: Mapping[str, tuple[str, ...]] = {
     "pick up from the floor": ("pick up", "put down"),
     "put down on the floor": ("pick up", "put down"),
     "lie down": ("lie down",),
+    "lying": ("lie",),
+    "get up from lying (to crouch)": ("get up",),
     "jump / leap": ("jump",),
     "hop (one leg)": ("hop",),
     "turn around (180)": ("turn around",),
@@ -47,8 +49,7 @@ ACCAD_WORDS: Mapping[str, tuple[str, ...]] = {
     "crouch": ("crouch", "squat", "rise from crouch"),
     "pickup": ("pick up", "put down", "crouch", "rise from crouch"),
     "putdown": ("pick up", "put down", "crouch", "rise from crouch"),
-    "lie": ("lie down",),
-    "stand": ("stand",),
+    "lie": ("lie down", "lie"),
     "crawl": ("crawl",),
     "sidestep": ("side step",),
     "kick": ("kick",),
@@ -73,15 +74,16 @@ TRUTH: Mapping[str, str] = {
     "run backwards": "move", "side step": "move", "skip": "move", "crawl": "move",
     "jump": "jump", "hop": "jump", "kick": "kick", "punch": "punch", "throw": "throwR",
     "turn around": "turn", "lie down": "sitLieDown", "sit down": "sitLieDown",
-    "stand up": "standUp", "rise from crouch": "standUp", "cartwheel": "cartwheel",
+    "stand up": "standUp", "rise from crouch": "standUp",
     "squat": "exercise", "elbow to knee": "exercise", "knee raise": "exercise",
     "lunge": "exercise", "side lunge": "exercise", "leg raise": "exercise",
     "arm raise forward": "exercise", "arm raise sideways": "exercise",
+    "arm raise backward": "exercise", "forearm rotation": "exercise", "get up": "standUp",
     "arm circles": "rotateArms", "reach up": "grabDepR", "put down": "grabDepR",
     "pick up": "grabDepR", "T-pose": "tpose",
 }  # fmt: skip
-#: What says nothing of a motion: never right, never wrong.
-NEUTRAL = ("stand",)
+#: Postures: right where they are asked for, else no motion that a recording shows.
+POSTURES = ("lie", "T-pose")
 
 
 class Contents(NamedTuple):
@@ -109,8 +111,7 @@ def accad_contents(table: Path) -> dict[str, Contents]:
     for recording, contents in rows.items():
         asked = tuple(ACCAD[content] for content, _ in contents if content in ACCAD)
         is_whole = all(extent == "whole" for _, extent in contents)
-        besides = () if is_whole else _words_of(recording)
-        found[recording] = _contents(asked, besides, is_whole=is_whole)
+        found[recording] = _contents(asked, _words_of(recording), is_whole=is_whole)
     return found
 
 
@@ -131,4 +132,4 @@ def _contents(
     asked: tuple[tuple[str, ...], ...], besides: tuple[str, ...], *, is_whole: bool
 ) -> Contents:
     names = [name for names in asked for name in names]
-    return Contents(asked, frozenset([*names, *besides, *NEUTRAL]), is_whole)
+    return Contents(asked, frozenset([*names, *besides]), is_whole)
