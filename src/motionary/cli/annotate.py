@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from motionary.models.library import ClassLibrary
 
 _COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
-_SCORE_COLUMNS = (">score", ">false/min")
+_SCORE_COLUMNS = (">score", ">false/min", ">right")
 
 
 class AssignmentName(StrEnum):
@@ -199,9 +199,11 @@ def _label(
     sequence: "FeatureSequence", library: "ClassLibrary", options: LabelOptions
 ) -> "LabelTrack":
     """Labels of a recording; drawn, below the distances that assigned them, if asked for."""
+    from motionary.models.library import format_thresholds
     from motionary.retrieval.annotation import annotate, annotate_with_distances
 
     distances: dict[str, NDArray[np.float64]] = {}
+    note = ""
     if options.assigns_by_scores(library):
         track = annotate(
             sequence,
@@ -210,6 +212,8 @@ def _label(
             threshold=options.threshold,
             at_most_false_per_min=options.at_most_false,
         )
+        least = options.threshold
+        note = f"least score {format_thresholds(library, options.at_most_false, given=least)}"
     else:
         track, found = annotate_with_distances(
             sequence, library, threshold=options.threshold, preselect=not options.thorough
@@ -220,7 +224,7 @@ def _label(
 
         # Scores have no distances, and a library may have many classes that do not occur.
         classes = library.names if distances else None
-        figure = plot_annotation(track, distances=distances, classes=classes)
+        figure = plot_annotation(track, distances=distances, classes=classes, note=note)
         save(figure, picture_path(options.plot, track.recording.name))
     return track
 
@@ -255,7 +259,9 @@ def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
     columns: tuple[str, ...] = _COLUMNS
     if any(label.score is not None for label in labels):
         has_rates = any(label.false_per_min is not None for label in labels)
-        columns = (*_COLUMNS, *_SCORE_COLUMNS[: 2 if has_rates else 1])
+        is_known = any(label.probability is not None for label in labels)
+        shown = 3 if is_known else 2 if has_rates else 1
+        columns = (*_COLUMNS, *_SCORE_COLUMNS[:shown])
     rows: list[tuple[str, ...]] = []
     below: dict[int, str] = {}
     for track in tracks:
@@ -283,4 +289,5 @@ def _cells(label: "Label") -> tuple[str, ...]:
     times = f"{label.start_s:.2f}", f"{label.end_s:.2f}"
     score = "" if label.score is None else f"{label.score:.1f}"
     rate = "" if label.false_per_min is None else f"{label.false_per_min:.2g}"
-    return (label.name, *times, cost, screen.percent(label.known), score, rate)
+    right = "" if label.probability is None else screen.percent(label.probability)
+    return (label.name, *times, cost, screen.percent(label.known), score, rate, right)

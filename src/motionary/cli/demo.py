@@ -28,6 +28,8 @@ DATA = "MOTIONARY_DATA"
 EXAMPLE = "squat1Reps/HDM_mm_squat1Reps_037_120.amc"
 UNSEEN_ACTOR = "bd"
 TAKES = ("hdm05_takes/HDM_bd_03-03_01_120.amc", "cmu/86_01.amc", "cmu/01_01.amc")
+#: Nobody in it taught the library that ships.
+UNTRAINED = "cmu/86_01.amc"
 LICENCE = "CC BY-SA 3.0"
 CITATION = (
     "Müller, Röder, Clausen, Eberhardt, Krüger, Weber: Documentation Mocap Database HDM05, "
@@ -59,7 +61,7 @@ def demo(
     ] = Path("demo-output"),
     jobs: Annotated[int, typer.Option(help="Processes that read.")] = 2,
 ) -> None:
-    """Search by one example, train classes, label unseen recordings, score the labels.
+    """Label without training, search, train classes, label unseen recordings, score.
 
     With real recordings in the folder that MOTIONARY_DATA names; without them on
     synthetic motions.
@@ -90,12 +92,14 @@ def run_on_recordings(data: Path, output: Path, jobs: int) -> Iterator[str]:
         f"{time.perf_counter() - began:.1f} s. {LICENCE}; {CITATION}."
     )
     yield ""
+    yield from _label_untrained(data, output)
+    yield ""
     yield from _search(data, clips, output)
     yield ""
     library = _train(clips)
     library.save(output / "library")
     yield (
-        f"2. Train {len(library)} classes and their mirror images by four of the five actors, "
+        f"3. Train {len(library)} classes and their mirror images by four of the five actors, "
         f"into {output / 'library'}"
     )
     templates = [(c.name, c.prototypes[0].template) for c in library]
@@ -108,11 +112,19 @@ def run_on_recordings(data: Path, output: Path, jobs: int) -> Iterator[str]:
     yield f"All in {time.perf_counter() - began:.1f} s."
 
 
+def _label_untrained(data: Path, output: Path) -> Iterator[str]:
+    from motionary.features import compute_features
+    from motionary.io import read
+
+    yield f"1. Label {UNTRAINED} with the library that ships, without training"
+    yield from _show_labels(compute_features(read(data / UNTRAINED)), output)
+
+
 def _search(data: Path, clips: "Collection", output: Path) -> Iterator[str]:
     from motionary.io import read
     from motionary.retrieval.search import search
 
-    yield f"1. Search by one example, without any class: {EXAMPLE}"
+    yield f"2. Search by one example, without any class: {EXAMPLE}"
     example = read(data / "hdm05" / EXAMPLE).renamed(EXAMPLE)
     began = time.perf_counter()
     result = search(example, clips, limit=12)
@@ -142,7 +154,7 @@ def _label_takes(data: Path, library: "ClassLibrary", output: Path) -> Iterator[
     from motionary.io import match_recording, read, read_labels
     from motionary.retrieval.annotation import annotate
 
-    yield "3. Label recordings that were never seen: an actor left out, and two of CMU"
+    yield "4. Label recordings that were never seen: an actor left out, and two of CMU"
     began = time.perf_counter()
     takes = [compute_features(read(data / take)) for take in TAKES]
     tracks = {take.source: annotate(take, library, assignment="published") for take in takes}
@@ -161,10 +173,10 @@ def _label_takes(data: Path, library: "ClassLibrary", output: Path) -> Iterator[
     }
     yield from _write_results(named, truth, output)
     yield ""
-    yield "4. Score against the labels of the thesis (classes that both know)"
+    yield "5. Score against the labels of the thesis (classes that both know)"
     yield from _show_scores(named, truth, sorted(set(NAMES.values())))
     yield ""
-    yield "5. Explain the surest and the least sure label"
+    yield "6. Explain the surest and the least sure label"
     yield from _explain_two(tracks)
     yield ""
 
@@ -193,8 +205,13 @@ def run_on_synthetic(output: Path) -> Iterator[str]:
         for seed in range(SYNTHETIC_EXAMPLES)
     }
     clips = Collection(tuple(compute_features(motion) for motion in motions.values()))
+    stream, segments = synthetic_stream(list(SYNTHETIC_CLASSES), seed=7)
+    sequence = compute_features(stream).renamed("synthetic-stream")
+    yield "1. Label a synthetic stream with the library that ships, without training"
+    yield from _show_labels(sequence, output)
+    yield ""
     name = SYNTHETIC_CLASSES[0]
-    yield f"1. Search by one synthetic example: {name}"
+    yield f"2. Search by one synthetic example: {name}"
     example = synthetic_motion(name, seed=99).renamed(f"synthetic {name}")
     result = search(example, clips, limit=8)
     yield from _show_hits((f"synthetic example: {name}", example), result, motions, output)
@@ -205,23 +222,39 @@ def run_on_synthetic(output: Path) -> Iterator[str]:
     training = TrainingOptions(provenance="synthetic motions of motionary", licence="Apache-2.0")
     library = learn(examples, training=training)
     library.save(output / "library")
-    yield f"2. Train {len(library)} classes by synthetic motions, into {output / 'library'}"
+    yield f"3. Train {len(library)} classes by synthetic motions, into {output / 'library'}"
     yield ""
-    stream, segments = synthetic_stream(list(SYNTHETIC_CLASSES), seed=7)
-    sequence = compute_features(stream).renamed("synthetic-stream")
     tracks = {sequence.source: annotate(sequence, library, assignment="published")}
     truth = {sequence.source: [Label(*segment) for segment in segments]}
-    yield f"3. Label a synthetic stream of {sequence.duration_s:.0f} s"
+    yield f"4. Label a synthetic stream of {sequence.duration_s:.0f} s"
     yield from _write_results(tracks, truth, output)
     yield ""
-    yield "4. Score against the plan of the synthetic stream"
+    yield "5. Score against the plan of the synthetic stream"
     yield from _show_scores(tracks, truth, library.names)
     yield ""
-    yield "5. Explain two synthetic labels"
+    yield "6. Explain two synthetic labels"
     yield from _explain_two(tracks)
 
 
 # -- steps of both ----------------------------------------------------------------------
+
+
+def _show_labels(sequence: "FeatureSequence", folder: Path) -> Iterator[str]:
+    """Labels of the library that ships as a table, counted, and drawn."""
+    from motionary.plots import plot_annotation, save
+    from motionary.retrieval.annotation import annotate
+    from motionary.retrieval.counting import count
+
+    track = annotate(sequence)
+    rows = [
+        (x.name, f"{x.start_s:.1f}", f"{x.end_s:.1f}", f"{x.score:.1f}", f"{x.probability:.0%}")
+        for x in track
+    ]
+    yield from _indent(("label", ">start_s", ">end_s", ">score", ">right"), rows)
+    counted = ", ".join(f"{one.name} {one.number}" for one in count(track))
+    yield f"  counted: {counted or 'nothing'}"
+    save(plot_annotation(track), folder / "labels-untrained.png")
+    yield f"  picture: {folder / 'labels-untrained.png'}"
 
 
 def _show_hits(

@@ -126,13 +126,14 @@ def _describe(library: "ClassLibrary", folder: str) -> str:
 
 def _scores_of(library: "ClassLibrary") -> list[str]:
     """What the thresholds are for where labels are assigned by scores."""
+    from motionary.models.library import format_thresholds
     from motionary.retrieval.annotation import default_assignment
 
     if library.scoring is None or default_assignment(library) != "scores":
         return []
     return [
-        f"labels by scores of {library.scoring.threshold:g} or more; threshold: the largest cost "
-        "of a hit (search --class), or of a label by costs (annotate --assignment published)"
+        f"least score of a label: {format_thresholds(library)}; threshold: the largest cost of"
+        " a hit (search --class), or of a label by costs (annotate --assignment published)"
     ]
 
 

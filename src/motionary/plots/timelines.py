@@ -28,6 +28,7 @@ _LABEL_ROW = 0.26
 _DISTANCE_ROW = 0.18
 _LONGEST_NAME = 2.5
 _BLOCK = 0.4
+_SMALL_PT = 6.0
 _NOTE_LINE = 0.17
 _DISTANCE_HZ = 30.0
 _HEIGHTS = (1.9, 1.0)
@@ -42,10 +43,12 @@ def plot_annotation(
     *,
     distances: Mapping[str, ArrayLike] | None = None,
     classes: Sequence[str] | None = None,
+    note: str = "",
 ) -> "Figure":
     """Picture of a recording's labels, over those that are true.
 
-    Segments that could not be assessed are hatched.
+    Segments that could not be assessed are hatched. Labels by scores show how probably they
+    are right, and their row how many there are.
 
     Parameters
     ----------
@@ -55,6 +58,7 @@ def plot_annotation(
         infinite where the class is out of the question: white
     classes : rows, in this order; labels of other classes are left out. By default all
         classes that occur, sorted
+    note : written above, such as the least score of a label
 
     Raises
     ------
@@ -66,12 +70,14 @@ def plot_annotation(
     names = occurring if classes is None else list(classes)
     shown = [name for name in names if name in curves]
     stop_s = _stop_s(track, truth, curves)
-    note = [] if len(track) else style.wrap(f"no labels: {track.nearest}".rstrip(": "), _WIDTH)
+    lines = style.wrap(note, _WIDTH) if note else []
+    if not len(track):
+        lines += style.wrap(f"no labels: {track.nearest}".rstrip(": "), _WIDTH)
     heights = [len(shown) * _DISTANCE_ROW] if shown else []
     heights.append(max(len(names), 1) * _LABEL_ROW)
     layout = page.Layout(
-        left=max([style.text_width(text) for text in _shorten(names)] or [0.0]) + 0.1,
-        width=_WIDTH, heights=tuple(heights), right=0.1, above=_NOTE_LINE * len(note),
+        left=max([style.text_width(text) for text in _count(names, track)] or [0.0]) + 0.1,
+        width=_WIDTH, heights=tuple(heights), right=0.1, above=_NOTE_LINE * len(lines),
     )  # fmt: skip
     figure, (axes,) = page.new_page(layout, title=track.recording.name)
     handles = _draw_labels(axes[-1], names, track, truth, stop_s)
@@ -83,8 +89,8 @@ def plot_annotation(
             ("distance 0", f"{highest_cost:.2g}"),
         )
         handles.append(page.swatch("no match", style.WHITE))
-    if note:
-        axes[0].set_title("\n".join(note), loc="left", pad=4.0)
+    if lines:
+        axes[0].set_title("\n".join(lines), loc="left", pad=4.0)
     page.mark_seconds(axes, stop_s)
     page.add_legend(figure, handles)
     return figure
@@ -122,8 +128,33 @@ def _draw_labels(
     if track.unassessed:
         page.hatch(axes, track.unassessed)
         handles.append(page.unknown_swatch("not assessed"))
-    _name_rows(axes, names)
+    _write_probabilities(axes, names, track, top=top, stop_s=stop_s)
+    _name_rows(axes, _count(names, track))
     return handles
+
+
+def _write_probabilities(
+    axes: "Axes", names: Sequence[str], track: LabelTrack, *, top: float, stop_s: float
+) -> None:
+    """How probably each label is right, in those that are long enough to hold it."""
+    for label in track:
+        if label.probability is None or label.name not in names:
+            continue
+        text = f"{label.probability:.0%}"
+        width = (label.end_s - label.start_s) / stop_s * _WIDTH
+        if style.text_width(text, size=_SMALL_PT) + 0.04 <= width:
+            place = (label.start_s + label.end_s) / 2, names.index(label.name) - top + _BLOCK / 2
+            axes.text(*place, text, fontsize=_SMALL_PT, color=style.WHITE, ha="center",
+                      va="center_baseline", clip_on=True)  # fmt: skip
+
+
+def _count(names: Sequence[str], track: LabelTrack) -> list[str]:
+    """Names of rows; of labels by scores with their number."""
+    shortened = _shorten(names)
+    if all(label.score is None for label in track):
+        return shortened
+    numbers = [sum(label.name == name for label in track) for name in names]
+    return [f"{text} ({n})" for text, n in zip(shortened, numbers, strict=True)]
 
 
 def _shorten(names: Sequence[str]) -> list[str]:
@@ -134,7 +165,7 @@ def _name_rows(axes: "Axes", names: Sequence[str]) -> None:
     axes.hlines(np.arange(1, len(names)) - 0.5, 0, 1, transform=axes.get_yaxis_transform(),
                 color=style.FAINT, linewidth=0.5, zorder=0.6)  # fmt: skip
     axes.set_ylim(max(len(names), 1) - 0.5, -0.5)
-    axes.set_yticks(range(len(names)), labels=_shorten(names))
+    axes.set_yticks(range(len(names)), labels=names)
     axes.tick_params(axis="y", length=0)
 
 
@@ -150,7 +181,7 @@ def _draw_distances(axes: "Axes", names: Sequence[str], curves: Mapping[str, Flo
             _colours(pooled[np.newaxis] / highest_cost), aspect="auto", interpolation="nearest",
             extent=(0.0, len(curve) / _DISTANCE_HZ, row + 0.5, row - 0.5),
         )  # fmt: skip
-    _name_rows(axes, names)
+    _name_rows(axes, _shorten(names))
     return highest_cost
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.labels import Label, LabelTrack
 from motionary.matching import distance_function
-from motionary.models.library import ClassLibrary, MotionClass, find_candidates, threshold_for
+from motionary.models.library import ClassLibrary, MotionClass, find_candidates, thresholds_for
 from motionary.motion import GENERIC_JOINTS
 from motionary.reporting.encoding import Block, encode_json, encode_series, encode_states
 from motionary.retrieval.annotation import default_assignment
@@ -118,8 +118,8 @@ def make_curves(
         not len(track) and default_assignment(library) == "scores"
     )
     if by_scores:
-        curves, limit = _score_curves(sequence, library), threshold_for(library, None)
-        limits = dict.fromkeys(library.names, limit)
+        curves = _score_curves(sequence, library)
+        limits = dict(zip(library.names, thresholds_for(library).tolist(), strict=True))
         best = {name: -float(curve.max(initial=0.0)) for name, curve in curves.items()}
     else:
         curves = {one.name: _cost_curve(sequence, one) for one in library}

@@ -10,15 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.features import SEQUENCE_HZ, FeatureSequence
+from motionary.features import FeatureSequence
 from motionary.labels import Label
-from motionary.matching import (
-    Alignment,
-    Intervals,
-    SchedulingSettings,
-    find_paths_to,
-    join_states,
-)
+from motionary.matching import Alignment, find_paths_to
 from motionary.models.library import (
     Candidates,
     ClassLibrary,
@@ -26,12 +20,11 @@ from motionary.models.library import (
     choose_candidates,
     false_rates_of,
     find_candidates,
-    threshold_for,
+    join_matches,
+    thresholds_for,
 )
-from motionary.models.library.assignment import as_intervals
 from motionary.retrieval.explanation import Evidence, explain
 
-_MOST_GAP = SchedulingSettings().most_gap_s * SEQUENCE_HZ
 #: Templates that differ less from their mirror image, on the mean, have no side.
 _LEAST_DIFFERENCE = 0.05
 _MOST_LACKS = 2
@@ -58,17 +51,19 @@ def label_by_scores(
     InvalidInput
         If the library has no scores, or no rates of false labels where they are asked for.
     """
-    limit = threshold_for(library, at_most_false_per_min) if threshold is None else threshold
+    limits = np.full(len(library), threshold)
+    if threshold is None:
+        limits = thresholds_for(library, at_most_false_per_min)
     found = find_candidates(sequence, library)
-    chosen = choose_candidates(found, library, threshold=limit)
+    chosen = choose_candidates(found, library, threshold=limits)
     matches = [(int(i), _evidence(sequence, library, found, int(i))) for i in chosen]
     matches = [(i, one) for i, one in matches if one.is_assessed]
     if not matches:
-        return (), _nearest(sequence, library, found, limit)
+        return (), _nearest(sequence, library, found, limits)
     kept = np.array([i for i, _ in matches], dtype=np.intp)
     evidence = [one for _, one in matches]
     labels = []
-    for members in _join(found, library, kept, threshold=limit):
+    for members in join_matches(found, library, kept, threshold=limits):
         best = max(members, key=lambda j: found.paths.scores[kept[j]])
         start = int(min(found.paths.starts[kept[j]] for j in members))
         stop = int(max(found.paths.stops[kept[j]] for j in members))
@@ -76,22 +71,6 @@ def label_by_scores(
             _label(sequence, library, found, int(kept[best]), evidence[best], (start, stop))
         )
     return tuple(labels), ""
-
-
-def _join(
-    found: Candidates, library: ClassLibrary, kept: NDArray[np.intp], *, threshold: float
-) -> list[list[int]]:
-    """Places in `kept` of the matches of each label."""
-    starts, ends, values, parts = as_intervals(found, library, threshold=threshold)
-    classes = found.classes[kept]
-    is_state = np.array([one.kind == "state" for one in library])[classes]
-    of_label = join_states(
-        Intervals(starts[kept], ends[kept], values[kept], parts[kept]),
-        classes,
-        is_state,
-        most_gap=_MOST_GAP,
-    )
-    return [np.flatnonzero(of_label == i).tolist() for i in range(int(of_label.max()) + 1)]
 
 
 def _label(
@@ -105,7 +84,8 @@ def _label(
     place = found.place_of(index)
     motion_class = library.classes[place.class_index]
     score = float(found.paths.scores[index])
-    rates = false_rates_of(library)
+    rates, scoring = false_rates_of(library), library.scoring
+    least = thresholds_for(library)[place.class_index]
     start_s, end_s = sequence.segment(*frames)
     return Label(
         motion_class.name, start_s, end_s,
@@ -115,6 +95,7 @@ def _label(
         end_frame=sequence.recording.last_frame_before(end_s),
         evidence=evidence,
         score=score,
+        probability=scoring.probability_of(score - least) if scoring else None,
         false_per_min=None if rates is None else rates.of_class(place.class_index, score),
         side=_side_of(motion_class, place.prototype_index, sequence),
     )  # fmt: skip
@@ -150,17 +131,17 @@ def _evidence(
 
 
 def _nearest(
-    sequence: FeatureSequence, library: ClassLibrary, found: Candidates, threshold: float
+    sequence: FeatureSequence, library: ClassLibrary, found: Candidates, limits: NDArray[np.float64]
 ) -> str:
     """What came closest in a recording without labels, and what spoke against it."""
     scores = found.paths.scores
     if not len(scores):
         return ""
-    best = int(np.argmax(scores))
+    least = limits[found.classes]
+    best = int(np.argmax(scores - least))
     why = explain(_evidence(sequence, library, found, best))
     nearest = f"{why.name} {scores[best]:.1f} at {why.start_s:.1f} s"
-    nearest = f"{why.name} {scores[best]:.1f} at {why.start_s:.1f} s"
-    text = f"nothing of score {threshold:g}; nearest: {nearest}"
+    text = f"nothing of score {least[best]:g}; nearest: {nearest}"
     against = [gain for gain in sorted(why.gains, key=lambda g: g.part) if gain.part < 0]
     return text + _format_lacks([gain.name for gain in against[:_MOST_LACKS]])
 

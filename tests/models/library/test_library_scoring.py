@@ -11,22 +11,26 @@ from motionary.features import FULL_BODY, FULL_BODY_2006
 from motionary.models.library import (
     ClassLibrary,
     FalseRates,
+    JudgedLabel,
     MotionClass,
     Scoring,
     TrainingOptions,
     add_examples,
+    calibrate_scores,
     choose_candidates,
     false_rates_of,
     find_candidates,
     fit_false_rates,
+    fit_probability,
     fold_sides,
     learn,
     merge_libraries,
     mirror_sequence,
-    threshold_for,
+    thresholds_for,
 )
 from motionary.models.library.false_rates import TAIL
 from motionary.models.library.scoring import CORPUS_OF_CMU
+from motionary.retrieval.annotation import annotate
 from packing_cases import sequence
 
 
@@ -256,14 +260,17 @@ def test_rates_of_an_exponential_tail_are_found():
     assert np.exp(rates.levels) == pytest.approx([40, 10], rel=0.05)
     assert rates.expected(TAIL) == pytest.approx(50, rel=0.05)
     for at_most in (0.1, 1.0, 7.0):
-        assert rates.expected(rates.threshold(at_most)) == pytest.approx(at_most)
+        assert rates.expected(rates.shift(6.0, at_most)) == pytest.approx(at_most)
+        each = rates.shift([6.0, 4.0], at_most)
+        assert each[0] - each[1] == pytest.approx(2.0)
+        assert rates.expected(each) == pytest.approx(at_most)
     assert rates.of_class(0, 7.0) + rates.of_class(1, 7.0) == pytest.approx(rates.expected(7.0))
 
 
 def test_rates_without_a_false_label_are_finite():
     rates = fit_false_rates([[], []], 2.0)
     assert np.isfinite(rates.levels).all()
-    assert np.isfinite(rates.threshold(1.0))
+    assert np.isfinite(rates.shift(6.0, 1.0))
 
 
 @pytest.mark.parametrize(("scores", "minutes"), [([], 1.0), ([[6.0]], 0.0)])
@@ -275,21 +282,62 @@ def test_rates_need_classes_and_recordings(scores, minutes):
 @pytest.mark.parametrize("at_most", [0.0, -1.0, float("nan")])
 def test_a_rate_that_is_asked_for_is_above_zero(at_most):
     with pytest.raises(InvalidInput, match="must be above 0"):
-        FalseRates(np.zeros(1), 1.0).threshold(at_most)
+        FalseRates(np.zeros(1), 1.0).shift(6.0, at_most)
 
 
 def test_thresholds_by_rates_need_rates(library, examples):
-    assert threshold_for(library, None) == library.scoring.threshold
+    assert thresholds_for(library).tolist() == [library.scoring.threshold] * 2
     with pytest.raises(InvalidInput, match="how many false labels"):
-        threshold_for(library, 1.0)
+        thresholds_for(library, 1.0)
     calibrated = learn(examples, negatives=[other_motion(1)])
-    assert threshold_for(calibrated, 0.1) > threshold_for(calibrated, 1.0)
+    assert (thresholds_for(calibrated, 0.1) > thresholds_for(calibrated, 1.0)).all()
+
+
+def test_classes_have_least_scores_of_their_own(library):
+    one = replace(library["one"], score_threshold=50.0)
+    harder = replace(library, classes=(one, library["two"]))
+    assert thresholds_for(harder).tolist() == [50.0, library.scoring.threshold]
+    stream = sequence(
+        np.concatenate([perform(made_class(name), [name, 77]).features for name in (1, 2)]),
+        feature_set=FULL_BODY,
+    )
+    for given, names in ((library, ["one", "two"]), (harder, ["two"])):
+        assert [label.name for label in annotate(stream, given)] == names
+    given = annotate(stream, harder, assignment="scores", threshold=6.0)
+    assert [label.name for label in given] == ["one", "two"]
+
+
+# -- probabilities -----------------------------------------------------------------------
+
+
+def test_probabilities_follow_how_often_labels_are_right():
+    rng = np.random.default_rng(9)
+    margins = rng.uniform(0, 6, size=4000)
+    right = rng.random(4000) < 1 / (1 + np.exp(-(-0.5 + 0.8 * margins)))
+    at_least, growth = fit_probability(margins, right)
+    assert (at_least, growth) == pytest.approx((-0.5, 0.8), abs=0.15)
+    assert fit_probability(margins, rng.random(4000) < 0.5)[1] >= 0
+    assert np.isfinite(fit_probability([1.0], [True])).all()
+    with pytest.raises(InvalidInput, match="needs labels"):
+        fit_probability([], [])
+
+
+def test_calibrated_labels_say_how_probably_they_are_right(library, tmp_path):
+    judged = [JudgedLabel("one", 6.0 + i / 10, i > 5) for i in range(40)]
+    calibrated = calibrate_scores(library, judged, minutes=3.0)
+    calibrated.save(tmp_path)
+    loaded = ClassLibrary.load(tmp_path)
+    assert loaded.scoring == calibrated.scoring
+    label = next(iter(annotate(perform(made_class(1), 78), loaded)))
+    assert label.probability == loaded.scoring.probability_of(label.score - 6.0)
+    assert loaded.scoring.probability_of(0.0) < label.probability <= 1
+    assert next(iter(annotate(perform(made_class(1), 78), library))).probability is None
 
 
 @pytest.mark.parametrize(
     "wrong",
     [{"corpus": ()}, {"corpus": (1.0,)}, {"threshold": 0.0}, {"look_ahead_s": -1.0},
-     {"false_slope": 0.0}],
+     {"false_slope": 0.0}, {"probability": (1.0,)}],
 )  # fmt: skip
 def test_wrong_settings_of_scores_are_refused(wrong):
     with pytest.raises(InvalidInput):

@@ -1,5 +1,6 @@
 """The library of everyday motion: whole, small, under its licences, and used by default."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -8,13 +9,21 @@ from motionary.errors import InvalidInput
 from motionary.features import compute_features
 from motionary.models.library import (
     ClassLibrary,
+    false_rates_of,
+    format_thresholds,
     load_everyday,
     load_library,
     merge_libraries,
     open_library,
     shipped,
+    thresholds_for,
 )
-from motionary.models.library.shipped import _FOLDERS
+from motionary.models.library.shipped import (
+    _FOLDERS,
+    CALIBRATION,
+    load_parts,
+    write_calibration,
+)
 from motionary.retrieval.annotation import annotate
 from motionary.samples import synthetic_motion
 
@@ -60,6 +69,33 @@ def test_classes_keep_origin_and_licence_in_other_libraries(tmp_path):
     assert {one.name: (one.licence, one.provenance) for one in again} == {
         one.name: (one.licence, one.provenance) for one in everyday
     }
+
+
+def test_it_says_how_sure_labels_are_and_how_many_are_false():
+    everyday = load_everyday()
+    assert false_rates_of(everyday) is not None
+    least = dict(zip(everyday.names, thresholds_for(everyday), strict=True))
+    assert (least["walk"], least["kick"], least["T-pose"]) == (6.0, 5.0, 7.0)
+    assert (thresholds_for(everyday, 0.1) > thresholds_for(everyday, 1.0)).all()
+    assert "T-pose 7" in format_thresholds(everyday)
+    walk = compute_features(synthetic_motion("walk", seed=1))
+    labels = list(annotate(walk, at_most_false_per_min=20.0))
+    assert labels
+    assert all(0 < label.probability <= 1 and label.false_per_min > 0 for label in labels)
+
+
+def test_a_calibration_is_read_as_it_was_written(tmp_path):
+    everyday = load_everyday()
+    for one in _FOLDERS:
+        shutil.copytree(HOME / one, tmp_path / one)
+    path = tmp_path / _FOLDERS[1] / CALIBRATION
+    path.unlink()
+    write_calibration(everyday, path)
+    again = load_parts(tmp_path)
+    assert again.scoring == everyday.scoring
+    assert [one.false_level for one in again] == [one.false_level for one in everyday]
+    with pytest.raises(InvalidInput, match="not calibrated"):
+        write_calibration(load_library(HOME / _FOLDERS[0]), path)
 
 
 def test_it_is_the_default_of_annotate_and_opened_by_name(tmp_path, monkeypatch):

@@ -8,11 +8,16 @@ from typing import TYPE_CHECKING
 from motionary.lazy import lazy_names
 from motionary.models.library.assignment import (
     Candidates,
+    JudgedLabel,
+    calibrate_scores,
     choose_candidates,
     false_rates_of,
     find_candidates,
+    format_thresholds,
+    join_matches,
+    lowest_scores,
     measure_false_rates,
-    threshold_for,
+    thresholds_for,
 )
 from motionary.models.library.classes import (
     BODY_PARTS,
@@ -33,7 +38,7 @@ from motionary.models.library.editing import (
     replace_class,
     replace_template,
 )
-from motionary.models.library.false_rates import FalseRates, fit_false_rates
+from motionary.models.library.false_rates import FalseRates, fit_false_rates, fit_probability
 from motionary.models.library.scoring import Scoring, measure_fractions, mix_prior, scoring_for
 from motionary.models.library.shipped import (
     EVERYDAY,
@@ -97,6 +102,7 @@ __all__ = [
     "EditedLibrary",
     "Examples",
     "FalseRates",
+    "JudgedLabel",
     "Monitor",
     "MotionClass",
     "Notice",
@@ -110,6 +116,7 @@ __all__ = [
     "add_examples",
     "advise",
     "apply_calibrations",
+    "calibrate_scores",
     "calibrate_thresholds",
     "choose_candidates",
     "choose_queries",
@@ -122,9 +129,12 @@ __all__ = [
     "find_prototype",
     "find_sequences",
     "fit_false_rates",
+    "fit_probability",
     "fold_sides",
+    "format_thresholds",
     "fractions_fixed",
     "join_classes",
+    "join_matches",
     "kept_examples",
     "learn",
     "learn_beside",
@@ -134,6 +144,7 @@ __all__ = [
     "list_tracks",
     "load_everyday",
     "load_library",
+    "lowest_scores",
     "measure_background",
     "measure_false_rates",
     "measure_fractions",
@@ -148,7 +159,7 @@ __all__ = [
     "replace_class",
     "replace_template",
     "scoring_for",
-    "threshold_for",
+    "thresholds_for",
     "training_of",
 ]
 

@@ -2,8 +2,8 @@
 
 Every warping path that ends in a local minimum of a template's distance function gets a
 score, the log-likelihood ratio of its frames (see `matching.path_scores`). Of those above
-one threshold for all classes, the compatible ones of the largest total are chosen, each
-decided a bounded time after its end (see `matching.scheduling`).
+the library's threshold, or their class's own, the compatible ones of the largest total are
+chosen, each decided a bounded time after its end (see `matching.scheduling`).
 
 Conventions: frames are those of the sequence, at 30 Hz, half-open.
 """
@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import SEQUENCE_HZ, FeatureSequence
@@ -21,18 +21,22 @@ from motionary.matching import (
     CellRatios,
     Intervals,
     Pattern,
+    SchedulingSettings,
     ScoredPaths,
     choose_causally,
     intervals,
+    join_states,
     score_patterns,
 )
-from motionary.models.library.false_rates import TAIL, FalseRates, fit_false_rates
+from motionary.models.library.false_rates import FalseRates, fit_false_rates, fit_probability
 from motionary.models.library.storage import ClassLibrary
 
+Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-# Below the first scores that the rates of false labels are fitted to.
-_FITTED_FROM = TAIL - 1.0
+_MOST_GAP = SchedulingSettings().most_gap_s * SEQUENCE_HZ
+# Rates of false labels are fitted from so far below the least score of a class on.
+_BELOW = 1.0
 _FRAMES_A_MINUTE = 60 * SEQUENCE_HZ
 
 
@@ -66,6 +70,14 @@ class Candidates(NamedTuple):
         return self.places[int(self.paths.patterns[index])]
 
 
+class JudgedLabel(NamedTuple):
+    """A label of some score, and whether it is right."""
+
+    name: str
+    score: float
+    is_right: bool
+
+
 def find_candidates(sequence: FeatureSequence, library: ClassLibrary) -> Candidates:
     """Scored matches of all prototypes in one recording.
 
@@ -89,9 +101,9 @@ def find_candidates(sequence: FeatureSequence, library: ClassLibrary) -> Candida
 
 
 def choose_candidates(
-    candidates: Candidates, library: ClassLibrary, *, threshold: float
+    candidates: Candidates, library: ClassLibrary, *, threshold: ArrayLike
 ) -> Indices:
-    """Indices of the matches that become labels, by end."""
+    """Indices of the matches that become labels, by end; one threshold, or one a class."""
     scoring = library.scoring
     look_ahead_s = scoring.look_ahead_s if scoring else 0.0
     chosen = choose_causally(
@@ -101,11 +113,32 @@ def choose_candidates(
     return np.asarray(chosen, dtype=np.intp)
 
 
-def as_intervals(candidates: Candidates, library: ClassLibrary, *, threshold: float) -> Intervals:
+def as_intervals(
+    candidates: Candidates, library: ClassLibrary, *, threshold: ArrayLike
+) -> Intervals:
     """Matches as intervals that compete, of what they score above the threshold."""
     masks = np.array([one.parts_mask for one in library], dtype=np.int64)
-    paths = candidates.paths
-    return intervals(paths.starts, paths.stops, paths.scores - threshold, masks[candidates.classes])
+    least = np.broadcast_to(np.asarray(threshold, dtype=np.float64), len(library))
+    paths, classes = candidates.paths, candidates.classes
+    return intervals(paths.starts, paths.stops, paths.scores - least[classes], masks[classes])
+
+
+def join_matches(
+    candidates: Candidates, library: ClassLibrary, chosen: Indices, *, threshold: ArrayLike
+) -> list[list[int]]:
+    """Places in `chosen` of the matches of each label: of a state several may be one."""
+    if not len(chosen):
+        return []
+    starts, ends, values, parts = as_intervals(candidates, library, threshold=threshold)
+    classes = candidates.classes[chosen]
+    is_state = np.array([one.kind == "state" for one in library])[classes]
+    of_label = join_states(
+        Intervals(starts[chosen], ends[chosen], values[chosen], parts[chosen]),
+        classes,
+        is_state,
+        most_gap=_MOST_GAP,
+    )
+    return [np.flatnonzero(of_label == i).tolist() for i in range(int(of_label.max()) + 1)]
 
 
 def check_has_scores(library: ClassLibrary) -> None:
@@ -132,13 +165,49 @@ def measure_false_rates(library: ClassLibrary, others: Sequence[FeatureSequence]
     others : recordings without any of its classes
     """
     check_has_scores(library)
+    lowest = lowest_scores(library)
     scores: list[list[float]] = [[] for _ in library]
     for sequence in others:
         found = find_candidates(sequence, library)
-        for i in choose_candidates(found, library, threshold=_FITTED_FROM).tolist():
+        for i in choose_candidates(found, library, threshold=lowest).tolist():
             scores[found.place_of(i).class_index].append(float(found.paths.scores[i]))
     minutes = sum(map(len, others)) / _FRAMES_A_MINUTE
-    rates = fit_false_rates(scores, minutes)
+    return _with_rates(library, fit_false_rates(scores, minutes, lowest=lowest))
+
+
+def calibrate_scores(
+    library: ClassLibrary, labels: Sequence[JudgedLabel], *, minutes: float
+) -> ClassLibrary:
+    """Library that knows rates of false labels, and how probably a label is right.
+
+    Parameters
+    ----------
+    library : with scores
+    labels : assigned in recordings of people who taught none of the classes, from
+        `lowest_scores` on
+    minutes : length of those recordings
+
+    Raises
+    ------
+    InvalidInput
+        If there is no label.
+    """
+    check_has_scores(library)
+    least = dict(zip(library.names, thresholds_for(library).tolist(), strict=True))
+    false = [[x.score for x in labels if x.name == n and not x.is_right] for n in library.names]
+    rated = _with_rates(library, fit_false_rates(false, minutes, lowest=lowest_scores(library)))
+    margins = [label.score - least[label.name] for label in labels]
+    curve = fit_probability(margins, [label.is_right for label in labels])
+    rounded = (round(curve[0], 4), round(curve[1], 4))
+    return replace(rated, scoring=rated.scoring and replace(rated.scoring, probability=rounded))
+
+
+def lowest_scores(library: ClassLibrary) -> Floats:
+    """Of each class, the score from which on labels are looked at to calibrate."""
+    return thresholds_for(library) - _BELOW
+
+
+def _with_rates(library: ClassLibrary, rates: FalseRates) -> ClassLibrary:
     levels = [round(float(level), 4) for level in rates.levels]
     classes = tuple(
         replace(one, false_level=level) for one, level in zip(library, levels, strict=True)
@@ -156,8 +225,13 @@ def false_rates_of(library: ClassLibrary) -> FalseRates | None:
     return FalseRates(np.array(levels), slope)
 
 
-def threshold_for(library: ClassLibrary, at_most_false_per_min: float | None) -> float:
-    """The threshold of scores: the library's, or that of so many false labels a minute.
+def thresholds_for(library: ClassLibrary, at_most_false_per_min: float | None = None) -> Floats:
+    """Least scores of the labels of each class, shape (classes,).
+
+    Parameters
+    ----------
+    at_most_false_per_min : all so much higher or lower that so many false labels a minute
+        are expected; by default the library's
 
     Raises
     ------
@@ -165,12 +239,33 @@ def threshold_for(library: ClassLibrary, at_most_false_per_min: float | None) ->
         If rates of false labels are asked for and not known.
     """
     check_has_scores(library)
+    common = library.scoring.threshold if library.scoring else 0.0
+    own = [common if c.score_threshold is None else c.score_threshold for c in library]
+    thresholds = np.array(own, dtype=np.float64)
     if at_most_false_per_min is None:
-        return library.scoring.threshold if library.scoring else 0.0
+        return thresholds
     rates = false_rates_of(library)
     if rates is None:
         raise InvalidInput(
             "the library does not know how many false labels to expect; learn it with other "
             "recordings, without its classes (learn --calibrate --negatives PATH)"
         )
-    return rates.threshold(at_most_false_per_min)
+    return rates.shift(thresholds, at_most_false_per_min)
+
+
+def format_thresholds(
+    library: ClassLibrary,
+    at_most_false_per_min: float | None = None,
+    *,
+    given: float | None = None,
+) -> str:
+    """Least score of most classes, and in brackets those of the others; or the given one."""
+    if given is not None:
+        return f"{given:g}"
+    least = [round(float(x), 2) for x in thresholds_for(library, at_most_false_per_min)]
+    common = max(sorted(set(least)), key=least.count, default=0.0)
+    own = [
+        f"{', '.join(n for n, y in zip(library.names, least, strict=True) if y == x)} {x:g}"
+        for x in sorted(set(least) - {common})
+    ]
+    return f"{common:g}" + (f" ({'; '.join(own)})" if own else "")

@@ -61,6 +61,7 @@ _LONGEST_BYTES = 100
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 _OWN_KEYS: Keys = {
     "prior": list, "kind": str, "parts": list, "false_level": float,
+    "score_threshold": float,
     "provenance": str, "licence": str,
 }  # fmt: skip
 
@@ -115,8 +116,9 @@ def _own_settings(motion_class: MotionClass) -> dict[str, Any]:
             settings[key] = getattr(motion_class, key)
     if motion_class.kind != "event":
         settings["kind"] = motion_class.kind
-    if motion_class.false_level is not None:
-        settings["false_level"] = motion_class.false_level
+    for key in ("score_threshold", "false_level"):
+        if getattr(motion_class, key) is not None:
+            settings[key] = getattr(motion_class, key)
     return settings
 
 

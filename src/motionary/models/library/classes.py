@@ -154,6 +154,7 @@ class MotionClass:
         assigned by scores against it. Empty: by costs alone.
     kind : "event", whose labels are counted one by one, or "state", whose neighbours are one
     parts : parts of the body that it needs; empty: all
+    score_threshold : least score of its labels; None: the library's
     false_level : logarithm of its false labels a minute, of scores from `false_rates.TAIL`
         on; None if unknown
     provenance, licence : of this class, where they differ from the library's; they go with
@@ -170,6 +171,7 @@ class MotionClass:
     prior: tuple[float, ...] = ()
     kind: ClassKind = "event"
     parts: tuple[str, ...] = ()
+    score_threshold: float | None = None
     false_level: float | None = None
     provenance: str = ""
     licence: str = ""
@@ -214,6 +216,11 @@ class MotionClass:
                 f"class {self.name!r}: tolerance must be at least 0 and below 0.5, "
                 f"got {self.tolerance}",
                 key="tolerance",
+            )
+        if self.score_threshold is not None and not self.score_threshold > 0:
+            raise InvalidInput(
+                f"class {self.name!r}: score_threshold must be above 0, got {self.score_threshold}",
+                key="score_threshold",
             )
         for key in ("estimated_precision", "estimated_recall"):
             fraction = getattr(self, key)

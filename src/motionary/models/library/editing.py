@@ -231,7 +231,9 @@ def _common_scoring(libraries: Sequence[ClassLibrary]) -> Scoring | None:
     found = [one.scoring for one in libraries]
     if any(one is None for one in found) or found[0] is None:
         return None
-    return found[0] if len(set(found)) == 1 else replace(found[0], false_slope=None)
+    if len(set(found)) == 1:
+        return found[0]
+    return replace(found[0], false_slope=None, probability=None)
 
 
 def _unite(texts: Iterable[str]) -> str:

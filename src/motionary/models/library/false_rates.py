@@ -4,7 +4,7 @@ Scores of the labels in recordings without the classes, all classes competing, f
 exponentially: the rate of scores above s is exp(level - slope (s - `TAIL`)). Each class has
 its level, drawn towards the common one; the slope is common.
 
-Conventions: rates a minute; scores above `TAIL` are fitted.
+Conventions: rates a minute.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from motionary.errors import InvalidInput
 
 Floats = NDArray[np.float64]
 
-#: Scores from here on are fitted.
+#: The score at which levels are stated.
 TAIL = 5.0
 # A class counts the common rate as so many labels.
 _DRAWN = 2.0
@@ -40,12 +40,13 @@ class FalseRates:
         """False labels a minute of one class, of this score or a higher one."""
         return float(np.exp(self.levels[index] - self.slope * (score - TAIL)))
 
-    def expected(self, threshold: float) -> float:
-        """False labels a minute of all classes at one threshold."""
-        return float(np.exp(self.levels - self.slope * (threshold - TAIL)).sum())
+    def expected(self, thresholds: ArrayLike) -> float:
+        """False labels a minute of all classes, with one threshold or one a class."""
+        above = np.asarray(thresholds, dtype=np.float64) - TAIL
+        return float(np.exp(self.levels - self.slope * above).sum())
 
-    def threshold(self, at_most: float) -> float:
-        """The threshold at which so many false labels a minute are expected.
+    def shift(self, thresholds: ArrayLike, at_most: float) -> Floats:
+        """Thresholds, all so much higher or lower that so many false labels are expected.
 
         Raises
         ------
@@ -54,16 +55,21 @@ class FalseRates:
         """
         if not (np.isfinite(at_most) and at_most > 0):
             raise InvalidInput(f"false labels a minute must be above 0, got {at_most}")
-        return TAIL + float(np.log(np.exp(self.levels).sum() / at_most)) / self.slope
+        change = np.log(self.expected(thresholds) / at_most) / self.slope
+        shifted: Floats = np.asarray(thresholds, dtype=np.float64) + change
+        return shifted
 
 
-def fit_false_rates(scores: Sequence[ArrayLike], minutes: float) -> FalseRates:
+def fit_false_rates(
+    scores: Sequence[ArrayLike], minutes: float, *, lowest: ArrayLike = TAIL
+) -> FalseRates:
     """Rates from the scores of false labels, by class.
 
     Parameters
     ----------
     scores : one array a class: its labels in recordings that do not show it
     minutes : length of those recordings
+    lowest : scores above it are fitted; one number, or one a class
 
     Raises
     ------
@@ -75,12 +81,48 @@ def fit_false_rates(scores: Sequence[ArrayLike], minutes: float) -> FalseRates:
             "rates of false labels need a class and recordings without it, got "
             f"{len(scores)} classes and {minutes} minutes"
         )
-    above = [np.asarray(s, dtype=np.float64) for s in scores]
-    above = [s[s > TAIL] for s in above]
+    least = np.broadcast_to(np.asarray(lowest, dtype=np.float64), len(scores))
+    above = [np.asarray(s, dtype=np.float64) - x for s, x in zip(scores, least, strict=True)]
+    above = [s[s > 0] for s in above]
     counts = np.array([len(s) for s in above], dtype=np.float64)
-    excess = sum(float((s - TAIL).sum()) for s in above)
+    excess = sum(float(s.sum()) for s in above)
     # Maximum likelihood of an exponential tail; one label at the mean of 1 keeps it finite.
     slope = (counts.sum() + 1.0) / (excess + 1.0)
     common = (counts.sum() + 0.5) / (minutes * len(scores))
     rates = (counts + _DRAWN) / (minutes + _DRAWN / common)
-    return FalseRates(np.log(rates), float(slope))
+    return FalseRates(np.log(rates) + slope * (least - TAIL), float(slope))
+
+
+def fit_probability(margins: ArrayLike, is_right: ArrayLike) -> tuple[float, float]:
+    """Logistic curve of the probability that labels are right; Platt (1999).
+
+    Parameters
+    ----------
+    margins : array, shape (labels,): what each scores above the least of its class
+    is_right : array, shape (labels,), bool
+
+    Returns
+    -------
+    logarithm of the odds at a margin of 0, and how it grows with the margin: never falling
+
+    Raises
+    ------
+    InvalidInput
+        If there is no label.
+    """
+    # Not needed to read or use a library: imported where it is.
+    from scipy.optimize import minimize
+
+    margin, right = np.asarray(margins, dtype=np.float64), np.asarray(is_right, dtype=np.bool_)
+    if not len(margin) or margin.shape != right.shape:
+        raise InvalidInput("a probability needs labels, and of each whether it is right")
+    # One label more of either kind keeps the odds finite; targets as Platt has them.
+    n_right, n_wrong = right.sum(), (~right).sum()
+    target = np.where(right, (n_right + 1) / (n_right + 2), 1 / (n_wrong + 2))
+
+    def loss(odds: Floats) -> float:
+        logits = odds[0] + odds[1] * margin
+        return float((np.logaddexp(0, logits) - target * logits).sum())
+
+    fitted = minimize(loss, np.array([0.0, 0.5]), bounds=[(None, None), (0.0, None)])
+    return float(fitted.x[0]), float(fitted.x[1])

@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 
 _DIGITS = 6
 _KEYS: Keys = {"corpus": list, "threshold": float, "look_ahead_s": float}
+_OPTIONAL_KEYS: Keys = {"false_slope": float, "probability": list}
 _DEFAULTS = SchedulingSettings()
 
 #: Fraction of frames in which each feature of the full-body set holds, in 66 recordings of
@@ -55,12 +56,15 @@ class Scoring:
     threshold : score at which a match is as good as no label
     look_ahead_s : how long after its end a match is decided
     false_slope : how fast false labels become rare, a unit of score; None if unknown
+    probability : logarithm of the odds that a label of the least score of its class is
+        right, and how it grows with each unit above; None if unknown
     """
 
     corpus: tuple[float, ...]
     threshold: float = _DEFAULTS.threshold
     look_ahead_s: float = _DEFAULTS.look_ahead_s
     false_slope: float | None = None
+    probability: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         fractions = tuple(float(x) for x in self.corpus)
@@ -79,6 +83,18 @@ class Scoring:
                 f"false_slope must be above 0, got {self.false_slope}", key="false_slope"
             )
         object.__setattr__(self, "corpus", fractions)
+        if self.probability is not None:
+            numbers = tuple(float(x) for x in self.probability)
+            if len(numbers) != 2 or not np.isfinite(numbers).all():
+                raise InvalidInput("probability needs two numbers", key="probability")
+            object.__setattr__(self, "probability", numbers)
+
+    def probability_of(self, margin: float) -> float | None:
+        """That a label is right whose score lies so far above the least of its class."""
+        if self.probability is None:
+            return None
+        at_least, growth = self.probability
+        return float(1 / (1 + np.exp(-(at_least + growth * margin))))
 
 
 def scoring_for(feature_set: FeatureSet, others: Sequence[FeatureSequence] = ()) -> Scoring | None:
@@ -130,7 +146,8 @@ def describe_scoring(scoring: Scoring | None) -> dict[str, Any]:
     if scoring is None:
         return {}
     content = {key: value for key, value in asdict(scoring).items() if value is not None}
-    return content | {"corpus": list(scoring.corpus)}
+    lists = {key: list(content[key]) for key in ("corpus", "probability") if key in content}
+    return content | lists
 
 
 def read_scoring(path: Path, index: Mapping[str, Any]) -> Scoring | None:
@@ -145,11 +162,12 @@ def read_scoring(path: Path, index: Mapping[str, Any]) -> Scoring | None:
         return None
     content = index["scoring"]
     keys = dict(_KEYS)
-    if isinstance(content, dict) and "false_slope" in content:
-        keys["false_slope"] = float
+    if isinstance(content, dict):
+        keys |= {key: kind for key, kind in _OPTIONAL_KEYS.items() if key in content}
     check_keys(path, content, keys, place=("scoring",))
-    if not all(map(is_number, content["corpus"])):
-        raise refuse(path, ("scoring", "corpus"), "must be a list of numbers")
+    for key in keys:
+        if keys[key] is list and not all(map(is_number, content[key])):
+            raise refuse(path, ("scoring", key), "must be a list of numbers")
     try:
         return Scoring(**{key: content[key] for key in keys})
     except InvalidInput as error:
