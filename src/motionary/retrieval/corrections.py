@@ -51,7 +51,7 @@ class ClassCorrections(NamedTuple):
     kept, moved, renamed, added, removed : labels; renamed are those that got this name
     before : precision and recall of the library's labels, by those that the person left
     after : the same of what was learned, on recordings or parts of them that were held out;
-        None where there is too little to hold out
+        None where nothing is held out
     """
 
     name: str
@@ -90,6 +90,7 @@ def learn_corrections(
     library: ClassLibrary,
     corrected: Sequence[Corrected],
     *,
+    estimate: bool = True,
     on_done: Callable[[], None] | None = None,
 ) -> Corrections:
     """The library with what corrected labels of recordings teach.
@@ -98,6 +99,7 @@ def learn_corrections(
     ----------
     library : that gave the labels before they were corrected
     corrected : tracks with all labels that are right, and the features of their recordings
+    estimate : whether to tell by held-out parts what was gained, which takes most of the time
     on_done : called after each recording, or part of one, that was held out
 
     Raises
@@ -110,7 +112,7 @@ def learn_corrections(
     own = [annotate(sequence, library) for _, sequence in corrected]
     before = _count(own, [track for track, _ in corrected])
     after: dict[str, list[Counts]] = {}
-    parts = split_parts(corrected)
+    parts = split_parts(corrected) if estimate else []
     for held_out in parts if len(parts) > 1 else ():
         learned = _learn(library, [pair for part in parts if part is not held_out for pair in part])
         tracks = [annotate(sequence, learned) for _, sequence in held_out]
