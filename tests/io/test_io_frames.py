@@ -1,5 +1,8 @@
 """Are numbers read at once the numbers that `float` reads one by one?"""
 
+import math
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -25,6 +28,23 @@ def test_numbers_are_those_of_float(rows, blank):
     text = "\n".join(blank.join(row) for row in rows)
     values = read_frames(text.encode(), [None] * 3)
     np.testing.assert_array_equal(values, [[float(word) for word in row] for row in rows])
+
+
+def test_decimals_of_every_length_are_those_of_float():
+    digits = "98765432109876543210"
+    plain = [digits[:a] + dot + digits[:b] for a in range(18) for b in range(18) for dot in ".,"]
+    words = [sign + word for word in plain for sign in ("", "-", "+")]
+    for word in ("-0.0", "-0", "00000000.5", "1.2.3", "--1", "1-2", "+-1", "12e3", "1_0", "1x"):
+        words += [word, word + "0" * 8, "0" * 8 + word]
+    for shift in range(8):
+        found = find_words(b" " * shift + " ".join(words).encode())
+        values = to_floats(found)
+        for word, value in zip(words, values.tolist(), strict=True):
+            plain = re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)", word)
+            if plain and sum(map(str.isdigit, word)) <= 15:
+                assert value.hex() == float(word).hex()
+            else:
+                assert math.isnan(value), word
 
 
 @given(st.integers(1, 60), st.integers(1, 400), st.booleans())

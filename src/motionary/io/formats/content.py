@@ -109,14 +109,17 @@ def place_joints(
     with np.errstate(all="ignore"):
         for start in range(0, n_frames, _TOGETHER):
             part = slice(start, start + _TOGETHER)
+            # Frames last in memory, as forward kinematics runs along them.
+            turns = quaternions_to_matrices(np.swapaxes(quaternions[part], 0, 1))
             positions[part] = forward_kinematics(
                 skeleton,
-                quaternions_to_matrices(quaternions[part]),
+                np.swapaxes(turns, 0, 1),
                 root_positions[part],
                 {joint: moved[part] for joint, moved in translations.items()},
             )
-    possible = np.abs(positions).max(axis=(1, 2)) < FARTHEST
-    if not possible.all():
+    # NaN is no possible place either.
+    if not (positions.max() < FARTHEST and positions.min() > -FARTHEST):
+        possible = np.abs(positions).max(axis=(1, 2)) < FARTHEST
         frame = 1 + int(np.flatnonzero(~possible)[0])
         raise UnreadableFile(f"{source}: frame {frame} from the start has impossibly large numbers")
     return positions
