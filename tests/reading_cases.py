@@ -16,15 +16,6 @@ from motionary.motion import GENERIC_JOINTS
 
 LONGEST_MESSAGE = 500
 
-# What is not read right yet, by the id of its test, or by the test's name where it has no
-# parameters: who mends one takes it out.
-NOT_YET = (
-    "wild/omimo+PyMO/AV_8Walk_Meredith_HVHA_Rep1.bvh",
-    "wild/ufbx+ufbx/blender_293_barbarian_7400_binary.fbx",
-)
-#: Of these, what would only wait.
-WAITS = ("hash_bomb.pkl",)
-
 
 @dataclass(frozen=True)
 class Read:

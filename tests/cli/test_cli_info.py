@@ -1,6 +1,7 @@
 """`motionary info`: a mapping saved and given back, a picture of first poses, tables."""
 
 import csv
+import json
 
 import numpy as np
 import pytest
@@ -59,6 +60,41 @@ def test_a_mapping_is_of_one_rig(motionary, rig, tmp_path):
     assert "a skeleton is written as .toml" in ran.err
     ran = motionary("info", rig, "--skeleton", tmp_path / "none.toml")
     assert (ran.code, "cannot be read" in " ".join(ran.err.split())) == (2, True)
+
+
+def test_a_rig_of_unknown_joints_gets_a_template_to_fill_in(motionary, tmp_path):
+    figure = synthetic_motion("squat", seed=1)
+    names = tuple(f"Objekt {i}" for i in range(len(figure.names)))
+    unknown = Motion(names, figure.positions, Recording(rate_hz=figure.rate_hz))
+    write(unknown, tmp_path / "props.trc")
+    table = tmp_path / "rig.toml"
+    ran = motionary("info", tmp_path / "props.trc", "--save-mapping", table)
+    assert ran.code == 0, ran.err
+    assert "--save-mapping RIG.toml writes what to fill in" in " ".join(ran.out.split())
+    text = table.read_text()
+    assert text.startswith("# No joint is mapped yet")
+    assert "Objekt 23" in text
+    # As it is, it maps nothing; filled in, everything.
+    ran = motionary("info", tmp_path / "props.trc", "--skeleton", table)
+    assert "has none of the joints" in ran.out
+    for joint, name in zip(figure.names, names, strict=True):
+        text = text.replace(f"# {joint} =\n", f'{joint} = "{name}"\n')
+    table.write_text(text)
+    ran = motionary("info", tmp_path / "props.trc", "--skeleton", table, "--json")
+    assert json.loads(ran.out)["relations_known"] == 40
+
+
+def test_files_that_cannot_be_read_do_not_stop_a_mapping(motionary, rig, tmp_path):
+    (tmp_path / "a.bvh").write_text("HIERARCHY\nROOT")
+    (tmp_path / "z.c3d").write_bytes(b"\0" * 700)
+    table = tmp_path / "rig.toml"
+    ran = motionary("info", tmp_path, "--save-mapping", table)
+    assert ran.code == 1
+    assert "a.bvh" in ran.out
+    assert 'lknee = "lLeg"' in table.read_text()
+    rig.unlink()
+    ran = motionary("info", tmp_path, "--save-mapping", table, "--force")
+    assert (ran.code, "no recording whose joints could be" in ran.err) == (1, True)
 
 
 def test_first_poses_are_drawn(motionary, rig, tmp_path):

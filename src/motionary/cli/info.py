@@ -1,6 +1,6 @@
 """`motionary info`: what recordings hold, what is missing and what was assumed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -163,32 +163,39 @@ def _save_mapping(files: Mapping[str, Path], path: str, reading: ReadOptions) ->
     """Write the mapping of the joints of the files; it must be one for all."""
     from motionary.io import save_skeleton
 
-    if not files:
+    first: Motion | None = None
+    for name, motion in _readable(files, reading):
+        first = first or motion
+        if motion.names != first.names:
+            raise InvalidInput(
+                f"{path}: a mapping is written of recordings of one rig, and {name} has another "
+                "one; name one recording"
+            )
+    if first is None:
         raise InvalidInput(f"{path}: no recording whose joints could be written down")
-    motions = [read_recording(file, reading) for file in files.values()]
-    others = [m for m in motions if m.mapping is None or m.names != motions[0].names]
-    if len(motions) > 1 and others:
-        raise InvalidInput(
-            f"{path}: a mapping is written of recordings of one rig, and {others[0].source} has "
-            "another one; name one recording"
-        )
-    save_skeleton(motions[0], path)
+    save_skeleton(first, path)
+
+
+def _readable(files: Mapping[str, Path], reading: ReadOptions) -> "Iterator[tuple[str, Motion]]":
+    """Recordings that can be read, with their names; of the others the table says why."""
+    for name, file in files.items():
+        try:
+            motion = read_recording(file, reading)
+        except Exception:
+            # Whatever a damaged file makes of its reader, it is no reason to leave out the others.
+            continue
+        yield name, motion
 
 
 def _draw(files: Mapping[str, Path], path: str, reading: ReadOptions) -> None:
     """The first poses of the recordings that can be read, as many as a picture holds."""
-    from motionary.errors import MotionaryError
     from motionary.plots import MOST_RECORDINGS, plot_recordings, save
 
     motions: list[Motion] = []
-    for name, file in files.items():
+    for name, motion in _readable(files, reading):
         if len(motions) == MOST_RECORDINGS:
             screen.warn(f"{path}: shows the first {len(motions)} of {len(files)} recordings")
             break
-        try:
-            motion = read_recording(file, reading)
-        except MotionaryError:
-            continue  # The table says why.
         motions.append(motion.renamed(name))
     if motions:
         save(plot_recordings(motions), path)

@@ -242,26 +242,27 @@ def _parse_skeleton(path: Path, state: tuple[int, int]) -> SkeletonTable:
 def save_skeleton(motion: Motion, path: str | Path) -> None:
     """Write how the joints of a motion are mapped, to be corrected and given back.
 
+    Where no joint is mapped it is a template to fill in.
+
     Parameters
     ----------
-    motion : whose mapping is known
+    motion : whose joints are written down
     path : the file, .toml
 
     Raises
     ------
     InvalidInput
-        If the mapping is unknown, or the file is called otherwise.
+        If the file is called otherwise.
     UnwritableFile
         If the file cannot be written.
     """
     from motionary.io.text import write_text
+    from motionary.motion import JointMapping
     from motionary.skeletons import format_table, without_guess
 
     path = Path(path)
     if path.suffix.lower() != _TABLE:
         raise InvalidInput(f"a skeleton is written as {_TABLE}, got {path.name}")
-    if motion.mapping is None:
-        why = motion.notes[-1] if motion.notes else "no known skeleton has them"
-        raise InvalidInput(f"{motion.source or 'motion'}: its joints are not mapped: {why}")
+    mapping = motion.mapping or JointMapping("", {})
     about = f"Joints of {motion.source}" if motion.source else "Joints of a rig"
-    write_text(path, [format_table(without_guess(motion.mapping), about=about, names=motion.names)])
+    write_text(path, [format_table(without_guess(mapping), about=about, names=motion.names)])

@@ -29,6 +29,9 @@ _LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "knee", "ankle"
 # what is nearer to the root than this is still the pelvis.
 _SAME = 0.02
 _PELVIS = 0.1
+# Of a leg's length: a trunk of one bone is longer; its arms begin nearer to each other than that.
+_FAR = 0.15
+_TOGETHER = 0.5
 # Of a limb's two long bones the shorter is at least this share of the longer; by lengths
 # alone, of the longest pair.
 _ALIKE = 0.4
@@ -99,7 +102,9 @@ def guess_from_tree(skeleton: Skeleton, positions: Floats) -> JointMapping | Non
     put("root", root)
     neck = _add_head(tree, limbs, top, put)
     spine = _spine(tree, root, top, leg_m)
-    if neck is not None and spine and neck == spine[-1]:
+    own_neck = _neck_of_arms(tree, limbs, neck, top, leg_m)
+    weights |= own_neck
+    if not own_neck and neck is not None and spine and neck == spine[-1]:
         spine = spine[:-1]
     # A rig may have no arms.
     for side, path in zip("lr", limbs.arms, strict=False):
@@ -232,6 +237,22 @@ def _add_head(
     neck = path[0] if at > 0 else top
     put("neck", neck)
     return neck
+
+
+def _neck_of_arms(
+    tree: Tree, limbs: Limbs, neck: int | None, top: int | None, leg: float
+) -> dict[str, Source]:
+    """The neck where both arms begin together, far above the joint that they hang on.
+
+    Of a trunk of one bone, with arms and head at its end, the joint of the spine is no neck.
+    """
+    if neck is None or neck != top or len(limbs.arms) != 2:
+        return {}
+    left, right = (path[0] for path in limbs.arms)
+    apart, above = tree.distance(left, right), tree.distance(neck, left)
+    if apart > _TOGETHER * above or above < _FAR * leg:
+        return {}
+    return {"neck": {tree.sources[left]: 0.5, tree.sources[right]: 0.5}}
 
 
 def _add_arm(

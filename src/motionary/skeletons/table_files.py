@@ -37,6 +37,10 @@ _PREFIX = re.compile(r"^[^\s._-]+[\s._|-]+(?=.)")
 _BEFORE = re.compile(r"^(?:.*:|mixamorig\d*(?=[A-Z]))")
 _SUFFIX = re.compile(r"(?<=.)[._-][^\s._-]+$")
 _FEWEST = 7
+_TO_FILL_IN = (
+    "No joint is mapped yet: write the rig's names behind the joints that it has, such as "
+    'lknee = "left_calf", and take away the # before them. Joints that it lacks stay as they are.'
+)
 _SHARED = 0.6
 _MOST_AFFIXES = 3
 
@@ -206,7 +210,10 @@ def format_table(mapping: JointMapping, *, about: str, names: tuple[str, ...] = 
     names : all names that there are, written as a remark for who corrects the mapping
     """
     remark = _one_line(f"joints: {', '.join(names)}") if names else ""
-    lines = [f"# {line}" for line in textwrap.wrap(remark, 96, break_on_hyphens=False)]
+    remarks = [*([] if mapping.weights else [_TO_FILL_IN]), *([remark] if remark else [])]
+    lines = [
+        f"# {line}" for text in remarks for line in textwrap.wrap(text, 96, break_on_hyphens=False)
+    ]
     lines.append(f"about = {_quoted(about)}")
     if mapping.note:
         lines.append(f"note = {_quoted(mapping.note)}")
