@@ -17,11 +17,11 @@ from motionary.errors import (
 )
 from motionary.io.formats import (
     FORMATS,
-    WAYS_OUT,
     WRITTEN_SUFFIXES,
     Format,
     find_format,
     load_function,
+    way_out,
 )
 from motionary.io.formats.content import FileContent
 from motionary.io.formats.takes import label_takes, split_take
@@ -84,12 +84,8 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
     form = find_format(path)
     if form is None:
         known = ", ".join(form.suffix for form in FORMATS)
-        way_out = WAYS_OUT.get(path.suffix.lower())
-        raise UnreadableFile(
-            f"{path}: {way_out}"
-            if way_out
-            else f"{path}: unknown format {path.suffix!r}; known are {known}"
-        )
+        problem = way_out(path) or f"unknown format {path.suffix!r}; known are {known}"
+        raise UnreadableFile(f"{path}: {problem}")
     _check_options(options, form, path)
     table = options.skeleton_table()
     content: FileContent = load_function(form.read)(path, options)

@@ -126,7 +126,7 @@ def map_joints(
         return Unmapped(
             f"no known skeleton has the joints {few}, and neither legs nor arms were found among "
             "them: a prop, or a rig whose joints you must map: motionary info FILE --save-mapping "
-            "RIG.toml writes what to fill in, --skeleton RIG.toml (skeleton=...) takes it"
+            "RIG.toml writes what to fill in, --skeleton RIG.toml (skeleton=...) reads it"
         )
     if mapping is None or (some is not None and is_four_legged(mapping, names, some)):
         return Unmapped("an animal on four legs: the features are those of people", is_human=False)

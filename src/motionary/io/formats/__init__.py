@@ -5,6 +5,7 @@ is read or written.
 """
 
 import importlib
+import re
 from collections.abc import Callable
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
@@ -109,18 +110,27 @@ FORMATS = (
     Format(".sto", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
     Format(".mot", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
 )
-#: What to do about files that other programs read, by suffix.
-WAYS_OUT = {
-    ".pt": "holds Python objects of PyTorch, which run when they are opened; where you trust it: "
-    "numpy.savez('motion.npz', **{k: v.numpy() for k, v in torch.load(FILE).items()})",
-    **dict.fromkeys(
-        (".dae", ".usd", ".usda", ".usdc", ".usdz", ".blend", ".abc"),
-        "is read by Blender: open it there and export FBX or BVH (File > Export)",
-    ),
+_PYTORCH = (
+    "holds Python objects of PyTorch, which run when they are opened; where you trust it: "
+    "numpy.savez('motion.npz', **{k: v.numpy() for k, v in torch.load(FILE).items()})"
+)
+# What to do about files that other programs read, by suffix.
+_WAYS_OUT = {
+    **dict.fromkeys((".pt", ".pth", ".ckpt"), _PYTORCH),
     **dict.fromkeys((".ma", ".mb", ".max"), "is a scene of its program: export FBX or BVH there"),
+    ".abc": "holds shapes without joints: export FBX or BVH from the program that made it",
     ".xlsx": "is a workbook: save the sheet as CSV with columns such as hip_x, hip_y, hip_z",
     ".eaf": "holds labels of ELAN and no motion",
 }
+# How Blender opens what it reads.
+_BLENDER = {
+    ".fbx": "import_scene.fbx",
+    ".dae": "wm.collada_import",
+    ".blend": "wm.open_mainfile",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "wm.usd_import"),
+}
+# Names that no shell and no Python takes for more than a name.
+_HARMLESS = re.compile(r"\w[\w .+-]*")
 _BY_SUFFIX = {form.suffix: form for form in FORMATS}
 _BY_SUFFIX |= {form.suffix + PACKED: form for form in FORMATS if form.is_text}
 
@@ -137,6 +147,28 @@ WRITTEN_SUFFIXES = tuple(suffix for suffix, form in _BY_SUFFIX.items() if form.w
 def find_format(path: str | PurePath) -> Format | None:
     """The format of a file, by its name; None if it is unknown."""
     return _BY_SUFFIX.get(format_suffix(path))
+
+
+def way_out(path: str | PurePath) -> str | None:
+    """What to do about a file of a format that is not read; None where nothing is known."""
+    path = PurePath(path)
+    if path.suffix.lower() in _BLENDER:
+        return f"is read by Blender, which writes its bones as BVH: {blender_line(path)}"
+    return _WAYS_OUT.get(path.suffix.lower())
+
+
+def blender_line(path: str | PurePath) -> str:
+    """The command with which Blender converts a file to BVH."""
+    path = PurePath(path)
+    suffix = path.suffix.lower()
+    # A name may come from anybody, and the line is made to be run.
+    stem = path.stem if _HARMLESS.fullmatch(path.name) else "FILE"
+    return (
+        f'blender --background --python-expr "import bpy; bpy.ops.{_BLENDER[suffix]}(filepath='
+        f"'{stem}{path.suffix}'); bpy.context.view_layer.objects.active = next(o for o in "
+        "bpy.data.objects if o.type == 'ARMATURE'); "
+        f"bpy.ops.export_anim.bvh(filepath='{stem}.bvh')\""
+    )
 
 
 def options_of(path: str | Path) -> frozenset[str]:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import open_regular
+from motionary.io.formats import blender_line
 from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
 from motionary.io.formats.npz import Array, read_npz
 from motionary.io.normalise.units_axes import FileMetadata
@@ -49,12 +50,6 @@ _LOOKED_AT, _STILL, _FRAMES_HZ = 9, 1e-6, 30.0
 # for cycles: all are kept until the process ends.
 _kept: list[Any] = []
 
-_RECIPE = (
-    'blender --background --python-expr "import bpy; '
-    "bpy.ops.import_scene.fbx(filepath='{name}'); "
-    "bpy.ops.export_anim.bvh(filepath='{stem}.bvh')\""
-)
-
 
 def read_fbx(path: Path, options: ReadOptions) -> FileContent:
     """Bones of an FBX file, in metres with y up by what the file says.
@@ -69,10 +64,9 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
     """
     open_regular(path).close()
     if importlib.util.find_spec("ufbx") is None:
-        recipe = _RECIPE.format(name=path.name, stem=path.stem)
         raise UnreadableFile(
             f"{path.name}: FBX needs ufbx: pip install 'motionary[fbx]'; or convert the file with "
-            f"Blender: {recipe}"
+            f"Blender: {blender_line(path)}"
         )
     arrays = _read_in_child(path, options.take)
     is_given = options.unit is not None or options.up is not None
