@@ -18,9 +18,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from motionary.errors import InvalidInput, MotionaryError, NotAFile, UnreadableFile, UnwritableFile
+from motionary.tables import printable
 
 #: The name of standard output, as commands of POSIX take it.
 STDOUT = "-"
+_ALSO_STDOUT = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
 #: What a table of separated values may be called.
 TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
@@ -82,7 +84,8 @@ def _open_at_once(path: str, flags: int) -> int:
 def _check_regular(path: str | Path, status: os.stat_result) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-        raise NotAFile(f"{path}: is no regular file but {kind}; store its content in a file")
+        remedy = "name a file in it" if kind == "a folder" else "store its content in a file"
+        raise NotAFile(f"{path}: is no regular file but {kind}; {remedy}")
 
 
 def check_table_name(path: str | Path) -> None:
@@ -117,8 +120,8 @@ def write_atomically(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     with _as_unwritable(path):
         place = Path(os.path.realpath(path)) if path.is_symlink() else path
-        before = None if str(path) == STDOUT else _state_of(place)
-        is_stream = str(path) == STDOUT or (before is not None and not stat.S_ISREG(before.st_mode))
+        before = None if is_stdout(path) else _state_of(place)
+        is_stream = is_stdout(path) or (before is not None and not stat.S_ISREG(before.st_mode))
         if not is_stream:
             place.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(
@@ -133,7 +136,7 @@ def write_atomically(path: str | Path) -> Iterator[Path]:
             _give_rights(beside, before)
             yield beside
             if is_stream:
-                _send(beside, place)
+                _send(beside, None if is_stdout(path) else place)
             else:
                 beside.replace(place)
     finally:
@@ -160,14 +163,23 @@ def is_protected(place: Path) -> bool:
     return not place.stat().st_mode & _WRITE_BITS or not os.access(place, os.W_OK)
 
 
-def _send(written: Path, place: Path) -> None:
-    """Copy a file to a stream."""
+def is_stdout(path: str | Path) -> bool:
+    """Whether a name means standard output."""
+    return str(path) in (STDOUT, *_ALSO_STDOUT)
+
+
+def _send(written: Path, place: Path | None) -> None:
+    """Copy a file to a stream, by default stdout; terminals get letters only."""
     with written.open("rb") as source:
-        if str(place) != STDOUT:
+        if place is not None:
             with place.open("wb", buffering=0) as target:
                 shutil.copyfileobj(source, target)
             return
         sys.stdout.flush()
+        if sys.stdout.isatty():
+            for line in source.read().decode("utf-8", "replace").splitlines():
+                sys.stdout.write(f"{printable(line)}\n")
+            return
         shutil.copyfileobj(source, sys.stdout.buffer)
         sys.stdout.flush()
 

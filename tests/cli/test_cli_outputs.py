@@ -224,6 +224,36 @@ def test_places_that_cannot_be_written_are_told_before_the_work(
     assert {path.read_text() for path in full.iterdir()} == {"mine"}
 
 
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="names of POSIX")
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("-", "pipe"), ("-", "terminal"), ("/dev/stdout", "pipe"), ("/dev/stdout", "file")],
+)
+def test_stdout_under_its_names(tmp_path, name, kind):
+    import subprocess
+
+    labels = "recording,label,start_s,end_s\nÜbung 1.bvh,a\x1b[2Jb,0.0,0.5\n"
+    (tmp_path / "lab els.csv").write_text(labels, "utf-8")
+    main_end, terminal = os.openpty() if kind == "terminal" else os.pipe()
+    with open(terminal, "wb") if kind != "file" else (tmp_path / "out").open("wb") as target:
+        done = subprocess.run(
+            [sys.executable, "-m", "motionary", "labels", "convert", "lab els.csv", "-o", name],
+            stdout=target, stderr=subprocess.PIPE, check=False, cwd=tmp_path,
+            env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+        )  # fmt: skip
+        assert (done.returncode, done.stderr) == (0, b"")
+        if kind == "terminal":
+            written = os.read(main_end, 4096).replace(b"\r\n", b"\n")
+            # No name of a file's moves the cursor.
+            labels = labels.replace("\x1b", "\N{REPLACEMENT CHARACTER}")
+    if kind != "terminal":
+        written = (tmp_path / "out").read_bytes() if kind == "file" else os.read(main_end, 4096)
+    os.close(main_end)
+    if kind == "file":
+        os.close(terminal)
+    assert written.decode("utf-8") == labels
+
+
 def test_cells_that_excel_would_compute_are_text(tmp_path):
     rows = [["=1+1", "+a", "@b", "-c", "\td", "plain", -0.5, -3, None]]
     write_table(rows, tmp_path / "excel.csv", excel=True)

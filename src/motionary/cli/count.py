@@ -10,7 +10,7 @@ from motionary.cli import screen
 from motionary.cli.annotate import LabelOptions
 from motionary.cli.annotate import annotate as annotate_files
 from motionary.cli.options import AsJson, Jobs
-from motionary.files import STDOUT
+from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def show_counts(
         columns = [name.lstrip(">") for name in _COLUMNS]
         table = [[row[name] for name in columns] for row in rows]
         write_table([columns, *table], Path(output), excel=excel)
-    if output == STDOUT:
+    if output and is_stdout(output):
         return
     if as_json:
         for one, row in zip(counts, rows, strict=True):

@@ -12,6 +12,7 @@ from motionary.cli.options import AsJson, Excel, Force, InFrames, check_target, 
 from motionary.cli.recordings import find_files, read_recording
 from motionary.cli.screen import enumerate_names
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -119,6 +120,8 @@ def convert(
         recording = None if name is None else sources.files[name]
         write_labels(content, target, to=form.name, excel=options.excel, recording=recording)
     _say_lost(form, tracks)
+    if is_stdout(options.output):
+        return 1 if sources.missing else 0
     screen.warn(
         f"{sum(map(len, tracks.values()))} labels of {len(tracks)} recordings written to "
         f"{options.output}"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import typer
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.files import STDOUT, check_table_name, holds_others, is_protected
+from motionary.files import check_table_name, holds_others, is_protected, is_stdout
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class TableOptions:
     @property
     def takes_stdout(self) -> bool:
         """Whether the table goes to stdout, in the place of what is said to people."""
-        return self.output == STDOUT
+        return self.output is not None and is_stdout(self.output)
 
     def check(self, *, as_json: bool) -> None:
         """Fail before the work where there is no table, or it cannot be written.
@@ -214,7 +214,7 @@ def check_target(path: str | None, *, is_folder: bool = False, replace: bool = T
         If something above `path` is a file or may not be written to, or `path` is a folder
         where it should be a file, or the other way round, or must not be replaced.
     """
-    if path is None or path == STDOUT:
+    if path is None or is_stdout(path):
         return
     place = Path(path).absolute()
     if not replace and (place / LIBRARY_FILE if is_folder else place).is_file():

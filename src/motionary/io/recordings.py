@@ -15,6 +15,7 @@ from motionary.errors import (
     check_kind,
     check_path,
 )
+from motionary.files import open_regular
 from motionary.io.formats import (
     FORMATS,
     WRITTEN_SUFFIXES,
@@ -84,7 +85,11 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
     form = find_format(path)
     if form is None:
         known = ", ".join(form.suffix for form in FORMATS)
-        problem = way_out(path) or f"unknown format {path.suffix!r}; known are {known}"
+        problem = way_out(path)
+        if not problem:
+            # What is not there, or is no file, is told first.
+            open_regular(path).close()
+            problem = f"unknown format {path.suffix!r}; known are {known}"
         raise UnreadableFile(f"{path}: {problem}")
     _check_options(options, form, path)
     table = options.skeleton_table()

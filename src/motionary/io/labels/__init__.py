@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from motionary.errors import InvalidInput, UnreadableFile, check_kind, check_path
-from motionary.files import STDOUT
+from motionary.files import is_stdout
 from motionary.io.text import format_suffix
 from motionary.labels import LabelTrack
 from motionary.recording import Recording
@@ -251,7 +251,7 @@ def find_label_format(path: str | Path, *, to: str | None = None) -> LabelFormat
         if len(named) > 1 and f".{wanted.lstrip('.')}" in _NEEDS_NAME:
             raise InvalidInput(f"{to} may be {' or '.join(f.name for f in named)}; say which")
         return named[0]
-    suffix = "" if str(path) == STDOUT else format_suffix(path)
+    suffix = "" if is_stdout(path) else format_suffix(path)
     found = [form for form in FORMATS if suffix in form.suffixes]
     if not found:
         raise InvalidInput(

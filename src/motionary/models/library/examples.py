@@ -101,9 +101,10 @@ def list_examples(folder: Path, *, split: bool = True) -> list[tuple[str, str, P
     Of files with several recordings each is one, unless `split` is false.
     """
     if not folder.is_dir():
+        why = "is no folder" if folder.exists() else "no such folder"
         raise UnreadableFile(
-            f"{folder}: no such folder; give a folder with one folder per class, or a table of "
-            "labels with the recordings that they are of"
+            f"{folder}: {why}; give a folder with one folder per class, or a table of labels with "
+            "the recordings that they are of"
         )
     files = []
     for path in sorted(folder.rglob("*")):
