@@ -129,13 +129,13 @@ def compare(data: Path, paths: list[Path], way: Callable[[Path, Motion, int], Th
     for path in paths:
         name = _name(data, path)
         try:
-            takes = list(_takes(path))
+            takes = list(takes_of(path))
         except MotionaryError as error:
             ours_refuse[name] = str(error)[:200]
             continue
         try:
             for take, motion in enumerate(takes, 1):
-                theirs = _quietly(way, path, motion, take)
+                theirs = quietly(way, path, motion, take)
                 apart, differ = difference(theirs, motion)
                 differences[name] = max(apart, differences.get(name, 0.0))
                 unseen += differ
@@ -163,7 +163,8 @@ def compare(data: Path, paths: list[Path], way: Callable[[Path, Motion, int], Th
     }
 
 
-def _takes(path: Path) -> Iterator[Motion]:
+def takes_of(path: Path) -> Iterator[Motion]:
+    """Each take of a file, in their sequence."""
     motion = read(path)
     takes = next((note for note in motion.notes if note.startswith("take ")), "")
     if not takes:
@@ -176,7 +177,8 @@ def _takes(path: Path) -> Iterator[Motion]:
             return
 
 
-def _quietly(way: Callable[..., Theirs], path: Path, motion: Motion, take: int) -> Theirs:
+def quietly(way: Callable[..., Theirs], path: Path, motion: Motion, take: int) -> Theirs:
+    """What another reader makes of a take, without what it prints and warns."""
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         return way(path, motion, take)
