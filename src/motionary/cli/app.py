@@ -29,6 +29,7 @@ COMMANDS = {
     "annotate": "annotate",
     "count": "count",
     "report": "report",
+    "render": "render",
     "learn": "learn",
     "library": "library",
     "cut": "convert",

@@ -4,6 +4,7 @@ Every function returns a `matplotlib.figure.Figure`, made without pyplot: no win
 display, no state shared with the pictures of others.
 """
 
+from motionary.plots.animation import MOVING, check_moving, render
 from motionary.plots.features import plot_features
 from motionary.plots.figures import BONES, plot_pose
 from motionary.plots.sensors import plot_check
@@ -15,6 +16,8 @@ from motionary.plots.timelines import plot_annotation, plot_distance
 __all__ = [
     "BONES",
     "MOST_RECORDINGS",
+    "MOVING",
+    "check_moving",
     "describe_facing",
     "plot_annotation",
     "plot_check",
@@ -25,5 +28,6 @@ __all__ = [
     "plot_recordings",
     "plot_sheet",
     "plot_template",
+    "render",
     "save",
 ]

@@ -1,0 +1,114 @@
+"""`motionary render`: a recording as a moving picture, over its labels."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motionary.cli import screen
+from motionary.cli.options import Force, check_target, wrong
+from motionary.cli.query import Moment, parse_moment
+from motionary.cli.recordings import read_recording
+from motionary.errors import InvalidInput
+from motionary.io.options import ReadOptions
+
+if TYPE_CHECKING:
+    from motionary.labels import LabelTrack
+    from motionary.motion import Motion
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderOptions:
+    """What of a recording is drawn, and where it goes."""
+
+    output: Annotated[
+        str,
+        typer.Option("--output", "-o", metavar="FILE", help="A .gif, or .mp4 by ffmpeg."),
+    ]
+    labels: Annotated[
+        str | None, typer.Option(metavar="LABELS", help="Labels to show below, in any format.")
+    ] = None
+    start: Annotated[
+        Moment | None,
+        typer.Option(
+            "--from", metavar="TIME", parser=parse_moment,
+            help="Where to start: seconds, 0:01.5, or a frame as in 45f.",
+        ),
+    ] = None  # fmt: skip
+    stop: Annotated[
+        Moment | None,
+        typer.Option("--to", metavar="TIME", parser=parse_moment, help="Where to end."),
+    ] = None
+    pictures: Annotated[
+        float, typer.Option(min=1.0, max=120.0, metavar="HZ", help="Pictures a second.")
+    ] = 12.5
+    dpi: Annotated[
+        int, typer.Option(min=20, max=400, help="Pixels an inch: 100 is about 480 wide.")
+    ] = 100
+    force: Force = False
+
+
+def render(
+    file: Annotated[str, typer.Argument(metavar="RECORDING", help="The recording to draw.")],
+    options: RenderOptions,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Draw a recording as a moving picture for a mail or a slide, over its labels.
+
+    motionary render take.bvh -o take.gif
+    motionary render take.bvh --labels labels.csv --from 1.5 --to 0:08 -o take.gif
+    """
+    from motionary.plots import check_moving
+    from motionary.plots import render as render_motion
+
+    try:
+        check_moving(options.output)
+    except InvalidInput as error:
+        raise wrong("--output", str(error)) from error
+    check_target(options.output, replace=options.force)
+    path = Path(file)
+    motion = read_recording(path, reading).renamed(path.name)
+    track = None if options.labels is None else _read_track(options.labels, motion)
+    motion, track = _cut(motion, track, options)
+    render_motion(motion, options.output, track, pictures_per_s=options.pictures, dpi=options.dpi)
+    screen.say_size(options.output)
+
+
+def _read_track(path: str, motion: "Motion") -> "LabelTrack":
+    from motionary.io import match_recording, read_labels
+    from motionary.labels import of_recording
+
+    name = motion.recording.name
+    tracks = read_labels(path, recordings={name: motion.recording})
+    found = [key for key in tracks if match_recording(key, [name])]
+    if len(found) != 1:
+        there = screen.enumerate_names(sorted(tracks)) or "none"
+        raise InvalidInput(f"{path}: has no labels of {name}, or several tracks; has {there}")
+    return of_recording(tracks[found[0]], motion.recording)
+
+
+def _cut(
+    motion: "Motion", track: "LabelTrack | None", options: RenderOptions
+) -> "tuple[Motion, LabelTrack | None]":
+    """The part that is asked for, times of labels from its start."""
+    from motionary.labels import part_of
+
+    length = motion.duration_s
+    start_s = 0.0 if options.start is None else options.start.seconds_in(motion.recording)
+    stop_s = (
+        length if options.stop is None else options.stop.seconds_in(motion.recording, is_end=True)
+    )
+    if not 0 <= start_s < min(stop_s, length):
+        raise wrong(
+            "--from, --to",
+            f"{motion.source} lasts from 0 to {length:.2f} s, got {start_s:g} to {stop_s:g}",
+        )
+    first = round(start_s * motion.rate_hz)
+    last = max(min(round(stop_s * motion.rate_hz), motion.n_frames), first + 1)
+    part = motion.cut(min(first, motion.n_frames - 1), last)
+    if track is None:
+        return part, None
+    ends = first / motion.rate_hz, last / motion.rate_hz
+    return part, part_of(track, part.recording, *ends)
