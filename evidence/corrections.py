@@ -1,7 +1,7 @@
-"""What ten minutes of corrected labels teach, tried on people whom nobody corrected.
+"""What some minutes of corrected labels teach, tried on people whom nobody corrected.
 
-Repetitions of ten exercises (UI-PRMD) stand in any order between as much walking and other
-everyday motion (CMU), a stream of about ten minutes a person. A library labels the stream of one
+Repetitions of ten exercises (UI-PRMD) stand in any order between walking and other everyday
+motion (CMU), a stream of six to eight minutes a person. A library labels the stream of one
 person, its labels are replaced by the true ones, as a person would correct them, and it learns
 from that. It then labels the streams of the other people. A label is right if it overlaps one
 of its class by half, one to one.
