@@ -83,6 +83,7 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
         (("annotate", "{world}/take.bvh", "--library", "none"), "motionary learn EXAMPLES -o LIB"),
         (("annotate", "{world}/take.bvh", "--library", "l", "--threshold", "-1"), "--threshold"),
         (("learn", "{world}/examples"), "--output"),
+        (("count", "{world}/take.bvh", "-o", "x.eaf"), "written as .csv, .tsv, .txt"),
         (("features", "{world}/take.bvh", "-o", "x.xls"), ".npz or .csv"),
         (("evaluate", "x.csv", "--truth", "y.csv", "--rename", "=b"), "NAME=NEW"),
         (("serch", "{world}"), "serch"),

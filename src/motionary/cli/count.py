@@ -1,7 +1,7 @@
 """`motionary count`: how often each class occurs, how long and how regularly."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -9,7 +9,7 @@ import typer
 from motionary.cli import screen
 from motionary.cli.annotate import LabelOptions
 from motionary.cli.annotate import annotate as annotate_files
-from motionary.cli.options import AsJson, Jobs
+from motionary.cli.options import AsJson, Jobs, TableFile
 from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
@@ -22,11 +22,19 @@ _COLUMNS = (
 )  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True)
+class CountOptions(LabelOptions):
+    """Options of labels whose counts are wanted."""
+
+    output: TableFile = None
+    count: Annotated[bool, typer.Option("--count", hidden=True)] = True
+
+
 def count(
     files: Annotated[
         list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to count in.")
     ],
-    options: LabelOptions,
+    options: CountOptions,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
@@ -39,7 +47,7 @@ def count(
 
     motionary count training.c3d --library exercises -o counts.csv
     """
-    return annotate_files(files, replace(options, count=True), as_json, jobs=jobs, reading=reading)
+    return annotate_files(files, options, as_json, jobs=jobs, reading=reading)
 
 
 def show_counts(

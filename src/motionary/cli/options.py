@@ -73,6 +73,10 @@ Excel = Annotated[
 ]
 
 
+TableFile = Annotated[
+    str | None,
+    typer.Option("--output", "-o", metavar="CSV", help="Write the results as a table, too."),
+]
 LabelFile = Annotated[
     str | None,
     typer.Option(
@@ -92,10 +96,7 @@ Force = Annotated[
 class TableOptions:
     """A table that results are written to."""
 
-    output: Annotated[
-        str | None,
-        typer.Option("--output", "-o", metavar="CSV", help="Write the results as a table, too."),
-    ] = None
+    output: TableFile = None
     excel: Excel = False
     force: Force = False
 
