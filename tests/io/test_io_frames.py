@@ -36,7 +36,7 @@ def test_decimals_of_every_length_are_those_of_float():
     words = [sign + word for word in plain for sign in ("", "-", "+")]
     for word in ("-0.0", "-0", "00000000.5", "1.2.3", "--1", "1-2", "+-1", "12e3", "1_0", "1x"):
         words += [word, word + "0" * 8, "0" * 8 + word]
-    for shift in range(8):
+    for shift in (0, 3):
         found = find_words(b" " * shift + " ".join(words).encode())
         values = to_floats(found)
         for word, value in zip(words, values.tolist(), strict=True):

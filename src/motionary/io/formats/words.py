@@ -23,6 +23,12 @@ _POWERS: Floats = np.power(10.0, np.arange(_MAX_WIDTH))
 _WHOLE_POWERS = 10 ** np.arange(8, dtype=np.uint64)
 _ONE, _BITS = np.uint64(1), np.uint64(64)
 _LAST_BYTES = np.array([2**64 - 2 ** (8 * (8 - n)) for n in range(9)], dtype=np.uint64)
+# Digits, pairs and fours of a word, joined to the next by a factor.
+_JOINED = [
+    (np.uint64(0x0F0F0F0F0F0F0F0F), np.uint64(10 << 8 | 1), np.uint64(8)),
+    (np.uint64(0x00FF00FF00FF00FF), np.uint64(100 << 16 | 1), np.uint64(16)),
+    (np.uint64(0x0000FFFF0000FFFF), np.uint64(10000 << 32 | 1), np.uint64(32)),
+]
 # By the number of the eight last letters before the dot; all eight where there is none.
 _N_DECIMALS = np.array([7, 6, 5, 4, 3, 2, 1, 0, 0], dtype=np.uint8)
 _FROM_DOT = np.array([8, 7, 6, 5, 4, 3, 2, 1, 0], dtype=np.intp)
@@ -117,9 +123,8 @@ def _digits(letters: Integers, counts: NDArray[Any]) -> tuple[Integers, NDArray[
     """The number of the last `counts` letters, and whether all are digits and no more than 8."""
     digits = (letters ^ _ZEROS) & _LAST_BYTES.take(counts, mode="clip")
     is_number = ((digits + _TO_HIGH_BIT) | digits) & _HIGH_BITS == 0
-    digits = digits * 2561 >> 8
-    digits = (digits & 0x00FF00FF00FF00FF) * 6553601 >> 16
-    digits = (digits & 0x0000FFFF0000FFFF) * 42949672960001 >> 32
+    for keep, factor, shift in _JOINED:
+        digits = ((digits & keep) * factor) >> shift
     return digits, is_number & (counts <= 8)
 
 
