@@ -459,3 +459,12 @@ def test_former_names_of_options_stay(motionary, world):
     assert "--good" not in motionary("search", "--help").out
     ran = motionary("learn", world / "examples", "-o", "x", "--suggest", "--threshold", 1)
     assert "--threshold, --calibrate: thresholds are given or chosen" in ran.err
+
+
+def test_too_little_memory_is_one_line(capsys):
+    from motionary.cli.app import _attempt
+
+    assert _attempt(lambda: np.ones(1 << 60, np.uint8), {}) == 1
+    assert capsys.readouterr().err == (
+        "motionary: there is not enough memory for this; give fewer or shorter recordings\n"
+    )

@@ -57,7 +57,7 @@ def take(tmp_path_factory):
 @given(
     st.lists(st.tuples(names, frames, st.sampled_from(["", "left hand"])), max_size=6),
     st.lists(frames, max_size=2),
-    st.sampled_from([24, 29.97, 59.94, 120]),
+    st.sampled_from([24, 29.97, 30, 50, 59.94, 100, 120]),
 )
 def test_moments_give_their_labels_back(content, unseen, rate):
     moments = [(moment.time_s, moment.text) for moment in list_moments(make(content, unseen, rate))]

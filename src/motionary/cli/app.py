@@ -223,6 +223,9 @@ def _attempt(command: Callable[..., int | None], values: dict[str, Any]) -> int:
     except OSError as error:
         warn(error.strerror or str(error))
         return 1
+    except MemoryError:
+        warn("there is not enough memory for this; give fewer or shorter recordings")
+        return 1
     except KeyboardInterrupt:
         return STOPPED_BY_KEYBOARD
     return code or 0
