@@ -150,9 +150,20 @@ def test_commands_take_each_recording(tmp_path, motions, motionary):
     assert [json.loads(line)["recording"] for line in ran.out.splitlines()] == ["batch.npz"]
     ran = motionary("info", f"{path}#3", "--json")
     assert json.loads(ran.out)["recording"] == "batch.npz#3"
+    body = np.stack([motion.generic_positions()[:, :22] for motion in motions])
+    results = {"motion": np.moveaxis(body, 1, 3), "lengths": np.array([20, 30, 30]), "text": []}
+    np.save(tmp_path / "results.npy", results, allow_pickle=True)
+    given = ("--up", "y!", "--unit", "1", "--sides", "named")
+    ran = motionary("info", tmp_path / "results.npy", "--json", *given)
+    rows = [json.loads(line) for line in ran.out.splitlines()]
+    assert [(row["recording"], row["frames"]) for row in rows] == [
+        ("results.npy#001", 20),
+        ("results.npy#002", 30),
+        ("results.npy#003", 30),
+    ]
     ran = motionary("annotate", path, "-o", tmp_path / "labels.csv", "--json")
     found = [json.loads(line)["recording"] for line in ran.out.splitlines()]
-    assert found == [row["recording"] for row in rows]
+    assert found == [f"batch.npz#00{i}" for i in (1, 2, 3)]
     (tmp_path / "cuts.csv").write_text(
         "recording,label,start_s,end_s\nbatch.npz#002,kick,0.2,0.6\nbatch-003,wave,0.1,0.5\n"
     )

@@ -332,6 +332,7 @@ DAMAGED = [
     (set_in("accessors", 0, "count", value=0), "no times of its keys"),
     (set_in("accessors", 1, "count", value=1), "has 1 elements where 2 are needed"),
     (set_in("accessors", 1, "type", value="VEC4"), "an accessor is VEC4 of 5126, expected 3 wide"),
+    (set_in("accessors", 1, "componentType", value={}), "componentType should be a whole number"),
     (set_in("accessors", 1, "byteOffset", value=10**9), "ends behind its view"),
     (set_in("accessors", 0, value={"type": "SCALAR", "componentType": 5126, "count": 9}),
      "has no numbers"),

@@ -44,9 +44,10 @@ def find_targets(
     found = []
     for channel in document.items("channels", animation):
         target = document.part(channel, "target")
-        if "node" in target and target.get("path") in _PATHS:
+        path = str(target.get("path"))
+        if "node" in target and path in _PATHS:
             node = document.index(target["node"], n_nodes, "nodes")
-            found.append((node, str(target["path"]), channel))
+            found.append((node, path, channel))
     return found
 
 

@@ -147,7 +147,8 @@ class Document:
         n : how many elements are needed; None for those that are there
         """
         form = self.item("accessors", accessor)
-        count, kind, code = self._whole(form, "count"), form.get("type"), form.get("componentType")
+        count, kind = self._whole(form, "count"), form.get("type")
+        code = self._whole(form, "componentType")
         if _WIDTHS.get(str(kind)) != width or code not in _TYPES:
             self.fail(f"an accessor is {str(kind)[:20]} of {str(code)[:20]}, expected {width} wide")
         if n is not None and count != n:
@@ -173,7 +174,7 @@ class Document:
         """Put the elements that a sparse accessor lists in their places."""
         n = self._whole(sparse, "count")
         indices = self.part(sparse, "indices")
-        code = indices.get("componentType")
+        code = self._whole(indices, "componentType")
         if code not in (5121, 5123, 5125):
             self.fail("a sparse accessor has no whole numbers for indices")
         at = self._elements(indices, np.dtype(_TYPES[code]), n, 1)[:, 0]

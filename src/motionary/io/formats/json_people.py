@@ -31,6 +31,7 @@ FLAT = (
 _MOST_RATIO, _ALWAYS_BYTES = 16, 1 << 26
 # Third numbers that are scores: none beyond one, beside pixels.
 _PIXELS = 20.0
+_MOST_PEOPLE = 1000
 MEDIAPIPE = 33
 _MEDIAPIPE_HIPS = [23, 24]
 
@@ -52,6 +53,11 @@ def find_people(frames: Sequence[Any], source: str) -> dict[str, Person]:
             name = who or str(index + 1)
             person = people.setdefault(name, Person({}, key))
             person.frames.setdefault(number, points)
+            if len(people) > _MOST_PEOPLE:
+                raise UnreadableFile(
+                    f"{source}: holds more than {_MOST_PEOPLE} people; are their ids those of a "
+                    "frame? leave ids out, or save one file for each person"
+                )
     if not people:
         raise NotAMotion(
             f"{source}: holds no motion; none of {len(frames)} frames has points with x, y and z"
