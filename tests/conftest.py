@@ -7,6 +7,7 @@ it the tests that ask for them skip, and the run says how many did.
 import ipaddress
 import os
 import socket
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -29,11 +30,11 @@ settings.register_profile(
     "motionary",
     derandomize=True,
     deadline=None,
-    max_examples=60,
+    max_examples=40,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
 )
-# A tenth of the inputs, for `make quick`; a test with a number of its own keeps that.
+# Some of the inputs, for `make quick`; a test with a number of its own keeps that.
 settings.register_profile("quick", settings.get_profile("motionary"), max_examples=6)
 settings.load_profile("motionary")
 
@@ -121,7 +122,13 @@ def _is_local(host: str) -> bool:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marks that select tests."""
+    """Register the marks that select tests; keep what is compiled for the run."""
+    # Where nothing is to be written beside the source, each process that a test starts would
+    # compile the package anew. Workers of the run have its environment.
+    if not hasattr(config, "workerinput") and os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
+        place = tempfile.TemporaryDirectory(prefix="motionary-tests-")
+        config.add_cleanup(place.cleanup)
+        os.environ["PYTHONPYCACHEPREFIX"] = place.name
     config.addinivalue_line("markers", f"{MARK}: asks for real recordings (set by itself)")
     config.addinivalue_line("markers", "slow: left out of `make quick` (set by tests/slow.txt)")
 
