@@ -71,8 +71,8 @@ class SeveralRecordings(InvalidInput):
         some = ", ".join(shown[:4]) + (f", ... {shown[-1]}" if len(takes) > 4 else "")
         super().__init__(
             f"{source}: holds {len(takes)} recordings ({some}); name one with --take "
-            f"{shown[0]} (take=...), or make a file of each: motionary convert FILE -o FOLDER "
-            "--to .npz"
+            f"{shown[0]} (take=...) or as {source}#1, or make a file of each: motionary convert "
+            "FILE -o FOLDER --to .npz"
         )
         self.takes = tuple(takes)
 

@@ -219,6 +219,8 @@ def test_the_animation_that_moves_is_read_or_the_one_that_is_given(tmp_path):
                for note in motion.notes)  # fmt: skip
     assert read(path, take="clip 3").positions[-1, 0, 0] == pytest.approx(2)
     assert read(path, take=1).n_frames == 4
+    third = read(f"{path}#clip 3")
+    assert (third.source, third.positions[-1, 0, 0]) == ("a.glb#clip 3", pytest.approx(2))
     with pytest.raises(InvalidInput, match="has no take 'x'; it has clip 1, clip 2, clip 3"):
         read(path, take="x")
 
