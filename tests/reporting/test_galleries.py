@@ -3,15 +3,17 @@
 import html
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cli_cases import CLASSES, write_examples
-from motionary import search
+from motionary import learn, search
 from motionary.errors import InvalidInput
 from motionary.motion import Motion
-from motionary.reporting import report_hits
+from motionary.reporting import report_hits, report_library
+from motionary.reporting.classes import find_confusions
 from motionary.retrieval.search import QueryExpansion
 from motionary.samples import synthetic_motion
 
@@ -125,3 +127,54 @@ def test_the_page_of_a_search_takes_yes_and_no(motionary, tmp_path):
     place = [cell["title"] for cell in again["cells"][1:]].index(titles[second]["title"])
     assert again["judging"]["ranks"][place] == 2
     assert motionary(*asked, "--report", tmp_path / "hits.txt").code == 2
+
+
+@pytest.fixture(scope="module")
+def kept(motions):
+    """A library that keeps the features of its examples."""
+    examples = {name: [motions[f"{name}{seed}"] for seed in range(3)] for name in CLASSES}
+    return learn(examples, keep_examples=True)
+
+
+def test_the_page_of_classes_plays_the_examples_that_are_at_hand(motions, kept):
+    galleries = content_of(report_library(kept, recordings=motions).text)["galleries"]
+    assert [one["name"] for one in galleries] == list(kept.names)
+    for gallery in galleries:
+        names = [f"{gallery['name']}{seed}" for seed in range(3)]
+        assert [cell["title"] for cell in gallery["cells"]] == names
+        assert gallery["template"]
+    lists = dict(galleries[0]["lists"])
+    assert lists["Examples"] == ["3 of the 3 that it was learned from"]
+
+
+def test_without_recordings_the_page_says_so_and_names_what_is_near(motions, kept):
+    alone = content_of(report_library(kept, names=["squat"]).text)["galleries"]
+    assert alone[0]["cells"] == []
+    assert "keeps no positions" in dict(alone[0]["lists"])["Examples"][0]
+    # A second class of the same motions cannot be told from the first.
+    twin = replace(kept["squat"], name="twin")
+    near = find_confusions(replace(kept, classes=(*kept.classes, twin)), kept["squat"])
+    assert near[0].startswith("twin: costs 0.000")
+    assert "may be taken for it" in near[0]
+    assert not any("may be taken" in line for line in near[1:])
+    with pytest.raises(InvalidInput, match="no classes"):
+        report_library(kept, names=[])
+
+
+def test_a_library_without_examples_shows_the_nearest(motions):
+    examples = {name: [motions[f"{name}{seed}"] for seed in range(2)] for name in CLASSES}
+    page = report_library(learn(examples), names=["squat"], recordings=motions)
+    (gallery,) = content_of(page.text)["galleries"]
+    titles = [cell["title"].split()[1] for cell in gallery["cells"][:3]]
+    assert set(titles) == {"squat0", "squat1", "squat2"}
+
+
+def test_the_command_writes_a_page_of_all_classes(motionary, tmp_path):
+    write_examples(tmp_path / "examples")
+    library, target = tmp_path / "lib", tmp_path / "classes.html"
+    assert motionary("learn", tmp_path / "examples", "-o", library).code == 0
+    ran = motionary("library", "show", library, "--report", target)
+    assert ran.code == 0
+    assert len(content_of(target.read_text("utf-8"))["galleries"]) == len(CLASSES)
+    assert motionary("library", "show", library).code == 2
+    assert motionary("library", "show", library, "squat", "--recordings", tmp_path).code == 2

@@ -15,11 +15,13 @@ from motionary.cli.options import (
     FeatureSetName,
     Force,
     check_library,
+    check_page,
     check_picture,
     check_target,
     find_feature_set,
     wrong,
 )
+from motionary.cli.recordings import find_files, read_motions, split_failures, warn_of_all
 from motionary.cli.relearn import (
     ClassName,
     LibraryFolder,
@@ -30,6 +32,7 @@ from motionary.cli.relearn import (
     say_changed,
 )
 from motionary.errors import InvalidInput
+from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.models.library import ClassEdit, ClassLibrary, MotionClass
@@ -83,10 +86,26 @@ def list_classes(folder: LibraryFolder, plot: PlotLibrary = None, as_json: AsJso
 
 def show(
     folder: LibraryFolder,
-    name: ClassName,
+    name: Annotated[
+        str | None, typer.Argument(metavar="CLASS", help="One of its classes; a page has all.")
+    ] = None,
     template: TemplateName = None,
     plot: PlotTemplate = None,
-) -> None:
+    page: Annotated[
+        str | None,
+        typer.Option(
+            "--report",
+            metavar="HTML",
+            help="Write a page: what a class asks for, its examples in step, what is near to it.",
+        ),
+    ] = None,
+    recordings: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATH", help="With --report: where examples are shown from."),
+    ] = None,
+    *,
+    reading: ReadOptions,
+) -> int:
     """Write a template as text that a person reads and edits.
 
     Before it stand the class's origin and licence, if they are known, as comments. The text
@@ -94,18 +113,54 @@ def show(
     mention is free. `motionary library edit --text` takes it back.
 
     motionary library show my-classes squat > squat.txt
+    motionary library show my-classes --report classes.html --recordings examples/
     """
     from motionary.models.library import open_library
     from motionary.models.templates import template_to_text
 
     check_picture("--plot", plot)
+    check_page("--report", page)
+    if name is None and page is None:
+        raise wrong("CLASS", "name one of the library's classes; --report shows all of them")
+    if recordings and page is None:
+        raise wrong("--recordings", "goes with --report HTML")
     loaded = open_library(folder)
+    failed = False
+    if page is not None:
+        failed = _write_page(page, loaded, name, recordings, reading)
+    if name is None:
+        return int(failed)
     motion_class = loaded[name]
     found = _find(motion_class, template)
-    text = template_to_text(found, tolerance=motion_class.tolerance, feature_set=loaded.feature_set)
-    screen.say(*_origin(loaded, motion_class), *text.splitlines())
+    if page is None:
+        text = template_to_text(
+            found, tolerance=motion_class.tolerance, feature_set=loaded.feature_set
+        )
+        screen.say(*_origin(loaded, motion_class), *text.splitlines())
     if plot:
         draw_template(plot, loaded, name, template)
+    return int(failed)
+
+
+def _write_page(
+    path: str,
+    library: "ClassLibrary",
+    name: str | None,
+    recordings: list[str] | None,
+    reading: ReadOptions,
+) -> bool:
+    """The page of one class or of all; whether a recording could not be read."""
+    from motionary.reporting import report_library
+
+    motions, failed = None, False
+    if recordings:
+        found = find_files(recordings)
+        motions, failures = split_failures(read_motions(found.files, reading))
+        failed = warn_of_all(found.missing.values(), failures, given=recordings)
+    names = None if name is None else [name]
+    report_library(library, path, names=names, recordings=motions, title=name or "classes")
+    screen.say_size(path)
+    return failed
 
 
 def _origin(library: "ClassLibrary", motion_class: "MotionClass") -> list[str]:

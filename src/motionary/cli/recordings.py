@@ -5,6 +5,7 @@ Also `motionary index`, which keeps a folder's features so that searches of it a
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
@@ -59,6 +60,18 @@ def read_recording(path: Path, reading: ReadOptions) -> "Motion":
     from motionary.io import read
 
     return read(path, reading.for_file(path))
+
+
+def read_motions(
+    files: Mapping[str, Path], reading: ReadOptions
+) -> "Iterator[Motion | Failure[NamedFile]]":
+    """Motions under the names of their files, with a bar."""
+    return map_files(partial(_read_named, reading=reading), files, "reading", jobs=1)
+
+
+def _read_named(file: "NamedFile", *, reading: ReadOptions) -> "Motion":
+    name, path = file
+    return read_recording(path, reading).renamed(name)
 
 
 def cut_frames(motion: "Motion", first: int, last: int) -> "Floats":

@@ -1,6 +1,6 @@
 """`motionary report`: a page that plays recordings over their labels."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -15,7 +15,7 @@ from motionary.cli.options import Force, InFrames, LibraryDefault, check_page, w
 from motionary.cli.recordings import (
     Found,
     find_files,
-    map_files,
+    read_motions,
     read_recording,
     warn_of_all,
 )
@@ -130,7 +130,7 @@ def _report(files: Sequence[str], found: Found, options: PageOptions, reading: R
     truth = read(options.truth) if options.truth is not None else None
     classes = open_library(options.library) if options.library is not None else None
     failures: list[Failure[NamedFile]] = []
-    motions = _read(found, reading, failures)
+    motions = _keep_failures(read_motions(found.files, reading), failures)
     first = next(motions, None)
     if first is not None:
         write_report(
@@ -157,19 +157,14 @@ def _name_tables(paths: Sequence[str]) -> dict[str, str]:
     return tables
 
 
-def _read(
-    found: Found, reading: ReadOptions, failures: "list[Failure[NamedFile]]"
+def _keep_failures(
+    items: "Iterable[Motion | Failure[NamedFile]]", failures: "list[Failure[NamedFile]]"
 ) -> "Iterator[Motion]":
     """Motions one after the other; files that cannot be read are kept as failures."""
     from motionary.batch import Failure
 
-    for item in map_files(partial(_read_named, reading=reading), found.files, "reading", jobs=1):
+    for item in items:
         if isinstance(item, Failure):
             failures.append(item)
         else:
             yield item
-
-
-def _read_named(file: "NamedFile", *, reading: ReadOptions) -> "Motion":
-    name, path = file
-    return read_recording(path, reading).renamed(name)

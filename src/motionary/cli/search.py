@@ -21,7 +21,6 @@ from motionary.cli.options import (
     check_page,
     check_picture,
     check_target,
-    given_options,
     wrong,
 )
 from motionary.cli.query import (
@@ -30,7 +29,7 @@ from motionary.cli.query import (
     Ranks,
     check_query,
     feedback_of,
-    rank_among,
+    given_options,
     read_query,
     read_ranks,
 )
@@ -315,7 +314,7 @@ def _write_page(
     reading: ReadOptions,
 ) -> None:
     """A page of the hits beside the example; `judged`: command, first hits, ranks given."""
-    from motionary.reporting import Judging, MotionFiles, report_hits
+    from motionary.reporting import Judging, MotionFiles, rank_among, report_hits
 
     example = judging = None
     if query.example is not None:

@@ -111,7 +111,7 @@ def report_hits(
     cells = [] if query is None else [_cell_of_query(query, hits)]
     found = find_motions(motions)
     for rank, hit in enumerate(hits, start=1):
-        cells.append(_cell_of_hit(rank, hit, _motion_of(hit.recording, found)))
+        cells.append(cell_of_hit(rank, hit, _motion_of(hit.recording, found)))
     if not cells:
         raise InvalidInput(f"there is nothing to show: {result.nearest or 'no hits'}")
     feature_set = hits[0].evidence.sequence.feature_set if hits else None
@@ -120,13 +120,28 @@ def report_hits(
     gallery["name"] = title
     gallery["facts"] = [_count(len(result), len(hits))] if hits else [result.nearest]
     if hits and len(result.templates) == 1:
-        gallery["template"] = describe_template(hits[0].evidence.template, feature_set)
+        gallery["template"] = describe_template(hits[0].evidence.template)
     if judging is not None:
         gallery["judging"] = judging._asdict()
     page = build_page(_content([gallery], feature_set), blocks, title=title)
     if path is not None:
         page.save(path)
     return page
+
+
+def rank_among(hits: Sequence[Hit], first: Sequence[Hit]) -> list[int]:
+    """Rank of each hit in a first search, from 1; 0 where it has none of most of its frames."""
+    return [
+        next((rank for rank, other in enumerate(first, start=1) if _is_same(hit, other)), 0)
+        for hit in hits
+    ]
+
+
+def _is_same(hit: Hit, other: Hit) -> bool:
+    if hit.recording.name != other.recording.name:
+        return False
+    common = min(hit.end_s, other.end_s) - max(hit.start_s, other.start_s)
+    return 2 * common > max(hit.end_s - hit.start_s, other.end_s - other.start_s)
 
 
 def make_gallery(
@@ -152,9 +167,7 @@ def make_gallery(
     return {"duration_s": round(duration_s, 4), "cells": contents}, blocks
 
 
-def describe_template(
-    template: QuantisedTemplate, feature_set: FeatureSet | None
-) -> list[list[float]]:
+def describe_template(template: QuantisedTemplate) -> list[list[float]]:
     """What a template asks for: feature, whether it is to hold, and the phases between which."""
     edges = _edges(template.weights)
     rows: list[list[float]] = []
@@ -222,7 +235,8 @@ def _cell_of_query(query: Motion, hits: Sequence[Hit]) -> Cell:
     return Cell(query.source or "query", detail, query, shown, is_query=True)
 
 
-def _cell_of_hit(rank: int, hit: Hit, motion: Motion) -> Cell:
+def cell_of_hit(rank: int, hit: Hit, motion: Motion) -> Cell:
+    """The clip of a hit, with what failed."""
     first = max(hit.start_frame - motion.first_frame, 0)
     stop = min(max(hit.end_frame + 1 - motion.first_frame, first + 1), motion.n_frames)
     part = motion.cut(first, stop).renamed(motion.source)

@@ -163,6 +163,7 @@ class Gallery extends Clock {
     renderer.clear();
     renderer.setScissorTest(true);
     const frame = scroller.getBoundingClientRect();
+    let n = 0;
     for (const cell of this.cells) {
       const box = cell.view.getBoundingClientRect();
       if (box.bottom < frame.top || box.top > frame.bottom || !box.width) continue;
@@ -172,7 +173,10 @@ class Gallery extends Clock {
       renderer.setScissor(left, bottom, box.width, box.height);
       this.look(cell.target, box.width / box.height);
       renderer.render(cell.scene, this.camera);
+      n++;
     }
+    // Some browsers show a canvas on which nothing was ever drawn in black.
+    this.canvas.hidden = !n;
   }
 
   look(target, aspect) {
