@@ -8,7 +8,7 @@ import importlib
 import inspect
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from inspect import Parameter, Signature
 from pathlib import Path
@@ -325,3 +325,52 @@ def _check_reading(reading: ReadOptions) -> None:
         reading.skeleton_table()
     except (InvalidInput, UnreadableFile) as error:
         raise wrong("--skeleton", str(error)) from error
+
+
+# -- the command again ------------------------------------------------------------------
+
+
+def given_options(*groups: Any, without: Collection[str] = ()) -> list[str]:
+    """What was given of groups of options, as it stands on a command line.
+
+    Files are called by their names alone: pages hold no folders.
+    """
+    words: list[str] = []
+    for group in groups:
+        hints = get_type_hints(type(group), include_extras=True)
+        for option in fields(group):
+            value = getattr(group, option.name)
+            default = _default_of(option, hints)
+            is_default = value == default and type(value) is type(default)
+            if option.name in without or value is None or is_default:
+                continue
+            flag = option.metadata.get("flag") or _flag_of(option.name, hints[option.name])
+            on, _, off = flag.partition("/")
+            words += [off if value is False else on]
+            words += [] if isinstance(value, bool) else [_called(value)]
+    return words
+
+
+def _default_of(option: "Field[Any]", hints: dict[str, Any]) -> Any:
+    for part in get_args(hints[option.name])[1:]:
+        if getattr(part, "default_factory", None):
+            return part.default_factory()
+    return option.default
+
+
+def _flag_of(name: str, hint: Any) -> str:
+    for part in get_args(hint)[1:]:
+        # The first name of an option stands where its default may.
+        for flag in (getattr(part, "default", None), *(getattr(part, "param_decls", None) or ())):
+            if isinstance(flag, str) and flag.startswith("--"):
+                return flag
+    return "--" + name.replace("_", "-")
+
+
+def _called(value: Any) -> str:
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    try:
+        return Path(text).name if Path(text).exists() else text
+    except OSError:
+        # A text may be longer than any name.
+        return text

@@ -21,6 +21,7 @@ from motionary.cli.options import (
     check_page,
     check_picture,
     check_target,
+    given_options,
     wrong,
 )
 from motionary.cli.query import (
@@ -29,7 +30,6 @@ from motionary.cli.query import (
     Ranks,
     check_query,
     feedback_of,
-    given_options,
     read_query,
     read_ranks,
 )
