@@ -19,7 +19,7 @@ from motionary.io.options import ReadOptions
 if TYPE_CHECKING:
     from motionary.batch import Failure
     from motionary.features import FeatureSequence, FeatureSet, NamedFile
-    from motionary.motion import Floats, Motion
+    from motionary.motion import Motion
     from motionary.retrieval.index import Changes, Index
     from motionary.retrieval.index import Collection as Features
 
@@ -72,13 +72,6 @@ def read_motions(
 def _read_named(file: "NamedFile", *, reading: ReadOptions) -> "Motion":
     name, path = file
     return read_recording(path, reading).renamed(name)
-
-
-def cut_frames(motion: "Motion", first: int, last: int) -> "Floats":
-    """Generic joints of frames as the file numbers them, both ends included."""
-    start = max(first - motion.first_frame, 0)
-    stop = min(max(last + 1 - motion.first_frame, start + 1), motion.n_frames)
-    return motion.cut(start, stop).generic_positions()
 
 
 def map_files(
