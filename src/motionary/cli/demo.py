@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.recordings import cut_frames
+from motionary.cli.search import cut_frames
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
