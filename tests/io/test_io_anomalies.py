@@ -72,6 +72,34 @@ def test_what_no_body_does_is_told_with_its_place(plant, ending, tmp_path):
     assert [note for note in notes if re.search(PLANTED[plant], note)], notes
 
 
+def test_a_limb_that_is_fast_still_has_bones():
+    motion = bare("walk")
+    places = motion.positions[::4].copy()
+    places += np.arange(len(places))[:, None, None] * [0.15, 0, 0]
+    places[FIRST // 4 : STOP // 4, KNEE] += [0.3, 0, 0]
+    (note,) = find_anomalies(at_rate(motion, places, 30))
+    assert re.match(r"lknee jumps 0\.\d+ m away", note)
+
+
+def test_places_in_steps_of_half_a_millimetre_stand_still():
+    motion = bare("squat")
+    places = np.round(motion.positions[:1] + np.zeros((120, 1, 1)), 3)
+    places[1::2, 3] += 0.0005
+    places[50:80, WRISTS[0]] += [0, 0, 0.3]
+    assert any("lwrist jumps" in note for note in find_anomalies(at_rate(motion, places, 120)))
+
+
+def test_a_wrist_is_held_while_its_arm_alone_moves():
+    motion = bare("squat")
+    places = np.repeat(motion.positions[:1], 120, axis=0)
+    arm = [GENERIC_JOINTS.index(joint) for joint in ("lelbow", "lwrist", "lfingers")]
+    places[:, arm, 1] += 0.3 * np.sin(np.arange(120) / 15)[:, None]
+    assert find_anomalies(at_rate(motion, places, 120)) == []
+    places[40:80, arm[1]] = places[40, arm[1]]
+    notes = find_anomalies(at_rate(motion, places, 120))
+    assert any(note.startswith("lwrist is held") for note in notes), notes
+
+
 def at_rate(motion, positions, rate_hz):
     recording = replace(motion.recording, rate_hz=rate_hz)
     return replace(motion, positions=positions, recording=recording)

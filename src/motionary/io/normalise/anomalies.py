@@ -1,45 +1,40 @@
 """Signs that something is wrong with a recording: it stands still, repeats itself, or jumps.
 
 What no body and no camera does, told in words, with where: a pose that is exactly the same for a
-while, a point that stays in the air while its neighbours move on, a segment that comes again to
-the last digit, a step that is many times as long as those around it, and two points that exchange
-places. Thresholds are those that stay silent on recordings at hand; see
-`evidence/quality_checks.py`.
+while, a point that stays in the air while its neighbours move on, a segment that comes again, a
+step or a change of a bone many times as large as those around it, points that exchange places.
+Thresholds are those that stay silent on recordings at hand; see
+`evidence/variants.py`.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.motion import GENERIC_JOINTS, Motion
+from motionary.motion import Motion
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
-# Frames that are looked at together.
 _CHUNK = 4096
 _MOST_POINTS = 300
 _MOST_PLACES = 3
-_LOOKED_AT = 200
-
+_LOOKED_AT, _FEW = 200, 50
 # Exactly the same for so long is no body's doing.
-_HELD_S = 0.2
-_HELD_FRAMES = 5
+_HELD_S, _HELD_FRAMES = 0.2, 5
 # Films of poses, and files of fewer frames a second than they say, stand still again and again.
 _KEYFRAMED = 0.5
-# Metres that the rest of a body goes while one point stays, and by which the point's distance
-# from its nearest neighbour changes meanwhile.
-_MOVES_M = 0.05
+# Metres that a partner of a point goes while the point stays, and by which the point's distances
+# from its partners change meanwhile.
+_MOVES_M = 0.02
 _STRETCHES_M = 0.008
-
 # A repetition has at least so many seconds and frames, and moves.
-_REPEATS_S = 0.3
-_REPEATS_FRAMES = 10
+_REPEATS_S, _REPEATS_FRAMES = 0.3, 10
 _STEP_M = 1e-4
 _KEY_POINTS = 6
-
 # A jump: metres, and times the median step of the frames around it.
 _JUMPS_M = 0.08
 _JUMPS = 6.0
@@ -49,21 +44,19 @@ _SLOW_M_S = 6.0
 _WHOLE = 0.6
 # Two points exchange places if that explains all but this fraction of their steps.
 _EXCHANGED = 0.4
+# A bone changes its length by so much within a frame.
+_BONE_M = 0.04
+# Of two distances that are kept equally well the shorter one is a bone.
+_NEAR = 0.02
 # A jump changes the distance to the nearest neighbour by this fraction of the step.
 _APART = 0.1
 
 
 class Track(NamedTuple):
-    """Points that are looked at.
+    """Points that are looked at: shapes (frames, points, 3) and, of steps, (frames - 1, points).
 
-    Attributes
-    ----------
-    names : of the points
-    positions : array, shape (frames, points, 3), metres
-    steps : array, shape (frames - 1, points), metres from each frame to the next
-    rate_hz : frames per second
-    is_rig : whether the points are computed from turns: then they move together
-    above : of a tree, which point is the joint right above each; -1 for none
+    `is_rig` is whether they are computed from turns: then they move together. `above` is, of a
+    tree, which point is the joint right above each; -1 for none.
     """
 
     names: tuple[str, ...]
@@ -99,11 +92,12 @@ def find_anomalies(motion: Motion, *, first_frame: int = 0) -> list[str]:
             return []
         return [f"the pose is constant: exactly the same in all {motion.n_frames} frames"]
     still, notes = _find_frozen(track)
+    partners = _partners(track)
     return [
         *notes,
-        *_find_held(track, still),
+        *_find_held(track, still, partners),
         *_find_repeated(track),
-        *_find_jumps(track),
+        *_find_jumps(track, partners),
     ]
 
 
@@ -168,44 +162,38 @@ def _say(what: str, track: Track, runs: Sequence[tuple[int, int]]) -> str:
     return f"{what} from {places}{more}"
 
 
-def _find_held(track: Track, still: Mask) -> list[str]:
+def _find_held(track: Track, still: Mask, partners: Indices) -> list[str]:
     """Points that stay in exactly the same place while the body moves on."""
-    if track.is_rig or len(track.names) < 3:
+    if not len(partners):
         return []
     found = []
     for point, name in enumerate(track.names):
         runs = [
             (a, b + 1)
             for a, b in _runs((track.steps[:, point] == 0) & ~still)
-            if b - a >= _longest(track) and _is_left_behind(track, point, a, b + 1)
+            if b - a >= _longest(track) and _is_left_behind(track, point, partners[point], a, b + 1)
         ]
         if runs:
             found.append(_say(f"{name} is held in the same place", track, runs))
     return _few(found, "points are held in the same place")
 
 
-def _is_left_behind(track: Track, point: int, start: int, stop: int) -> bool:
-    """Whether a point's neighbours move away from where it stays."""
-    ways = np.nan_to_num(track.steps[start : stop - 1]).sum(axis=0)
-    if np.median(ways) < _MOVES_M:
+def _is_left_behind(track: Track, point: int, partners: Indices, start: int, stop: int) -> bool:
+    """Whether a point's partners move away from where it stays."""
+    ways = np.nan_to_num(track.steps[start : stop - 1, partners]).sum(axis=0)
+    if ways.max() < _MOVES_M:
         return False
     outside = np.r_[0:start, stop : len(track.positions)]
-    usual = _apart(track, point, outside[:: 1 + len(outside) // _LOOKED_AT])
-    held = _apart(track, point, np.arange(start, stop))
-    seen = (~np.isnan(usual)).sum(axis=0) > 1
-    seen &= (~np.isnan(held)).any(axis=0)
-    seen[point] = False
-    if not seen.any():
+    usual = _apart(track, point, outside[:: 1 + len(outside) // _LOOKED_AT])[:, partners]
+    held = _apart(track, point, np.arange(start, stop))[:, partners]
+    if ((~np.isnan(usual)).sum(axis=0) < 2).any() or np.isnan(held).all(axis=0).any():
         return False
-    usual, held = usual[:, seen], held[:, seen]
     middle, spread = np.nanmedian(usual, axis=0), np.nanstd(usual, axis=0)
     changes = np.nanmax(np.abs(held - middle), axis=0)
-    # Its bones are to the points whose distance hardly changes.
-    nearest = np.argsort(spread, kind="stable")[:2]
-    return bool((changes[nearest] > np.maximum(_STRETCHES_M, 6 * spread[nearest])).all())
+    return bool((changes > np.maximum(_STRETCHES_M, 6 * spread)).all())
 
 
-def _apart(track: Track, point: int, frames: NDArray[np.intp]) -> Floats:
+def _apart(track: Track, point: int, frames: Indices) -> Floats:
     """Distances of all points from one, shape (frames, points)."""
     positions = track.positions[frames]
     ways = positions - positions[:, point : point + 1]
@@ -247,7 +235,7 @@ def _find_repeated(track: Track) -> list[str]:
     ]
 
 
-def _keys(positions: Floats, frames: NDArray[np.intp]) -> NDArray[np.uint64]:
+def _keys(positions: Floats, frames: Indices) -> NDArray[np.uint64]:
     """A number for each frame, the same for the same places of some points.
 
     To a hundredth of a millimetre.
@@ -261,9 +249,10 @@ def _keys(positions: Floats, frames: NDArray[np.intp]) -> NDArray[np.uint64]:
     return keys
 
 
-def _find_jumps(track: Track) -> list[str]:
+def _find_jumps(track: Track, partners: Indices) -> list[str]:
     """Steps many times as long as those around them: of the whole body, of points, exchanged."""
-    jumps = _jumping(track)
+    bones = _changing_bones(track, partners)
+    jumps = _jumping(track) | bones
     at = np.flatnonzero(jumps.any(axis=1))
     n_seen = (~np.isnan(track.steps[at])).sum(axis=1)
     enough = jumps[at].sum(axis=1) >= _WHOLE * np.maximum(3, n_seen)
@@ -280,7 +269,7 @@ def _find_jumps(track: Track) -> list[str]:
         for pair in pairs:
             exchanged.setdefault(pair, []).append(t)
         for point in set(points.tolist()) - {one for pair in pairs for one in pair}:
-            if _leaves_neighbours(track, t, point):
+            if bones[t, point] or _leaves_neighbours(track, t, point):
                 single.setdefault(point, []).append(t)
     swaps = [
         f"{track.names[a]} and {track.names[b]} exchange places at {_times(track, times)}: swapped"
@@ -304,26 +293,85 @@ def _times(track: Track, frames: Sequence[int]) -> str:
 
 def _jumping(track: Track) -> Mask:
     """Steps that are jumps, shape (frames - 1, points)."""
-    steps = track.steps
-    result = np.zeros(steps.shape, dtype=bool)
-    at, points = np.nonzero(steps > max(_JUMPS_M, _SLOW_M_S / track.rate_hz))
-    known, small = np.zeros(len(at), dtype=np.int8), np.zeros(len(at), dtype=np.int8)
-    sizes = steps[at, points] / np.float32(_JUMPS)
-    for offset in (*range(-_AROUND, 0), *range(1, _AROUND + 1)):
-        beside = at + offset
-        inside = (beside >= 0) & (beside < len(steps))
-        others = steps[np.where(inside, beside, 0), points]
-        # Frames that are shown twice say nothing of how fast a point is.
-        moves = inside & (others > 0)
-        known += moves
-        small += moves & (others < sizes)
-    # The median of the steps around is small.
-    jumps = (known > _AROUND // 2) & (2 * small > known)
-    result[at[jumps], points[jumps]] = True
+    at, points = np.nonzero(track.steps > max(_JUMPS_M, _SLOW_M_S / track.rate_hz))
+    # A frame that is shown twice says nothing of how fast a point is.
+    moves: Mask = np.any(track.steps > 0, axis=1)
+    result = np.zeros(track.steps.shape, dtype=bool)
+    result[at, points] = _stands_out(
+        track.steps[at, points], at, len(result),
+        lambda beside: np.where(moves[beside], track.steps[beside, points], np.nan),
+    )  # fmt: skip
     return result
 
 
-def _exchanges(track: Track, t: int, points: NDArray[np.intp]) -> list[tuple[int, int]]:
+def _stands_out(
+    values: NDArray[Any], at: Indices, n_steps: int, sizes: Callable[[Indices], NDArray[Any]]
+) -> Mask:
+    """Which values are many times the median of the sizes around them."""
+    known, small = np.zeros(len(at), dtype=np.int8), np.zeros(len(at), dtype=np.int8)
+    for offset in (*range(-_AROUND, 0), *range(1, _AROUND + 1)):
+        beside = at + offset
+        inside = (beside >= 0) & (beside < n_steps)
+        others = sizes(np.where(inside, beside, 0))
+        inside &= ~np.isnan(others)
+        known += inside
+        small += inside & (others < values / _JUMPS)
+    # The median of the sizes around is small.
+    result: Mask = (known > _AROUND // 2) & (2 * small > known)
+    return result
+
+
+def _changing_bones(track: Track, partners: Indices) -> Mask:
+    """Steps that change both distances of a point to its partners, which no fast limb does."""
+    result = np.zeros(track.steps.shape, dtype=bool)
+    if not len(partners):
+        return result
+    at, points = np.nonzero(track.steps > _BONE_M)
+    values = _bone_changes(track, partners, at, points)
+    large = values > _BONE_M
+    at, points = at[large], points[large]
+    result[at, points] = _stands_out(
+        values[large], at, len(result),
+        lambda beside: _bone_changes(track, partners, beside, points),
+    )  # fmt: skip
+    return result
+
+
+def _bone_changes(track: Track, partners: Indices, at: Indices, points: Indices) -> Floats:
+    """The smaller change of a point's two distances by a step, of each step and point."""
+    changes = []
+    for others in partners[points].T:
+        before = track.positions[at, points] - track.positions[at, others]
+        after = track.positions[at + 1, points] - track.positions[at + 1, others]
+        lengths = (np.sqrt(np.einsum("ni,ni->n", ways, ways)) for ways in (before, after))
+        changes.append(np.abs(np.subtract(*lengths)))
+    smaller: Floats = np.minimum(*changes)
+    return smaller
+
+
+def _partners(track: Track) -> Indices:
+    """Of each point the two others that keep their distance best, near ones first.
+
+    Shape (points, 2), of a rig (0, 2). Where little moves, only near ones are bones.
+    """
+    if track.is_rig or len(track.names) < 3:
+        return np.empty((0, 2), dtype=np.intp)
+    some = track.positions[:: 1 + len(track.positions) // _FEW]
+    half, result = len(some) // 2, np.empty((len(track.names), 2), dtype=np.intp)
+    for point in range(len(result)):
+        ways = some - some[:, point : point + 1]
+        lengths = np.sqrt(np.einsum("fpi,fpi->fp", ways, ways))
+        # Seen half of the time at least.
+        lengths[np.isnan(lengths)] = np.inf
+        middle = np.partition(lengths, half, axis=0)[half]
+        middle[np.isinf(middle)] = 1 / _NEAR**2
+        score = np.partition(np.abs(lengths - middle), half, axis=0)[half] + _NEAR * middle
+        score[point] = np.inf
+        result[point] = np.argsort(score, kind="stable")[:2]
+    return result
+
+
+def _exchanges(track: Track, t: int, points: Indices) -> list[tuple[int, int]]:
     """Pairs of points of which each is where the other was."""
     before, now = track.positions[t], track.positions[t + 1]
     pairs = []
@@ -350,28 +398,3 @@ def _leaves_neighbours(track: Track, t: int, point: int) -> bool:
     order = np.argsort(np.where(np.isnan(change), np.inf, apart), kind="stable")[:2]
     changes = change[order]
     return bool(len(changes) > 0 and (changes > _APART * track.steps[t, point]).all())
-
-
-#: Bones of the generic body that have a length.
-BONES = tuple(
-    (side + a, side + b)
-    for side in "lr"
-    for a, b in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
-)
-
-
-def find_bones_without_length(body: Floats) -> list[str]:
-    """A note on limbs whose joints are in one place.
-
-    Parameters
-    ----------
-    body : array, shape (frames, 24, 3), some frames of the generic joints
-    """
-    index = {joint: i for i, joint in enumerate(GENERIC_JOINTS)}
-    gone = []
-    for a, b in BONES:
-        lengths = np.linalg.norm(body[:, index[a]] - body[:, index[b]], axis=1)
-        lengths = lengths[np.isfinite(lengths)]
-        if len(lengths) and np.median(lengths) < 1e-3:
-            gone.append(f"{a} to {b}")
-    return [f"bones without length: {', '.join(gone)}"] if gone else []

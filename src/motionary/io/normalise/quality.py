@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.io.normalise.anomalies import find_anomalies, find_bones_without_length
+from motionary.io.normalise.anomalies import find_anomalies
 from motionary.motion import GENERIC_JOINTS, Motion
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ def check_quality(motion: Motion) -> Motion:
     notes += find_anomalies(motion, first_frame=n_rest)
     if motion.mapping is not None:
         some = np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW)
-        notes += find_bones_without_length(_body(motion, some))
+        notes += _find_bones_without_length(_body(motion, some))
     in_place = is_in_place(motion)
     if in_place:
         notes.append(
@@ -137,3 +137,28 @@ def _leg(body: Floats) -> float:
     lengths = np.linalg.norm(hip - knee, axis=2) + np.linalg.norm(knee - ankle, axis=2)
     lengths = lengths[np.isfinite(lengths)]
     return float(np.median(lengths)) if len(lengths) else np.nan
+
+
+# Bones of the generic body that have a length.
+_BONES = tuple(
+    (side + a, side + b)
+    for side in "lr"
+    for a, b in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
+)
+
+
+def _find_bones_without_length(body: Floats) -> list[str]:
+    """A note on limbs whose joints are in one place.
+
+    Parameters
+    ----------
+    body : array, shape (frames, 24, 3), some frames of the generic joints
+    """
+    index = {joint: i for i, joint in enumerate(GENERIC_JOINTS)}
+    gone = []
+    for a, b in _BONES:
+        lengths = np.linalg.norm(body[:, index[a]] - body[:, index[b]], axis=1)
+        lengths = lengths[np.isfinite(lengths)]
+        if len(lengths) and np.median(lengths) < 1e-3:
+            gone.append(f"{a} to {b}")
+    return [f"bones without length: {', '.join(gone)}"] if gone else []
