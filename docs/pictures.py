@@ -22,7 +22,12 @@ import motionary as mo
 from motionary.features import FULL_BODY
 from motionary.files import write_atomically
 from motionary.matching import distance_function
-from motionary.models.library import TrainingOptions, learn_classes
+from motionary.models.library import (
+    TrainingOptions,
+    format_thresholds,
+    learn_classes,
+    load_everyday,
+)
 from motionary.plots import features as grid
 from motionary.plots import (
     plot_annotation,
@@ -195,6 +200,13 @@ def annotation(world: World) -> list[Figure]:
     return [plot_annotation(named, world.truth, distances=curves)]
 
 
+def everyday(world: World) -> list[Figure]:
+    """Labels of the take by the library that ships, without training."""
+    library = load_everyday()
+    note = f"least score {format_thresholds(library)}"
+    return [plot_annotation(mo.annotate(world.take), note=note)]
+
+
 def expanded(world: World) -> list[Figure]:
     """The template that grew from one squat and its nearest hits."""
     return [plot_template(world.found.templates[0], tolerance=QueryExpansion().tolerance)]
@@ -231,6 +243,7 @@ PICTURES = {
     "template": (template, False),
     "distance": (distance, False),
     "annotation": (annotation, False),
+    "everyday": (everyday, False),
     "expanded": (expanded, False),
     "session": (session, False),
     "first_pose": (first_pose, False),
