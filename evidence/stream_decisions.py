@@ -28,7 +28,7 @@ DATA = ("clips", "cmu", "bandai")
 TEACHERS, TESTED = ("bd", "bk", "dg"), ("mm", "tr")
 #: CMU's people of whom settings were chosen.
 DEVELOPMENT = ("02", "05", "07", "16", "35")
-N_STREAMS, N_DRAWS, N_KNOWN = 3, 5, 6
+N_STREAMS, N_DRAWS, N_KNOWN = 2, 3, 6
 #: Ways to label: of which library, and how.
 WAYS: Mapping[str, tuple[str, dict[str, Any]]] = {
     "by scores, default": ("plain", {"assignment": "scores"}),
