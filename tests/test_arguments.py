@@ -54,7 +54,7 @@ PLACES = np.zeros((4, 24, 3))
         (lambda: mo.compute_features(PLACES[None], rate_hz=30), "of a batch"),
         (lambda: mo.compute_features(PLACES, rate_hz="30"), "rate_hz must be a number"),
         (lambda: mo.compute_features(WALK, source="a"), "source= go with arrays"),
-        (lambda: mo.report("a.bvh", "a.html"), "recordings must be Motion, got str"),
+        (lambda: mo.report("a.bvh", "a.html"), "recordings must be Motion.*, got str; read files"),
         (lambda: mo.Index.open(WALK), "path must be str or Path, got Motion"),
         (lambda: mo.ClassLibrary.load(3), "path must be str or Path, got int"),
         (lambda: mo.Label("a", "0", "1"), "a time must be a number, got str"),
