@@ -75,6 +75,29 @@ def test_a_file_that_is_called_so_itself(tmp_path, motions):
     assert mo.read(tmp_path / "b.npz#1").n_frames == 30
 
 
+def test_a_batch_is_loaded_once_and_again_when_it_changed(tmp_path, motions, monkeypatch):
+    from motionary.io.formats import arrays
+
+    loads = []
+    monkeypatch.setattr(
+        arrays, "read_npy", lambda path, r=arrays.read_npy: loads.append(1) or r(path)
+    )
+    path = tmp_path / "a.npy"
+    body = np.stack([motion.generic_positions() for motion in motions])
+    given = {"rate_hz": 30, "up": "y!", "unit": 1, "sides": "named"}
+    np.save(path, body)
+    os.utime(path, ns=(1, 1))
+    for motion, one in zip(read_all(path, **given), body, strict=True):
+        np.testing.assert_array_equal(motion.positions, one)
+    assert len(loads) == 1
+    # Reading does not change what is kept.
+    np.testing.assert_array_equal(mo.read(f"{path}#1", **given).positions, body[0])
+    # Written again and again, within one tick of the clock.
+    for shift in range(5):
+        np.save(path, body + shift)
+        np.testing.assert_array_equal(mo.read(f"{path}#2", **given).positions, body[1] + shift)
+
+
 def test_names_of_takes():
     assert label_takes(["1", "2"]) == ["001", "002"]
     assert label_takes([str(i + 1) for i in range(1000)])[-1] == "1000"

@@ -4,6 +4,7 @@ A recording of such a file is called by the file's name, `#`, and the take: `bat
 """
 
 import re
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
@@ -19,6 +20,7 @@ EVERY = "*"
 # Names that are part of a path, and told from a suffix.
 _PLAIN = re.compile(r"[\w-]+")
 _FEWEST_DIGITS = 3
+_TICK_NS = 200_000_000
 
 # What was loaded last of a file with several recordings: they are read one after the other.
 _kept: dict[tuple[str, int, int], Any] = {}
@@ -57,13 +59,15 @@ def recall(path: Path, load: Callable[[], Loaded], *, count: Callable[[Loaded], 
     except OSError:
         # Loading says what is wrong.
         return load()
+    # What is written twice within a tick of the clock may have the same time and size.
+    is_settled = abs(time.time_ns() - status.st_mtime_ns) > _TICK_NS
     key = str(path.absolute()), status.st_mtime_ns, status.st_size
     if key in _kept:
         kept: Loaded = _kept[key]
         return kept
     _kept.clear()
     loaded = load()
-    if count(loaded) > 1:
+    if is_settled and count(loaded) > 1:
         _kept[key] = loaded
     return loaded
 
