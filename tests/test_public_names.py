@@ -20,6 +20,7 @@ PUBLIC_NAMES = {
     "FeatureSequence", "compute_features", "MotionTemplate", "MotionClass", "ClassLibrary",
     "learn", "annotate", "search", "Index", "KeyframeQuery", "Hit", "explain", "Label",
     "LabelTrack", "Recording", "count", "evaluate", "MotionaryError", "report",
+    "report_comparison", "report_hits", "report_library",
     "check_tracking",
 }
 # fmt: on

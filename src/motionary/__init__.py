@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from motionary.models.templates import MotionTemplate
     from motionary.motion import Motion, Skeleton
     from motionary.recording import Recording
-    from motionary.reporting import report
+    from motionary.reporting import report, report_comparison, report_hits, report_library
     from motionary.retrieval.annotation import annotate
     from motionary.retrieval.counting import count
     from motionary.retrieval.explanation import explain
@@ -54,6 +54,9 @@ __all__ = [
     "read",
     "read_labels",
     "report",
+    "report_comparison",
+    "report_hits",
+    "report_library",
     "search",
     "write",
     "write_labels",
@@ -76,7 +79,7 @@ __getattr__, __dir__ = lazy_names(
         "models.library": "ClassLibrary MotionClass learn",
         "motion": "Motion Skeleton",
         "recording": "Recording",
-        "reporting": "report",
+        "reporting": "report report_comparison report_hits report_library",
         "retrieval.search": "Hit search",
         "models.templates": "MotionTemplate",
     },

@@ -136,6 +136,28 @@ class LabelTrack(Tabular):
     def __len__(self) -> int:
         return len(self.labels)
 
+    def show(self, motion: Any = None) -> Any:
+        """A page of the labels, over the motion that they are of; notebooks show it.
+
+        Parameters
+        ----------
+        motion : the recording; without it labels stand over the features that they were
+            found by, and over nothing where they were read from a table
+
+        Returns
+        -------
+        motionary.reporting.Page
+        """
+        # Late, through the front door: pages know labels, not the other way round.
+        from motionary import report
+
+        found = (label.evidence.sequence for label in self if label.evidence is not None)
+        shown = next(found, self.recording) if motion is None else motion
+        if shown is self.recording and self.duration_s is None:
+            last_s = max((label.end_s for label in self), default=0.0)
+            shown = replace(self.recording, rate_hz=30.0, n_frames=math.ceil(30.0 * last_s))
+        return report(shown, labels=self)
+
     @property
     def duration_s(self) -> float | None:
         """Length of the recording in seconds; None if unknown."""

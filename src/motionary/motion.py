@@ -8,7 +8,7 @@ NaN = not seen.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Integral
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,6 +211,22 @@ class Motion(Shown):
     def duration_s(self) -> float:
         """Length in seconds: frames / rate."""
         return self.recording.duration_s
+
+    def show(self, *, labels: Any = None, library: Any = None) -> Any:
+        """A page that plays the motion; notebooks show it in the cell.
+
+        Parameters
+        ----------
+        labels, library : as `report` takes them
+
+        Returns
+        -------
+        motionary.reporting.Page
+        """
+        # Late, through the front door: pages know motions, not the other way round.
+        from motionary import report
+
+        return report(self, labels=labels, library=library)
 
     def renamed(self, name: str) -> Self:
         """The motion under another name of its recording."""

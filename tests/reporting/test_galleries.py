@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from cli_cases import CLASSES, write_examples
-from motionary import learn, search
+from motionary import compute_features, learn, search
 from motionary.errors import InvalidInput
+from motionary.labels import Label, LabelTrack
 from motionary.motion import Motion
+from motionary.recording import Recording
 from motionary.reporting import report_hits, report_library
 from motionary.reporting.classes import find_confusions
 from motionary.retrieval.search import QueryExpansion
@@ -178,3 +180,21 @@ def test_the_command_writes_a_page_of_all_classes(motionary, tmp_path):
     assert len(content_of(target.read_text("utf-8"))["galleries"]) == len(CLASSES)
     assert motionary("library", "show", library).code == 2
     assert motionary("library", "show", library, "squat", "--recordings", tmp_path).code == 2
+
+
+def test_notebooks_show_motions_labels_and_hits_in_a_frame(motions, result):
+    squat = motions["squat0"]
+    track = LabelTrack(squat.recording, (Label("squat", 0.1, 1.0),))
+    table = LabelTrack(Recording("read"), (Label("squat", 0.1, 1.0),))
+    for page in (squat.show(labels=track), track.show(squat), track.show(), table.show()):
+        cell = page._repr_html_()
+        assert cell.startswith("<iframe ")
+        assert 'sandbox="allow-scripts allow-downloads"' in cell
+        (recording,) = content_of(page.text)["recordings"]
+        assert [row[0] for lane in recording["lanes"] for row in lane["labels"]] == ["squat"]
+    assert "positions" not in content_of(track.show().text)["recordings"][0]
+    cells = content_of(result.show().text)["galleries"][0]["cells"]
+    assert len(cells) == 1 + len(result)
+    of_features = search(squat, [compute_features(squat)])
+    with pytest.raises(InvalidInput, match="features have no positions"):
+        of_features.show()

@@ -26,6 +26,7 @@ from motionary.reporting.html import Page, build_page
 from motionary.reporting.lanes import describe_features
 from motionary.reporting.recordings import check_rate
 from motionary.retrieval.explanation import explain
+from motionary.retrieval.index import Index
 from motionary.retrieval.search import Hit, SearchResult
 
 Floats = NDArray[np.float64]
@@ -34,7 +35,7 @@ Floats = NDArray[np.float64]
 MOST_CLIPS = 60
 
 #: Motions by the names of their recordings, or folders and files to read them from.
-Motions = Mapping[str, Motion] | Iterable[Motion] | str | Path
+Motions = Mapping[str, Motion] | Iterable[Motion | str | Path] | Index | str | Path
 
 _MOST_FAILED = 3
 _MOST_KEPT = 8
@@ -285,12 +286,28 @@ class MotionFiles(Mapping[str, Motion]):
 
 
 def find_motions(motions: Motions) -> Mapping[str, Motion]:
-    """Motions by the names of their recordings."""
+    """Motions by the names of their recordings.
+
+    Raises
+    ------
+    InvalidInput
+        If there are features among them, which have no positions.
+    """
     if isinstance(motions, Mapping):
         return motions
+    if isinstance(motions, Index):
+        return MotionFiles(name_recordings(motions.folder))
     if isinstance(motions, str | Path):
         return MotionFiles(name_recordings(motions))
-    return {motion.source: motion for motion in motions}
+    given = list(motions) if isinstance(motions, Iterable) else [motions]
+    if given and all(isinstance(one, str | Path) for one in given):
+        return MotionFiles(name_recordings([one for one in given if isinstance(one, str | Path)]))
+    named = {one.source: one for one in given if isinstance(one, Motion)}
+    if len(named) < len(given):
+        raise InvalidInput(
+            "features have no positions to show; give the recordings: motions, a folder or files"
+        )
+    return named
 
 
 def _motion_of(recording: Recording, motions: Mapping[str, Motion]) -> Motion:

@@ -11,7 +11,7 @@ import heapq
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,7 @@ class SearchResult(Sequence[Hit], Tabular):
     nearest : without hits, a sentence on what came closest
     queries : keyframes that chose where to match; none if everything was matched
     fraction_matched : fraction of all frames that was matched
+    query, searched : what was searched for, and where, as they were given
     """
 
     hits: tuple[Hit, ...]
@@ -78,6 +79,30 @@ class SearchResult(Sequence[Hit], Tabular):
     nearest: str = ""
     queries: tuple[KeyframeQuery, ...] = ()
     fraction_matched: float = 1.0
+    query: Any = None
+    searched: Any = None
+
+    def show(self, recordings: Any = None) -> Any:
+        """A page that plays the hits side by side, in step; notebooks show it in the cell.
+
+        Parameters
+        ----------
+        recordings : motions, folders or files; by default those that were searched
+
+        Returns
+        -------
+        motionary.reporting.Page
+
+        Raises
+        ------
+        InvalidInput
+            If features were searched, which have no positions, and no recordings are given.
+        """
+        # Late, through the front door: pages know hits, not the other way round.
+        from motionary import Motion, report_hits
+
+        query = self.query if isinstance(self.query, Motion) else None
+        return report_hits(self, self.searched if recordings is None else recordings, query=query)
 
     def __repr__(self) -> str:
         best = f", best {self.hits[0].recording.name!r}" if self.hits else ""

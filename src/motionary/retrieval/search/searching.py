@@ -11,7 +11,7 @@ irrelevant ones show at the same moments has little weight.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -138,12 +138,9 @@ def search(
     parts = query if isinstance(query, Sequence) and not isinstance(query, str) else (query,)
     for part in parts:
         check_kind(
-            part,
-            _QUERY_KINDS,
-            name="query",
-            role="an example, a class or keyframes",
+            part, _QUERY_KINDS, name="query", role="an example, a class or keyframes",
             remedy="read files first: search(read(path), …)",
-        )
+        )  # fmt: skip
     for name, number, kinds in (("threshold", threshold, Real), ("limit", limit, Integral)):
         if number is not None:
             check_kind(number, (kinds,), name=name, remedy="give a number")
@@ -162,11 +159,13 @@ def search(
     if queries:
         hits = rank_queries(queries, collection, threshold=most, limit=limit)
         why = "" if hits else explain_absence(queries, collection)
-        return SearchResult(tuple(hits), (), collection.failures, why, queries)
+        found = SearchResult(tuple(hits), (), collection.failures, why, queries)
+        return replace(found, query=query, searched=recordings)
     patterns, templates = _patterns_of(query, collection, expansion or QueryExpansion(), preselect)
     for pattern in patterns:
         _check_pattern(pattern, collection)
-    return _result(match(patterns, collection), templates, threshold=most, limit=limit)
+    found = _result(match(patterns, collection), templates, threshold=most, limit=limit)
+    return replace(found, query=query, searched=recordings)
 
 
 def expand(
