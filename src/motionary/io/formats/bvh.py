@@ -77,13 +77,20 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
         raise UnreadableFile(f"{path.name}: no line MOTION found; expected a BVH file")
     nodes, notes = _HierarchyReader(path.name).read(text[: start.start()])
     table = _read_header(text, start.end(), path.name)
+    # Hours of text are let go as soon as they are numbers, and numbers when they are turns.
+    del text, start
     values = _read_values(table, sum(len(node.channels) for node in nodes), path.name)
+    table = table._replace(text="")
     notes += _compare_length(table, len(values), path.name)
     rate = options.rate_hz
     if rate is None:
         rate, guessed = _rate(table, path.name)
         notes += guessed
-    return _to_content(path.name, nodes, values, rate, notes)
+    turns, moves, collapsed = _split_channels(nodes, values)
+    del values
+    if collapsed:
+        notes.append(_note_collapsed(collapsed))
+    return _to_content(path.name, nodes, turns, moves, rate, notes)
 
 
 class _HierarchyReader:
@@ -256,13 +263,17 @@ def _usual_rate(printed: str, time_s: float, rate_hz: float) -> float | None:
 
 
 def _to_content(
-    name: str, nodes: list[_Node], values: Floats, rate_hz: float, notes: list[str]
+    name: str,
+    nodes: list[_Node],
+    rotations: Floats,
+    translations: dict[int, Floats],
+    rate_hz: float,
+    notes: list[str],
 ) -> FileContent:
     names = tuple(node.name for node in nodes)
     parents = np.array([node.parent for node in nodes], dtype=np.intp)
     skeleton = Skeleton(names, parents, np.array([node.offset for node in nodes]))
-    rotations, translations, collapsed = _split_channels(nodes, values)
-    origin = np.zeros((len(values), 3))
+    origin = np.zeros((len(rotations), 3))
     return FileContent(
         names=names,
         positions=place_joints(skeleton, rotations, origin, translations=translations, source=name),
@@ -271,7 +282,7 @@ def _to_content(
         metadata=FileMetadata(),
         skeleton=skeleton,
         rotations=rotations,
-        notes=(*notes, _note_collapsed(collapsed)) if collapsed else tuple(notes),
+        notes=tuple(notes),
     )
 
 

@@ -60,12 +60,27 @@ def read_table(
     UnreadableFile
         If a line holds something else; the message names it.
     """
-    content = text.encode()
     if separator is None:
-        values = read_frames(content, [None] * width, gaps=gaps)
+        values = _read_blocks(text, width, gaps)
     else:
-        values = _read_cells(content, width, ord(separator), gaps)
+        values = _read_cells(text.encode(), width, ord(separator), gaps)
     return _read_lines(text, width, source, line, separator, gaps) if values is None else values
+
+
+def _read_blocks(text: str, width: int, gaps: Collection[str]) -> Floats | None:
+    """Numbers of all frames, none of them held twice; None if the text is not that."""
+    pieces = (text[start : start + PIECE].encode() for start in range(0, len(text), PIECE))
+    # Each frame begins on a line of its own, and a number takes two letters.
+    most = min(text.count("\n"), len(text) // (2 * width)) + 1
+    values = np.empty((most, width))
+    n_frames = 0
+    try:
+        for block in iterate_frames(pieces, [None] * width, gaps=gaps):
+            values[n_frames : n_frames + len(block)] = block
+            n_frames += len(block)
+    except NotAlike:
+        return None
+    return values[:n_frames] if n_frames else None
 
 
 def _read_lines(

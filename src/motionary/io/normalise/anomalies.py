@@ -3,8 +3,7 @@
 What no body and no camera does, told in words, with where: a pose that is exactly the same for a
 while, a point that stays in the air while its neighbours move on, a segment that comes again, a
 step or a change of a bone many times as large as those around it, points that exchange places.
-Thresholds are those that stay silent on recordings at hand; see
-`evidence/variants.py`.
+Thresholds are those that stay silent on recordings at hand; see `evidence/variants.py`.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +33,7 @@ _STRETCHES_M = 0.008
 # A repetition has at least so many seconds and frames, and moves.
 _REPEATS_S, _REPEATS_FRAMES = 0.3, 10
 _STEP_M = 1e-4
-_KEY_POINTS = 6
+_KEY_POINTS, _KEY_FACTOR = 6, np.uint64(0x9E3779B97F4A7C15)
 # A jump: metres, and times the median step of the frames around it.
 _JUMPS_M = 0.08
 _JUMPS = 6.0
@@ -68,10 +67,8 @@ class Track(NamedTuple):
 
     def at(self, start: int, stop: int) -> str:
         """A segment of frames in words."""
-        return (
-            f"{start / self.rate_hz:.2f} to {(stop - 1) / self.rate_hz:.2f} s "
-            f"(frames {start}-{stop - 1})"
-        )
+        seconds = f"{start / self.rate_hz:.2f} to {(stop - 1) / self.rate_hz:.2f} s"
+        return f"{seconds} (frames {start}-{stop - 1})"
 
 
 def find_anomalies(motion: Motion, *, first_frame: int = 0) -> list[str]:
@@ -93,12 +90,8 @@ def find_anomalies(motion: Motion, *, first_frame: int = 0) -> list[str]:
         return [f"the pose is constant: exactly the same in all {motion.n_frames} frames"]
     still, notes = _find_frozen(track)
     partners = _partners(track)
-    return [
-        *notes,
-        *_find_held(track, still, partners),
-        *_find_repeated(track),
-        *_find_jumps(track, partners),
-    ]
+    held, jumps = _find_held(track, still, partners), _find_jumps(track, partners)
+    return [*notes, *held, *_find_repeated(track), *jumps]
 
 
 def _track(motion: Motion, first_frame: int) -> Track:
@@ -211,7 +204,8 @@ def _find_repeated(track: Track) -> list[str]:
     """Segments of a motion that come again, exactly."""
     moves = np.concatenate(([True], (track.steps > _STEP_M).any(axis=1)))
     frames = np.flatnonzero(moves)
-    keys = _keys(track.positions, frames)
+    places = track.positions
+    keys = _keys(places, frames)
     order = np.argsort(keys, kind="stable")
     follows = np.zeros(len(keys), dtype=np.intp)
     same = keys[order[1:]] == keys[order[:-1]]
@@ -221,8 +215,11 @@ def _find_repeated(track: Track) -> list[str]:
     starts = np.flatnonzero(np.diff(np.concatenate(([0], follows, [0]))))
     for a, b in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
         if follows[a] > 0 and b - a >= length:
-            before = track.positions[frames[a - follows[a] : b - follows[a]]]
-            if np.allclose(before, track.positions[frames[a:b]], atol=1e-5, equal_nan=True):
+            before, after = frames[a - follows[a] : b - follows[a]], frames[a:b]
+            if all(
+                np.allclose(places[before[part]], places[after[part]], atol=1e-5, equal_nan=True)
+                for part in (slice(i, i + _CHUNK) for i in range(0, b - a, _CHUNK))
+            ):
                 first = int(frames[a - follows[a]])
                 runs.append((int(frames[a]), int(frames[b - 1]) + 1, first))
     if not runs:
@@ -236,16 +233,16 @@ def _find_repeated(track: Track) -> list[str]:
 
 
 def _keys(positions: Floats, frames: Indices) -> NDArray[np.uint64]:
-    """A number for each frame, the same for the same places of some points.
-
-    To a hundredth of a millimetre.
-    """
+    """A number for each frame, the same for the same places (to 0.01 mm) of some points."""
     some = np.unique(np.linspace(0, positions.shape[1] - 1, _KEY_POINTS).astype(np.intp))
-    rng = np.random.default_rng(0)
-    factors = rng.integers(1, 2**63, size=len(some) * 3, dtype=np.uint64) | np.uint64(1)
-    part = np.round(positions[np.ix_(frames, some)].reshape(len(frames), -1) * 1e5)
-    whole = np.nan_to_num(part, nan=1e12).astype(np.int64).astype(np.uint64)
-    keys: NDArray[np.uint64] = (whole * factors).sum(axis=1, dtype=np.uint64)
+    # Powers of an odd number, modulo 2^64.
+    factors = np.cumprod(np.full(len(some) * 3, _KEY_FACTOR))
+    keys = np.empty(len(frames), dtype=np.uint64)
+    for start in range(0, len(frames), _CHUNK):
+        part = positions[np.ix_(frames[start : start + _CHUNK], some)]
+        rounded = np.round(part.reshape(len(part), -1) * 1e5)
+        whole = np.nan_to_num(rounded, nan=1e12).astype(np.int64).astype(np.uint64)
+        keys[start : start + _CHUNK] = (whole * factors).sum(axis=1, dtype=np.uint64)
     return keys
 
 
