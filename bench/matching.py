@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.matching import Pattern, distance_function
+from motionary.matching import Pattern, distance_function, score_patterns
+from motionary.models.library import load_everyday
 from motionary.packing import PackedFeatures, count, full_mask, pack, unpack
 from timing import compare, print_ratios
 
@@ -21,6 +22,7 @@ N_COLUMNS, N_FRAMES, N_FEATURES = 60, 100_000, 40
 STEPS, TIMES = np.array([[1, 1], [1, 2], [2, 1]]), np.array([1, 1, 2])
 WANTED = {"NumPy": 12, "compiled": 60}
 ENGINES = {"NumPy": "numpy", "compiled": "compiled"}
+MINUTES = 74
 REFERENCE = "librosa.sequence.dtw"
 
 
@@ -39,12 +41,27 @@ def main() -> None:
     print_ratios(medians, reference=REFERENCE)
     for name, wanted in WANTED.items():
         print(f"  {name}: {medians[REFERENCE] / medians[name]:.1f} x, wanted at least {wanted} x")
+    score_all_prototypes(packed)
     print("patterns and sequences of other kinds:")
     for kind, call in other_kinds(pattern, packed).items():
         twins = {name: partial(call, engine=engine) for name, engine in ENGINES.items()}
         check_bits(*(twin() for twin in twins.values()))
         print(kind)
         print_ratios(compare(twins, runs=9), reference="NumPy")
+
+
+def score_all_prototypes(packed: PackedFeatures) -> None:
+    """Seconds of scoring all prototypes of the library that ships in 74 minutes."""
+    library = load_everyday()
+    patterns = [pattern for one in library for _, pattern in one.patterns]
+    ratios = [ratio for one in library for ratio in one.ratios]
+    frames = np.resize(packed, (MINUTES * 1800, 1))
+    ways = {
+        name: partial(score_patterns, patterns, ratios, frames, engine=engine)
+        for name, engine in ENGINES.items()
+    }
+    print(f"scores of {len(patterns)} prototypes in {MINUTES} minutes, wanted within 5 s")
+    print_ratios(compare(ways, runs=3), reference="NumPy")
 
 
 def features_to_search() -> tuple[PackedFeatures, str]:

@@ -101,7 +101,8 @@ def report_memory(data: Path, place: Path) -> None:
         size = path.stat().st_size / 1e6
         print(
             f"  {suffix:<5} {size:8.0f} MB {motion:8.0f} MB {peak:8.0f} MB"
-            f"   peak / (file + motion) {peak / (size + motion):.2f}, {frames:.0f} frames"
+            f"   peak / (file + motion) {peak / (size + motion):.2f}, {frames:.0f} frames, "
+            f"{1e3 * peak / frames:.1f} kB a frame"
         )
         path.unlink()
 
