@@ -52,18 +52,23 @@ _APART = 0.1
 
 
 class Track(NamedTuple):
-    """Points that are looked at: shapes (frames, points, 3) and, of steps, (frames - 1, points).
+    """Points that are looked at: `columns` of `whole`, and their steps (frames - 1, points).
 
     `is_rig` is whether they are computed from turns: then they move together. `above` is, of a
     tree, which point is the joint right above each; -1 for none.
     """
 
     names: tuple[str, ...]
-    positions: Floats
+    whole: Floats
+    columns: Indices
     steps: NDArray[np.float32]
     rate_hz: float
     is_rig: bool
     above: tuple[int, ...] = ()
+
+    def places(self, frames: Any) -> Floats:
+        """Places of the points in some frames: of hours of motion no copy is made."""
+        return np.asarray(self.whole[frames][..., self.columns, :])
 
     def at(self, start: int, stop: int) -> str:
         """A segment of frames in words."""
@@ -102,16 +107,14 @@ def _track(motion: Motion, first_frame: int) -> Track:
         used = {name for source in motion.mapping.weights.values() for name in source}
         names = tuple(name for name in names if name in used) or names
     names = names[:_MOST_POINTS]
-    if names == motion.names:
-        positions = motion.positions[first_frame:]
-    else:
-        index = {name: i for i, name in enumerate(motion.names)}
-        positions = motion.positions[first_frame:, [index[name] for name in names]]
-    steps = np.empty((len(positions) - 1, len(names)), dtype=np.float32)
+    index = {name: i for i, name in enumerate(motion.names)}
+    columns = np.array([index[name] for name in names], dtype=np.intp)
+    whole = motion.positions[first_frame:]
+    steps = np.empty((len(whole) - 1, len(names)), dtype=np.float32)
     for start in range(0, len(steps), _CHUNK):
-        ways = np.diff(positions[start : start + _CHUNK + 1], axis=0)
+        ways = np.diff(whole[start : start + _CHUNK + 1, columns], axis=0)
         steps[start : start + _CHUNK] = np.sqrt(np.einsum("fpi,fpi->fp", ways, ways))
-    return Track(names, positions, steps, motion.rate_hz, is_rig, _above(motion, names))
+    return Track(names, whole, columns, steps, motion.rate_hz, is_rig, _above(motion, names))
 
 
 def _above(motion: Motion, names: Sequence[str]) -> tuple[int, ...]:
@@ -176,7 +179,7 @@ def _is_left_behind(track: Track, point: int, partners: Indices, start: int, sto
     ways = np.nan_to_num(track.steps[start : stop - 1, partners]).sum(axis=0)
     if ways.max() < _MOVES_M:
         return False
-    outside = np.r_[0:start, stop : len(track.positions)]
+    outside = np.r_[0:start, stop : len(track.whole)]
     usual = _apart(track, point, outside[:: 1 + len(outside) // _LOOKED_AT])[:, partners]
     held = _apart(track, point, np.arange(start, stop))[:, partners]
     if ((~np.isnan(usual)).sum(axis=0) < 2).any() or np.isnan(held).all(axis=0).any():
@@ -188,7 +191,7 @@ def _is_left_behind(track: Track, point: int, partners: Indices, start: int, sto
 
 def _apart(track: Track, point: int, frames: Indices) -> Floats:
     """Distances of all points from one, shape (frames, points)."""
-    positions = track.positions[frames]
+    positions = track.places(frames)
     ways = positions - positions[:, point : point + 1]
     distances: Floats = np.sqrt(np.einsum("fpi,fpi->fp", ways, ways))
     return distances
@@ -204,8 +207,7 @@ def _find_repeated(track: Track) -> list[str]:
     """Segments of a motion that come again, exactly."""
     moves = np.concatenate(([True], (track.steps > _STEP_M).any(axis=1)))
     frames = np.flatnonzero(moves)
-    places = track.positions
-    keys = _keys(places, frames)
+    places, keys = track.places, _keys(track, frames)
     order = np.argsort(keys, kind="stable")
     follows = np.zeros(len(keys), dtype=np.intp)
     same = keys[order[1:]] == keys[order[:-1]]
@@ -217,7 +219,7 @@ def _find_repeated(track: Track) -> list[str]:
         if follows[a] > 0 and b - a >= length:
             before, after = frames[a - follows[a] : b - follows[a]], frames[a:b]
             if all(
-                np.allclose(places[before[part]], places[after[part]], atol=1e-5, equal_nan=True)
+                np.allclose(places(before[part]), places(after[part]), atol=1e-5, equal_nan=True)
                 for part in (slice(i, i + _CHUNK) for i in range(0, b - a, _CHUNK))
             ):
                 first = int(frames[a - follows[a]])
@@ -232,14 +234,14 @@ def _find_repeated(track: Track) -> list[str]:
     ]
 
 
-def _keys(positions: Floats, frames: Indices) -> NDArray[np.uint64]:
+def _keys(track: Track, frames: Indices) -> NDArray[np.uint64]:
     """A number for each frame, the same for the same places (to 0.01 mm) of some points."""
-    some = np.unique(np.linspace(0, positions.shape[1] - 1, _KEY_POINTS).astype(np.intp))
+    some = np.unique(np.linspace(0, len(track.columns) - 1, _KEY_POINTS).astype(np.intp))
     # Powers of an odd number, modulo 2^64.
     factors = np.cumprod(np.full(len(some) * 3, _KEY_FACTOR))
     keys = np.empty(len(frames), dtype=np.uint64)
     for start in range(0, len(frames), _CHUNK):
-        part = positions[np.ix_(frames[start : start + _CHUNK], some)]
+        part = track.whole[np.ix_(frames[start : start + _CHUNK], track.columns[some])]
         rounded = np.round(part.reshape(len(part), -1) * 1e5)
         whole = np.nan_to_num(rounded, nan=1e12).astype(np.int64).astype(np.uint64)
         keys[start : start + _CHUNK] = (whole * factors).sum(axis=1, dtype=np.uint64)
@@ -338,8 +340,9 @@ def _bone_changes(track: Track, partners: Indices, at: Indices, points: Indices)
     """The smaller change of a point's two distances by a step, of each step and point."""
     changes = []
     for others in partners[points].T:
-        before = track.positions[at, points] - track.positions[at, others]
-        after = track.positions[at + 1, points] - track.positions[at + 1, others]
+        one, other = track.columns[points], track.columns[others]
+        before = track.whole[at, one] - track.whole[at, other]
+        after = track.whole[at + 1, one] - track.whole[at + 1, other]
         lengths = (np.sqrt(np.einsum("ni,ni->n", ways, ways)) for ways in (before, after))
         changes.append(np.abs(np.subtract(*lengths)))
     smaller: Floats = np.minimum(*changes)
@@ -353,7 +356,7 @@ def _partners(track: Track) -> Indices:
     """
     if track.is_rig or len(track.names) < 3:
         return np.empty((0, 2), dtype=np.intp)
-    some = track.positions[:: 1 + len(track.positions) // _FEW]
+    some = track.places(slice(None, None, 1 + len(track.whole) // _FEW))
     half, result = len(some) // 2, np.empty((len(track.names), 2), dtype=np.intp)
     for point in range(len(result)):
         ways = some - some[:, point : point + 1]
@@ -370,7 +373,7 @@ def _partners(track: Track) -> Indices:
 
 def _exchanges(track: Track, t: int, points: Indices) -> list[tuple[int, int]]:
     """Pairs of points of which each is where the other was."""
-    before, now = track.positions[t], track.positions[t + 1]
+    before, now = track.places(t), track.places(t + 1)
     pairs = []
     for i, a in enumerate(points.tolist()):
         for b in points[i + 1 :].tolist():
@@ -382,7 +385,7 @@ def _exchanges(track: Track, t: int, points: Indices) -> list[tuple[int, int]]:
 
 def _leaves_neighbours(track: Track, t: int, point: int) -> bool:
     """Whether a step changes the distance to the points that are usually nearest."""
-    before, now = track.positions[t], track.positions[t + 1]
+    before, now = track.places(t), track.places(t + 1)
     if track.is_rig:
         # Turns may flip, which changes no bone.
         above = track.above[point] if track.above else -1
