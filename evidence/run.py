@@ -16,16 +16,17 @@ SCRIPTS = (
     "preselection", "growing_choice", "judging_choice", "find_by_example", "crafting", "streams",
     "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
-    "query_learning_generations", "query_learning_speed", "everyday", "everyday_classes",
-    "exercises", "stream_decisions",
+    "query_learning_generations", "query_learning_speed", "exercises",
 )  # fmt: skip
+#: Scripts whose pages are not in the documentation yet; run by name alone.
+FURTHER = ("everyday", "everyday_classes", "stream_decisions")
 
 
 def main(arguments: list[str]) -> int:
     """Run the named scripts, all by default; 1 if one of them failed, 2 for a wrong name."""
     page = "--page" in arguments
     names = [name for name in arguments if name != "--page"]
-    unknown = sorted(set(names) - set(SCRIPTS))
+    unknown = sorted(set(names) - {*SCRIPTS, *FURTHER})
     if unknown:
         print(f"no evidence {', '.join(unknown)}; there are {', '.join(SCRIPTS)}")
         return 2
