@@ -126,12 +126,16 @@ def hits(world: World) -> list[Figure]:
     """One squat, and the best hit of each actor."""
     others = [hit for hit in world.found if hit.recording.name != EXAMPLE]
     best = {actor(hit.recording.name): hit for hit in reversed(others)}
-    rows = [("example: " + Path(EXAMPLE).stem, world.clip(EXAMPLE).generic_positions())]
+    example = world.clip(EXAMPLE)
+    times = np.arange(example.n_frames) / example.rate_hz
+    rows = [("example: " + Path(EXAMPLE).stem, example.generic_positions(), times)]
     for hit in sorted(best.values(), key=lambda h: h.cost):
         motion = world.clip(hit.recording.name)
         first, last = (n - motion.first_frame for n in (hit.start_frame, hit.end_frame))
-        times = f"{hit.start_s:.1f}–{hit.end_s:.1f} s, cost {hit.cost:.2f}"
-        rows.append((f"{motion.source}, {times}", motion.cut(first, last + 1).generic_positions()))
+        label = f"{hit.start_s:.1f}–{hit.end_s:.1f} s, cost {hit.cost:.2f}"
+        part = motion.cut(first, last + 1).generic_positions()
+        seconds = np.arange(first, last + 1) / motion.rate_hz
+        rows.append((f"{motion.source}, {label}", part, seconds))
     figure = plot_sheet(rows[0], rows[1:], n_figures=9)
     return [_titled(figure, "one squat, and the best hit of each of five actors")]
 

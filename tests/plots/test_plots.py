@@ -571,3 +571,38 @@ def test_a_real_recording_is_drawn(data, tmp_path):
     plots.save(figure, tmp_path / "sheet.svg")
     assert (tmp_path / "features.png").stat().st_size > 10_000
     assert (tmp_path / "sheet.svg").stat().st_size > 10_000
+
+
+def test_a_sheet_says_times_and_shows_the_strongest_change():
+    positions = np.repeat(person(1), 40, axis=0)
+    # One hand jumps between two frames that an even choice leaves out.
+    positions[18:, GENERIC_JOINTS.index("lwrist"), 1] += 0.4
+    times = 2 + np.arange(40) / 20
+    figure = plots.plot_sheet(("query", positions, times), [("hit", positions, times)], n_figures=4)
+    texts = [text for axes in figure.axes for text in axes.texts]
+    said = [text.get_text() for text in texts if text.get_text().endswith(" s")]
+    assert said == ["2.00 s", "2.90 s", "3.30 s", "3.95 s"] * 2
+    bold = [t.get_text() for t in texts if t.get_weight() == "bold" and t.get_text() in said]
+    assert bold == ["2.90 s"] * 2
+    with pytest.raises(InvalidInput, match="times need shape"):
+        plots.plot_sheet(("query", positions, times[1:]), [])
+
+
+def test_distances_have_a_named_axis_and_hits_their_length_and_end():
+    hits = {"a": [Label("a", 1.0, 4.0, cost=0.04)]}
+    figure = plots.plot_distance({"a": np.linspace(0, 1, 300)}, hits=hits, threshold=0.1)
+    (axes,) = figure.axes
+    assert axes.get_ylabel() == "distance"
+    assert [text.get_text() for text in axes.texts] == ["3.0 s\n0.040"]
+    (end,) = [line for line in axes.lines if line.get_marker() == "o"]
+    assert np.allclose(end.get_xydata(), [[119.5 / 30, 119 / 299]])
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert legend[0] == "distance of the best match that ends here"
+    assert "its end" in legend
+
+
+def test_both_views_of_a_first_pose_have_one_scale():
+    figure = plots.plot_recordings([synthetic_motion("squat", seed=0)])
+    side, front = figure.axes[:2]
+    spans = [np.ptp(axes.get_xlim()) for axes in (side, front)]
+    assert spans[0] == pytest.approx(spans[1])

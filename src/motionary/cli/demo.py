@@ -274,14 +274,16 @@ def _show_hits(
     yield from _indent((">rank", "recording", ">start_s", ">end_s", ">cost"), rows)
     title, motion = query
     others = [hit for hit in result if hit.recording.name != motion.source]
-    strips = [(_title(hit), _frames_of(hit, motions)) for hit in others[:5]]
-    save(plot_sheet((title, motion.generic_positions()), strips), folder / "hits.png")
+    strips = [(_title(hit), *_frames_of(hit, motions)) for hit in others[:5]]
+    last = motion.first_frame + motion.n_frames - 1
+    example = (title, *cut_frames(motion, motion.first_frame, last))
+    save(plot_sheet(example, strips), folder / "hits.png")
     template = result.templates[0]
     save(plot_template(template, tolerance=QueryExpansion().tolerance), folder / "template.png")
     yield f"  pictures: {folder / 'hits.png'}, {folder / 'template.png'}"
 
 
-def _frames_of(hit: "Hit", motions: "Mapping[str, Motion]") -> "Floats":
+def _frames_of(hit: "Hit", motions: "Mapping[str, Motion]") -> "tuple[Floats, Floats]":
     return cut_frames(motions[hit.recording.name], hit.start_frame, hit.end_frame)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -188,17 +189,17 @@ def _readable(files: Mapping[str, Path], reading: ReadOptions) -> "Iterator[tupl
 
 
 def _draw(files: Mapping[str, Path], path: str, reading: ReadOptions) -> None:
-    """The first poses of the recordings that can be read, as many as a picture holds."""
+    """The first poses of the recordings that can be read, in pages of as many as one holds."""
     from motionary.plots import MOST_RECORDINGS, plot_recordings, save
 
-    motions: list[Motion] = []
-    for name, motion in _readable(files, reading):
-        if len(motions) == MOST_RECORDINGS:
-            screen.warn(f"{path}: shows the first {len(motions)} of {len(files)} recordings")
-            break
-        motions.append(motion.renamed(name))
-    if motions:
-        save(plot_recordings(motions), path)
+    motions = (motion.renamed(name) for name, motion in _readable(files, reading))
+    number = 0
+    while page := list(islice(motions, MOST_RECORDINGS)):
+        number += 1
+        target = Path(path) if number == 1 else Path(path).with_stem(f"{Path(path).stem}-{number}")
+        save(plot_recordings(page), target)
+    if number > 1:
+        screen.warn(f"{path}: {number} pages, the last one {target.name}")
 
 
 def _write(rows: Sequence[dict[str, Any]], path: str, *, excel: bool) -> None:

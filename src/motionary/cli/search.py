@@ -293,22 +293,24 @@ def _draw_sheet(
         part = query.example.features.recording
         last = part.first_frame + part.n_frames - 1
         title = f"example: {query.example.title}"
-        rows.append((title, cut_frames(query.example.motion, part.first_frame, last)))
+        rows.append((title, *cut_frames(query.example.motion, part.first_frame, last)))
     for rank, hit in enumerate(hits, start=1):
         name = hit.recording.name
         if name not in motions:
             motions[name] = read_recording(files[name], reading)
         title = f"{rank}: {name} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
-        rows.append((title, cut_frames(motions[name], hit.start_frame, hit.end_frame)))
+        rows.append((title, *cut_frames(motions[name], hit.start_frame, hit.end_frame)))
     if rows:
         save(plot_sheet(rows[0], rows[1:]), path)
 
 
-def cut_frames(motion: "Motion", first: int, last: int) -> "Floats":
-    """Generic joints of frames as the file numbers them, both ends included."""
+def cut_frames(motion: "Motion", first: int, last: int) -> "tuple[Floats, Floats]":
+    """Generic joints of frames as the file numbers them, both ends included, and their times."""
+    import numpy as np
+
     start = max(first - motion.first_frame, 0)
     stop = min(max(last + 1 - motion.first_frame, start + 1), motion.n_frames)
-    return motion.cut(start, stop).generic_positions()
+    return motion.cut(start, stop).generic_positions(), np.arange(start, stop) / motion.rate_hz
 
 
 def _write_page(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
 from motionary.motion import GENERIC_JOINTS, Motion
@@ -26,8 +26,12 @@ from motionary.plots.figures import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+#: Title, positions and, perhaps, times of a row.
+SheetRow = tuple[str, ArrayLike] | tuple[str, ArrayLike, ArrayLike]
 
 _WIDTH = 8.0
 _TITLE = 0.24
@@ -39,6 +43,7 @@ _ANY_SCALE = 0.6
 _TURN_DEG = 20.0
 _BETWEEN = 0.1
 _FULL = 0.9
+_TIMES = 0.14
 #: More rows make a picture that no program opens any more.
 _MOST_HITS = 100
 #: A joint that flies off must not shrink all others: extents beyond so many medians are cut.
@@ -60,7 +65,8 @@ _STRAIGHT = 10.0
 class _Strip(NamedTuple):
     """A row: its title, its positions, what is seen of them, and which frames are drawn.
 
-    Extents are those of the drawn figures, shape (figures,), metres.
+    `strongest` is the drawn frame in which the pose changes most, -1 if it is not drawn. Extents
+    are those of the drawn figures, shape (figures,), metres.
     """
 
     title: str
@@ -69,18 +75,21 @@ class _Strip(NamedTuple):
     frames: list[int]
     widths: Floats
     heights: Floats
+    times_s: Floats | None
+    strongest: int
 
 
 @style.house_style()
 def plot_sheet(
-    query: tuple[str, ArrayLike] | None,
-    hits: Sequence[tuple[str, ArrayLike]],
+    query: SheetRow | None,
+    hits: Sequence[SheetRow],
     *,
     n_figures: int = 8,
 ) -> "Figure":
     """Picture of a query and its hits, each as a row of stick figures.
 
-    Time runs from the first frame on the left to the last on the right. Every row is
+    Time runs from the first frame on the left to the last on the right, evenly but for the frame
+    in which the pose changes most, which takes the place of its neighbour. Every row is
     turned so that the person is seen from the right side and a little from the front; all
     have one scale and stand on the lowest point of their segment. Of more than 100 hits
     the first 100 are drawn.
@@ -88,7 +97,8 @@ def plot_sheet(
     Parameters
     ----------
     query, hits : title and positions of the 24 generic joints, shape (frames, 24, 3),
-        metres, y up, NaN = not seen; without a query the hits stand alone
+        metres, y up, NaN = not seen; and, where times are to stand under the figures, the time
+        of each frame in seconds. Without a query the hits stand alone.
     n_figures : stick figures a row; rows of fewer frames show all they have
 
     Raises
@@ -101,7 +111,7 @@ def plot_sheet(
     shown = [*([] if query is None else [query]), *hits[:_MOST_HITS]]
     if not shown:
         raise InvalidInput("a sheet needs a query or hits, got neither")
-    strips = [_strip(title, positions, n_figures) for title, positions in shown]
+    strips = [_strip(row, n_figures) for row in shown]
     slot = _WIDTH / max(len(strip.frames) for strip in strips)
     scale = _scale(strips, slot)
     heights = [_row_height(strip, scale) for strip in strips]
@@ -119,16 +129,27 @@ def plot_sheet(
         _draw_row(axes, strip, top, height, slot=slot, scale=scale, is_query=is_query)
         top -= height
     axes.text(0.06, 0.08, note, color=style.TRUNK)
-    page.add_legend(figure, legend_of_sides())
+    has_bold = any(strip.times_s is not None and strip.strongest >= 0 for strip in strips)
+    page.add_legend(figure, [*legend_of_sides(), *([_legend_of_bold()] if has_bold else [])])
     return figure
 
 
-def _strip(title: str, positions: ArrayLike, n_figures: int) -> _Strip:
+def _legend_of_bold() -> "Artist":
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], linestyle="", label="bold time: where the pose changes most")
+
+
+def _strip(row: SheetRow, n_figures: int) -> _Strip:
+    title, positions, *times = row
     array = check_positions(positions, name=title)
+    times_s = None if not times else np.asarray(times[0], dtype=np.float64)
+    if times_s is not None and times_s.shape != (len(array),):
+        raise InvalidInput(f"{title}: times need shape ({len(array)},), got {times_s.shape}")
     views = project(array, turn_deg=_TURN_DEG)
     floor = np.nanmin(views[..., 1]) if np.isfinite(views).any() else 0.0
     views[..., 1] -= floor
-    frames = np.unique(np.linspace(0, len(array) - 1, n_figures).round().astype(np.intp))
+    frames, strongest = _choose_frames(array, n_figures)
     chosen = views[frames]
     # A figure in which nothing was seen has no extent.
     low = np.fmin.reduce(chosen, axis=1)
@@ -139,7 +160,30 @@ def _strip(title: str, positions: ArrayLike, n_figures: int) -> _Strip:
     wild = widths > _OUTLIER * np.median(np.maximum(widths, heights))
     centres[wild] = np.nanmedian(chosen[wild, :, 0], axis=1)
     views[frames, :, 0] -= np.nan_to_num(centres)[:, np.newaxis]
-    return _Strip(title, array, views, frames.tolist(), widths, heights)
+    return _Strip(title, array, views, frames.tolist(), widths, heights, times_s, strongest)
+
+
+def _choose_frames(positions: Floats, n_figures: int) -> tuple[NDArray[np.intp], int]:
+    """Frames to draw, and that of them in which the pose changes most."""
+    frames = np.unique(np.linspace(0, len(positions) - 1, n_figures).round().astype(np.intp))
+    speeds = _speed_of_pose(positions)
+    # A sudden change is smoothed to a plateau; its middle is meant.
+    strongest = int(np.median(np.flatnonzero(speeds >= speeds.max() * (1 - 1e-9))))
+    if len(frames) > 2 and strongest not in frames:
+        # First and last stay: they say where the segment begins and ends.
+        nearest = 1 + int(np.argmin(np.abs(frames[1:-1] - strongest)))
+        frames[nearest] = strongest
+    return frames, strongest if strongest in frames else -1
+
+
+def _speed_of_pose(positions: Floats) -> Floats:
+    """How fast the joints move about the root, metres a frame, smoothed; 0 where unseen."""
+    around = positions - positions[:, :1]
+    steps = np.linalg.norm(np.diff(around, axis=0, prepend=around[:1]), axis=2)
+    known = ~np.isnan(steps)
+    mean = np.nan_to_num(steps).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    width = max(len(positions) // 20 | 1, 1)
+    return np.convolve(mean, np.full(width, 1 / width), mode="same")
 
 
 def _scale(strips: Sequence[_Strip], slot: float) -> float:
@@ -158,7 +202,8 @@ def _scale(strips: Sequence[_Strip], slot: float) -> float:
 
 def _row_height(strip: _Strip, scale: float) -> float:
     tall = min(scale * float(strip.heights.max()), _TALLEST)
-    return _TITLE + max(tall, 0.3) + _GROUND + _BETWEEN
+    times = 0.0 if strip.times_s is None else _TIMES
+    return _TITLE + max(tall, 0.3) + _GROUND + _BETWEEN + times
 
 
 def _draw_row(
@@ -175,7 +220,7 @@ def _draw_row(
         axes.axhline(top, color=style.FAINT, linewidth=0.5)
     title = style.fit(strip.title, _WIDTH - 0.12, bold=is_query)
     axes.text(0.06, top - 0.06, title, va="top", weight="bold" if is_query else "normal")
-    floor = top - height + _GROUND
+    floor = top - height + _GROUND + (0.0 if strip.times_s is None else _TIMES)
     axes.hlines(floor, 0.06, _WIDTH - 0.06, color=style.RULE, linewidth=0.6, zorder=0.5)
     if np.isnan(strip.views[strip.frames]).all():
         axes.text(0.06, floor + 0.1, "nothing was seen", color=style.TRUNK)
@@ -184,6 +229,19 @@ def _draw_row(
     places = np.stack([(at + 0.5) * slot, np.full(len(at), floor)], axis=1)
     figures = poses(strip.positions, strip.views, strip.frames)
     draw_poses(axes, figures, places, scale=scale)
+    if strip.times_s is not None:
+        _draw_times(axes, strip, places[:, 0], floor - 0.04)
+
+
+def _draw_times(axes: "Axes", strip: _Strip, across: Floats, top: float) -> None:
+    """Seconds under the figures; bold where the pose changes most."""
+    times_s = np.zeros(0) if strip.times_s is None else strip.times_s
+    for frame, x in zip(strip.frames, across.tolist(), strict=True):
+        is_strongest = frame == strip.strongest
+        axes.text(
+            x, top, f"{times_s[frame]:.2f} s", ha="center", va="top", size=style.TEXT_PT,
+            color=style.TRUNK, weight="bold" if is_strongest else "normal",
+        )  # fmt: skip
 
 
 def _title(n_hits: int, *, with_query: bool) -> str:
@@ -218,8 +276,11 @@ def plot_recordings(motions: Sequence[Motion]) -> "Figure":
     )  # fmt: skip
     figure, stacks = page.new_page(layout, title="the first pose, heights in metres")
     for row, motion in enumerate(motions):
-        for column, view in enumerate(_views(motion)):
-            _draw(stacks[column][row], motion, view)
+        views = _views(motion)
+        # One scale for both, or a body that is narrow from the side looks tall.
+        size = max(_size(view[0]) for view in views)
+        for column, view in enumerate(views):
+            _draw(stacks[column][row], motion, view, size)
             stacks[column][row].tick_params(labelleft=column == 0)
         _write(stacks[0][row], motion)
     for (first, *_), heading in zip(stacks, ("from its right side", "from the front"), strict=True):
@@ -262,18 +323,28 @@ def _views(motion: Motion) -> list[Floats]:
     return [points[..., [2, 1]], points[..., [0, 1]]]
 
 
-def _draw(axes: "Axes", motion: Motion, view: Floats) -> None:
+def _extent(flat: Floats) -> tuple[Floats, Floats]:
+    """Lowest and highest place of a view, shape (2,) each; the floor is in it if it is near."""
+    if np.isnan(flat).all():
+        return np.zeros(2), np.ones(2)
+    low, high = np.fmin.reduce(flat), np.fmax.reduce(flat)
+    # The floor belongs to the picture, unless the body is far from it.
+    if 0 < low[1] < max(float((high - low).max()), 1e-9):
+        low[1] = 0.0
+    return low, high
+
+
+def _size(flat: Floats) -> float:
+    low, high = _extent(flat)
+    return max(float((high - low).max()), 1e-9)
+
+
+def _draw(axes: "Axes", motion: Motion, view: Floats, size: float) -> None:
     from matplotlib.ticker import MaxNLocator
 
     flat = view[0]
-    low, high = np.fmin.reduce(flat), np.fmax.reduce(flat)
     unseen = bool(np.isnan(flat).all())
-    low, high = (np.zeros(2), np.ones(2)) if unseen else (low, high)
-    size = max(float((high - low).max()), 1e-9)
-    # The floor belongs to the picture, unless the body is far from it.
-    if 0 < low[1] < size:
-        low[1] = 0.0
-        size = max(size, float(high[1]))
+    low, high = _extent(flat)
     across = (low[0] + high[0]) / 2
     if motion.mapping is None:
         axes.plot(*flat.T, ".", color=style.TRUNK, markersize=3)

@@ -225,7 +225,7 @@ def plot_distance(
     curves = _check_panels(distances, hits or {}, rate_hz)
     tall = _HEIGHTS[0] if len(curves) == 1 else _HEIGHTS[1]
     layout = page.Layout(
-        left=0.4, width=_WIDTH, heights=(tall,) * len(curves), gap=_NAME_HEIGHT + 0.06,
+        left=0.6, width=_WIDTH, heights=(tall,) * len(curves), gap=_NAME_HEIGHT + 0.06,
         above=_NAME_HEIGHT, right=0.1,
     )  # fmt: skip
     figure, (axes,) = page.new_page(layout, title=title or "distance")
@@ -233,8 +233,9 @@ def plot_distance(
     for ax, (name, curve) in zip(axes, curves.items(), strict=True):
         _draw_curve(ax, curve, rate_hz)
         _scale(ax, curve, threshold)
+        ax.set_ylabel("distance", labelpad=2.0)
         for hit in (hits or {}).get(name, ()):
-            ax.axvspan(hit.start_s, hit.end_s, color=style.PALE_BLUE, linewidth=0.5, zorder=0.5)
+            _draw_hit(ax, hit, curve, stop_s=stop_s, rate_hz=rate_hz)
         _draw_truth(ax, truth, name, stop_s)
         ax.set_title(style.fit(name, _WIDTH), loc="left", pad=3.0)
     page.mark_seconds(axes, stop_s)
@@ -242,6 +243,24 @@ def plot_distance(
     has_truth = truth is not None and any(label.name in curves for label in truth)
     page.add_legend(figure, _legend(hits=has_hits, threshold=threshold, truth=has_truth))
     return figure
+
+
+def _draw_hit(
+    axes: "Axes", hit: page.Timed, curve: Floats, *, stop_s: float, rate_hz: float
+) -> None:
+    """A hit shaded, its end on the curve marked; its length and cost, where there is room."""
+    axes.axvspan(hit.start_s, hit.end_s, color=style.PALE_BLUE, linewidth=0.5, zorder=0.5)
+    last = min(max(round(hit.end_s * rate_hz) - 1, 0), len(curve) - 1)
+    axes.plot((last + 0.5) / rate_hz, curve[last], "o", color=style.BLUE, markersize=3.5)
+    cost = getattr(hit, "cost", None)
+    text = f"{hit.end_s - hit.start_s:.1f} s" + ("" if cost is None else f"\n{cost:.3f}")
+    inches = (hit.end_s - hit.start_s) / stop_s * _WIDTH
+    if max(style.text_width(line) for line in text.split("\n")) < inches:
+        axes.annotate(
+            text, ((hit.start_s + hit.end_s) / 2, 1.0), xycoords=("data", "axes fraction"),
+            xytext=(0, -2), textcoords="offset points", ha="center", va="top",
+            size=style.TEXT_PT, color=style.TRUNK,
+        )  # fmt: skip
 
 
 def _check_panels(
@@ -303,13 +322,17 @@ def _draw_truth(axes: "Axes", truth: LabelTrack | None, name: str, stop_s: float
 def _legend(*, hits: bool, threshold: float | None, truth: bool) -> "list[Artist]":
     from matplotlib.lines import Line2D
 
-    handles: list[Artist] = [Line2D([], [], color=style.BLUE, label="distance")]
+    curve = Line2D([], [], color=style.BLUE, label="distance of the best match that ends here")
+    handles: list[Artist] = [curve]
     if threshold is not None:
         line = Line2D([], [], color=style.THRESHOLD, linestyle=(0, (4, 2)))
         line.set_label(f"threshold {threshold:g}")
         handles.append(line)
     if hits:
         handles.append(page.swatch("hit", style.PALE_BLUE))
+        end = Line2D([], [], color=style.BLUE, marker="o", markersize=3.5, linestyle="")
+        end.set_label("its end")
+        handles.append(end)
     if truth:
         handles.append(page.swatch("truth", style.TRUTH))
     return handles
