@@ -8,6 +8,7 @@ A script is a module of `evidence` with
 - DATA: what was used, as `recordings.describe` takes it;
 - measure(recordings): results, plain numbers and text, which become the record;
 - draw(results), if it has pictures: figures by name, from the record alone;
+- SYNTHETIC, True if it needs no recordings: it gets none;
 - draw_recordings(recordings, results), if further pictures need recordings.
 
 Its page is `pages/NAME.md`. A record names data, split, seed, commit and machine beside the
@@ -52,7 +53,9 @@ def script_of(name: str) -> ModuleType:
 
 def make(name: str) -> None:
     """Measure, and write record, pictures and page."""
-    script, recordings = script_of(name), load(jobs=JOBS)
+    script = script_of(name)
+    is_synthetic = getattr(script, "SYNTHETIC", False)
+    recordings = Recordings(Path(), (), {}) if is_synthetic else load(jobs=JOBS)
     began = time.perf_counter()
     results = script.measure(recordings)
     seconds = time.perf_counter() - began
