@@ -15,11 +15,11 @@ SCRIPTS = (
     "baselines_2006", "figures_2006", "keyframe_search", "keyframe_choice", "joined_query",
     "preselection", "growing_choice", "judging_choice", "find_by_example", "crafting", "streams",
     "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
-    "other_readers", "wild", "variants", "kills", "query_learning_choice", "query_learning",
+    "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
     "query_learning_generations", "query_learning_speed", "exercises",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("everyday", "everyday_classes", "stream_decisions")
+FURTHER = ("kills", "everyday", "everyday_classes", "stream_decisions")
 
 
 def main(arguments: list[str]) -> int:
