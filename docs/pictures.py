@@ -8,7 +8,10 @@ the same pictures.
 
 import io
 import os
+import shutil
 import sys
+import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -254,6 +257,58 @@ PICTURES = {
 }
 
 
+#: What a browser is told before the page is pictured: the first kick, at this moment of it.
+_KICK = """
+const labels = [...document.querySelectorAll(".label-list button")];
+labels.find((one) => one.innerText.startsWith("kick")).click();
+setTimeout(() => document.querySelector("button.play").click(), 300);
+"""
+_KICK_S = 27.6
+_BROWSER = (
+    "--headless=new", "--no-sandbox", "--window-size=1280,720", "--hide-scrollbars",
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+)  # fmt: skip
+
+
+def picture_report(world: World) -> Image.Image:
+    """The page of a take, as `motionary report TAKE.amc --library everyday -o TAKE.html` writes it.
+
+    Needs Chromium with its driver, and Selenium (`pip install selenium`).
+    """
+    from selenium import webdriver
+    from selenium.webdriver.common.actions.action_builder import ActionBuilder
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for flag in _BROWSER:
+        options.add_argument(flag)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / f"{TAKE}.html"
+        motion = mo.read(world.data / "cmu" / f"{TAKE}.amc")
+        mo.report(motion, page, library=load_everyday())
+        # Named, so that Selenium looks for none on the network.
+        driver = webdriver.ChromeService(shutil.which("chromedriver"))
+        browser = webdriver.Chrome(options=options, service=driver)
+        try:
+            size = {"width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False}
+            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            browser.get(page.as_uri())
+            time.sleep(2)
+            browser.execute_script(_KICK)
+            time.sleep(1)
+            axis = browser.find_element("css selector", "canvas.time-canvas").rect
+            # Left of the axis stand names, 118 pixels wide.
+            x = 118 + _KICK_S / motion.duration_s * (axis["width"] - 126)
+            mouse = ActionBuilder(browser)
+            mouse.pointer_action.move_to_location(round(x), round(axis["y"]) + 8).click()
+            mouse.perform()
+            time.sleep(1)
+            shot = browser.get_screenshot_as_png()
+        finally:
+            browser.quit()
+    return Image.open(io.BytesIO(shot)).convert("RGB").quantize(_COLOURS, kmeans=1)
+
+
 @house_style()
 def _matrices(
     title: str,
@@ -326,10 +381,13 @@ def main() -> None:
     if not folder or not Path(folder, "hdm05").is_dir():
         sys.exit("set MOTIONARY_DATA to the folder of the recordings; see the top of this file")
     world = World(Path(folder))
-    for name in sys.argv[1:] or PICTURES:
-        draw, side_by_side = PICTURES[name]
+    for name in sys.argv[1:] or [*PICTURES, "report"]:
         with write_atomically(IMAGES / f"{name}.png") as beside:
-            picture = compose(draw(world), side_by_side=side_by_side)
+            if name == "report":
+                picture = picture_report(world)
+            else:
+                draw, side_by_side = PICTURES[name]
+                picture = compose(draw(world), side_by_side=side_by_side)
             picture.save(beside, format="png", optimize=True)
 
 
