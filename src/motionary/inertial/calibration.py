@@ -6,7 +6,6 @@ mounted on it, q_G the sensor's world seen from the tracker's. The printed solve
 means with weights that wrong frames lose.
 """
 
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -22,6 +21,7 @@ from motionary.rotations import (
     quaternions_to_matrices,
     quaternions_to_rotation_vectors,
     rotate,
+    rotation_vectors_to_quaternions,
     unit_vectors,
 )
 
@@ -37,7 +37,7 @@ class CalibrationSettings:
     ----------
     world : "heading" if both worlds have z up, so that only a turn about it is between them
     scale_deg : residuals much beyond it count little (Geman and McClure)
-    most_frames : evenly chosen, that are looked at: more tell hardly more
+    most_frames : that are looked at while searching
     doubted_deg, refused_deg : standard deviation from which on
     """
 
@@ -88,24 +88,24 @@ def calibrate(
     """
     settings = settings or CalibrationSettings()
     tracked, measured, seen = check_pairs(tracked, measured)
-    chosen = _choose(measured, seen, settings.most_frames)
-    t, m = tracked[chosen], measured[chosen]
     axes = _HEADINGS if settings.world == "heading" else np.eye(4)
-    products = _products(t, m, axes)
+    chosen = _choose(measured, seen, settings.most_frames)
+    products = _products(tracked[chosen], measured[chosen], axes)
     tried = [
-        _descend(products, start, _COARSE, settings.scale_deg)
-        for start in _starts(products, t, m, axes)
+        _descend(products, start, _COARSE, settings.scale_deg) for start in _starts(products)
     ]
     tried.sort(key=lambda one: one[2])
-    # The best two, as the coarse steps cannot tell near ones apart.
-    fine = (*_SCALES, *[settings.scale_deg] * _POLISHING)
-    finest = [_descend(products, start, fine, settings.scale_deg) for start, _, _ in tried[:2]]
+    # The best few, as the coarse steps cannot tell near ones apart.
+    finest = [_descend(products, start, _SCALES, settings.scale_deg) for start, _, _ in tried[:4]]
     shares, mount, _ = min(finest, key=lambda one: one[2])
-    world = shares @ axes
+    # More frames than the search needs make the answer sharper.
+    chosen = _choose(measured, seen, _MOST_REFINED)
+    world, mount, deviation = _refine(
+        tracked[chosen], measured[chosen], shares @ axes, mount, settings
+    )
     found = Calibration(world, mount, np.full(len(tracked), np.nan), np.nan)
     residual = found.residual_deg.copy()
     residual[seen] = distance_deg(measured[seen], found.predict(tracked[seen]))
-    deviation = _deviation_deg(t, m, found, settings)
     if not deviation <= settings.refused_deg:
         raise InvalidInput(
             f"the motion does not determine how the sensor sits: expected error {deviation:.0f} "
@@ -162,7 +162,7 @@ def match_limb(tracked: Floats, measured: Floats, *, most_frames: int = 80) -> f
     world, mount, _ = min(
         (
             _descend(products, start, _COARSE, scale)
-            for start in _starts(products, tracked[chosen], measured[chosen], _HEADINGS)
+            for start in _starts(products)
         ),
         key=lambda one: one[2],
     )
@@ -197,18 +197,22 @@ def _products(tracked: Floats, measured: Floats, axes: Floats) -> Floats:
     return result
 
 
-def _starts(products: Floats, tracked: Floats, measured: Floats, axes: Floats) -> list[Floats]:
-    """Worlds from which the search starts, as shares of the axes."""
-    flat = products.reshape(len(products), -1)
-    top = np.linalg.eigh(flat.T @ flat)[1][:, -1].reshape(len(axes), 4)
-    # The nearest product of a world and a mount; no exact answer where little turns.
-    starts = [np.asarray(np.linalg.svd(top)[0][:, 0])]
-    if len(axes) == 2:
+def _starts(products: Floats) -> list[Floats]:
+    """Worlds from which the search starts, as shares of the axes.
+
+    The best product of a world and a mount over all frames, and over parts of them: what is wrong
+    is wrong for a while, so some parts are right.
+    """
+    n = len(products)
+    parts = [products, *np.array_split(products, min(_PARTS, max(n // 12, 1)))]
+    starts = []
+    for part in parts:
+        flat = part.reshape(len(part), -1)
+        top = np.linalg.eigh(flat.T @ flat)[1][:, -1].reshape(products.shape[1:])
+        starts.append(np.asarray(np.linalg.svd(top)[0][:, 0]))
+    if products.shape[1] == 2:
         angles = np.linspace(0, np.pi, 6, endpoint=False)
-        return starts + [np.array([np.cos(angle), np.sin(angle)]) for angle in angles]
-    starts.append(np.array([1.0, 0, 0, 0]))
-    with suppress(InvalidInput):
-        starts.append(calibrate_published(tracked, measured, seed=0)[0])
+        starts += [np.array([np.cos(angle), np.sin(angle)]) for angle in angles]
     return starts
 
 
@@ -233,35 +237,47 @@ _HEADINGS = np.eye(4)[[0, 3]]
 # Graduated: the scale shrinks from 90 degrees by a fifth a step.
 _SCALES = tuple(90.0 * 0.8**step for step in range(13))
 _COARSE = _SCALES[:10:3]
-_POLISHING = 6
+_REFINING = 8
+_MOST_REFINED = 2000
+_PARTS = 10
 
 
-def _deviation_deg(
-    tracked: Floats, measured: Floats, found: Calibration, settings: CalibrationSettings
-) -> float:
-    """Standard deviation of the worse of world and mount, from curvature and residuals."""
-    predicted = found.predict(tracked)
-    misses = quaternions_to_rotation_vectors(
-        multiply_quaternions(conjugate_quaternions(predicted), measured)
-    )
-    squares = np.degrees(1) ** 2 * (misses**2).sum(axis=1)
-    scale = settings.scale_deg**2
-    weights = (scale / (squares + scale)) ** 2
-    turned = quaternions_to_matrices(conjugate_quaternions(predicted))
-    if settings.world == "heading":
-        turned = turned[:, :, 2:]
-    rows = np.concatenate([turned, np.tile(np.eye(3), (len(turned), 1, 1))], axis=2)
-    normal = np.einsum("n,nij,nik->jk", weights, rows, rows)
-    variance = float((weights * (misses**2).sum(axis=1)).sum() / (3 * weights.sum()))
-    # Wrong frames are few of many here: what is left of noise lasts several frames.
+def _refine(
+    tracked: Floats, measured: Floats, world: Floats, mount: Floats, settings: CalibrationSettings
+) -> tuple[Floats, Floats, float]:
+    """World and mount by Gauss-Newton steps, and the standard deviation of the worse, degrees.
+
+    Closed means go slowly where little turns; these steps do not.
+    """
+    scale = np.radians(settings.scale_deg) ** 2
+    for _ in range(_REFINING):
+        predicted = multiply_quaternions(multiply_quaternions(world, tracked), mount)
+        misses = quaternions_to_rotation_vectors(
+            multiply_quaternions(conjugate_quaternions(predicted), measured)
+        )
+        squares = (misses**2).sum(axis=1)
+        weights = (scale / (squares + scale)) ** 2
+        turned = quaternions_to_matrices(conjugate_quaternions(predicted))
+        if settings.world == "heading":
+            turned = turned[:, :, 2:]
+        rows = np.concatenate([turned, np.tile(np.eye(3), (len(turned), 1, 1))], axis=2)
+        weighed = rows * weights[:, None, None]
+        normal = np.einsum("nij,nik->jk", weighed, rows)
+        split = turned.shape[2]
+        # Where nothing turns, nothing moves the answer.
+        step = np.linalg.solve(
+            normal + 1e-6 * len(rows) * np.eye(len(normal)), np.einsum("nij,ni->j", weighed, misses)
+        )
+        about = step[:split] if split == 3 else step[0] * np.array([0.0, 0.0, 1.0])
+        world = multiply_quaternions(rotation_vectors_to_quaternions(about), world)
+        mount = multiply_quaternions(mount, rotation_vectors_to_quaternions(step[split:]))
+    variance = float((weights * squares).sum() / (3 * weights.sum()))
     lasting = _correlation_length(misses * weights[:, None])
-    floor = np.radians(0.01) ** 2
     values, vectors = np.linalg.eigh(normal)
-    safe = np.maximum(values, 1e-9)
-    covariance = (vectors / safe) @ vectors.T * max(variance, floor) * lasting
-    split = turned.shape[2]
+    spread = max(variance, np.radians(0.01) ** 2) * lasting
+    covariance = (vectors / np.maximum(values, 1e-9)) @ vectors.T * spread
     traces = np.trace(covariance[:split, :split]), np.trace(covariance[split:, split:])
-    return float(np.degrees(np.sqrt(max(traces))))
+    return world, mount, float(np.degrees(np.sqrt(max(traces))))
 
 
 def _correlation_length(values: Floats) -> float:
