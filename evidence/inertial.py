@@ -47,13 +47,13 @@ from motionary.rotations import (
 
 TITLE = "Tracking held against inertial sensors"
 SPLIT = (
-    "limits of 25 and 12 degrees were chosen on CMU 86 and HDM05 bd; none of these two is among the "
+    "limits of 25 and 12 degrees were chosen on CMU 86 and HDM05 bd; neither is among the "
     "people on whom sensors are simulated"
 )
 SEED = 0
 DATA = (
     (
-        "one walk with nine Xsens MTw and Vicon (NEURA, GPL-3); three trials of BROAD, CC BY 4.0; "
+        "a walk with nine Xsens MTw and Vicon (NEURA, GPL-3); three trials of BROAD, CC BY 4.0; "
         f"{CMU}; {HDM05}; sensors on CMU and HDM05 are simulated",
         lambda recordings: (16 + len(_takes(recordings.folder)), 12.0),
     ),
@@ -504,15 +504,15 @@ def _simulate_take(path: Path) -> dict[str, Any]:
             continue
         rng = np.random.default_rng([SEED, number, len(path.stem), motion.n_frames])
         sensed = simulate_sensor(
-            resample_orientations(limbs.turns[limb], fast), places, rate_hz=100.0,
+            resample_orientations(limbs.turns[limb], np.asarray(fast, dtype=np.float64)), places, rate_hz=100.0,
             mount=_quaternion(rng), seed=int(rng.integers(1 << 30)),
         )  # fmt: skip
         told = orient(SensorRecording(limb, 100.0, sensed.gyr, sensed.acc))
         measured = resample_orientations(told, np.arange(n) / 30 * 100)
-        shaking = rotation_vectors_to_quaternions(
-            np.stack([np.interp(np.arange(n) / 6, np.arange(n // 6 + 2), k)
-                      for k in rng.normal(size=(3, n // 6 + 2))], axis=1) * np.radians(4 / np.sqrt(3))
-        )  # fmt: skip
+        knots = rng.normal(size=(3, n // 6 + 2)) * np.radians(4 / np.sqrt(3))
+        at = np.arange(n) / 6
+        smooth = np.stack([np.interp(at, np.arange(len(one)), one) for one in knots], axis=1)
+        shaking = rotation_vectors_to_quaternions(smooth)
         tracked = {one: multiply_quaternions(turns[one], shaking) for one in turns}
         result["minutes"] += n / 30 / 60
         for rule in RULES:
