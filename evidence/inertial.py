@@ -497,14 +497,15 @@ def _simulate_take(path: Path) -> dict[str, Any]:
     if n < 150:
         return result
     turns = {
-        limb: resample_orientations(limbs.turns[limb], np.arange(n) * step) for limb in limbs.turns
+        limb: resample_orientations(limbs.turns[limb], np.asarray(np.arange(n) * step))
+        for limb in limbs.turns
     }
     for number, limb in enumerate(LIMBS):
         if limb not in turns:
             continue
         rng = np.random.default_rng([SEED, number, len(path.stem), motion.n_frames])
         sensed = simulate_sensor(
-            resample_orientations(limbs.turns[limb], np.asarray(fast, dtype=np.float64)), places, rate_hz=100.0,
+            resample_orientations(limbs.turns[limb], fast), places, rate_hz=100.0,
             mount=_quaternion(rng), seed=int(rng.integers(1 << 30)),
         )  # fmt: skip
         told = orient(SensorRecording(limb, 100.0, sensed.gyr, sensed.acc))
