@@ -275,11 +275,12 @@ def draw_recordings(recordings: Recordings, results: Results) -> "dict[str, Figu
         pose = pose_from_motion(body, motion.cut(frame, frame + 1)).pose
         vertices = np.asarray(skin(body, pose))[0]
         middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
+        away = max(2.7, 2.3 * np.ptp(vertices[:, [0, 2]], axis=0).max())
         front = pose.rotations[0, 0] @ (0, 0, 1)
         front = np.array([front[0], 0, front[2]]) / max(np.hypot(front[0], front[2]), 1e-9)
         for view, way in enumerate((front, np.array([front[2], 0, -front[0]]))):
             camera = Camera(240, 420, (560.0, 560.0), (120.0, 210.0)).looking_at(
-                middle + 2.7 * way + np.array([0, 0.3, 0]), middle
+                middle + away * way + np.array([0, 0.3, 0]), middle
             )
             bright = shade(render_depth(vertices, body.faces, camera), vertices, body.faces, camera)
             axes = figure.add_axes((
