@@ -459,7 +459,7 @@ def _clocks(folder: Path) -> Results:
 def _takes(folder: Path) -> list[Path]:
     """Takes of people on whom nothing was chosen."""
     hdm = [p for p in sorted((folder / "hdm05_takes").glob("*.amc")) if "_bd_" not in p.name]
-    return hdm + sorted((folder / "cmu_everyday").glob("*.amc"))[::2]
+    return hdm + sorted((folder / "cmu_everyday").glob("*.amc"))[::3]
 
 
 def _simulated(folder: Path) -> Results:
@@ -519,7 +519,7 @@ def _simulate_take(path: Path) -> dict[str, Any]:
         for rule in RULES:
             result["alarms"][rule] += len(_attempt(tracked[limb], measured, 30.0, rule))
         for kind in ERRORS:
-            if kind == "swapped" and limb[0] not in "lr":
+            if kind == "swapped" and limb in ("root", "chest"):
                 continue
             wrong, _ = _plant(kind, tracked, limb, 30.0, rng)
             truth = np.asarray(distance_deg(wrong, tracked[limb]) > 20)
