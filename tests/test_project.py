@@ -20,7 +20,7 @@ MOST_LINES = 400
 MOST_BODY_LINES = 50
 
 # Tables inside the package are not files of the person's; they are read as resources.
-READS_ITS_OWN_TABLES = {"skeletons"}
+READS_ITS_OWN_TABLES = {"features", "skeletons"}
 TOUCHES_FILES = re.compile(
     r"open|fdopen|read_(text|bytes)|write_(text|bytes)|mkdir|unlink|load|loadtxt|genfromtxt"
     r"|fromfile|tofile|memmap|save|savez|savez_compressed|savetxt"

@@ -27,6 +27,7 @@ def test_sets_are_known_by_name():
         "full-body-39": 39,
         "legs-14": 14,
         "three-levels-129": 129,
+        "everyday-448": 448,
     }
     assert all(one.name == name for name, one in known_sets().items())
 

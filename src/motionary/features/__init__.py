@@ -1,7 +1,7 @@
 """Features of the body over time: the catalogue, and the packed features of a recording."""
 
 from motionary.features.body import Body
-from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006, LEGS, THREE_LEVELS, known_sets
+from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006, LEGS, THREE_LEVELS
 from motionary.features.computing import (
     MEASURE_HZ,
     SEQUENCE_HZ,
@@ -10,6 +10,7 @@ from motionary.features.computing import (
     describe_reference_lengths,
     feature_matrix,
 )
+from motionary.features.everyday import known_sets, load_everyday_set
 from motionary.features.feature_set import (
     Feature,
     FeatureSet,
@@ -37,6 +38,7 @@ __all__ = [
     "feature_matrix",
     "find_feature",
     "known_sets",
+    "load_everyday_set",
     "read_features",
     "set_from_rows",
 ]

@@ -112,6 +112,16 @@ class Body:
             ("normal", a, b, c), lambda: unit(cross(self[a] - self[c], self[b] - self[c]))
         )
 
+    def heading(self, axis: str) -> Floats:
+        """Unit vector of the body's own frame on the floor: "left" by its hips, or "ahead"."""
+
+        def compute() -> Floats:
+            line = self["lhip"] - self["rhip"]
+            x, z = (line[0], line[2]) if axis == "left" else (-line[2], line[0])
+            return unit(np.stack([x, np.zeros_like(x), z]))
+
+        return self.kept(("heading", axis), compute)
+
     def velocity(self, joint: str, *, relative_to: str | None, window_s: float) -> Floats:
         """Velocity averaged over a window, shape (3, frames), metres per second."""
 

@@ -14,9 +14,7 @@ Beside the 40 stand those of the legs alone, and a finer set that asks every qua
 the 40 at three levels, for motions that differ by how far or how fast.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 from motionary.features import quantities as q
 from motionary.features.feature_set import DEGREE, Comparison, Feature, FeatureSet, Threshold
@@ -33,12 +31,6 @@ _VELOCITIES = (q.move_plane, q.move_along, q.move_against, q.speed, q.turning)
 _VELOCITY_STEP = 0.5
 _LENGTH_STEP = 0.3
 _STEPS = {DEGREE: 20.0, "body height": 0.1}
-
-
-def known_sets() -> Mapping[str, FeatureSet]:
-    """Sets that files may name without saying what is in them."""
-    sets = (FULL_BODY, FULL_BODY_2006, LEGS, THREE_LEVELS)
-    return MappingProxyType({one.name: one for one in sets})
 
 
 def _both(pattern: Feature) -> list[Feature]:

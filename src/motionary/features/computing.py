@@ -271,10 +271,17 @@ def feature_matrix(
     body = Body.from_positions(positions, rate_hz=MEASURE_HZ)
     features = np.empty((n_features, n_frames), dtype=np.bool_)
     known = np.empty_like(features)
+    measured: tuple[object, ...] = ()
     for i, feature in enumerate(feature_set.features):
-        value = feature.measure(body)
+        wanted = feature.quantity, feature.joints, feature.window_s, feature.unit
+        if wanted != measured:
+            # Thresholds of one quantity stand side by side.
+            value, measured = feature.measure(body), wanted
         known[i] = ~np.isnan(value)
         strong = holds(value, feature.test, feature.strong)
+        if feature.weak == feature.strong:
+            features[i] = strong
+            continue
         weak = holds(value, feature.test, feature.weak)
         features[i] = hysteresis(strong, weak, known[i], before=bool(before[i]))
     return features.T, known.T

@@ -38,6 +38,9 @@ _KINDS: dict[str, tuple[type, ...]] = {
 }
 _TESTS = (">", ">=", "<", "<=", "within")
 _MOST_HINTS = 3
+#: Velocities in the room, and those that are if they are relative to no joint.
+_ABSOLUTE = (quantities.speed, quantities.travel, quantities.fastest, quantities.mean_speed)
+_RELATIVE = (quantities.move_ahead, quantities.move_left, quantities.move_up)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +212,9 @@ def needs_travel(feature: Feature) -> bool:
     Where a body is kept in place, such features are lost. Of the 40 these are F25, F26 and
     F39, and F13 and F14: a hand that is fast because its body walks is slow on the spot.
     """
-    return feature.quantity is quantities.speed
+    if feature.quantity in _RELATIVE:
+        return len(feature.joints) == 1
+    return feature.quantity in _ABSOLUTE
 
 
 def describe_set(feature_set: FeatureSet) -> list[dict[str, Any]] | None:

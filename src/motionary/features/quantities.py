@@ -1,7 +1,9 @@
 """The measured quantities behind the features.
 
 The generic features of Müller and Röder (2006), appendix A: signed distances from planes,
-angles, and velocities of joints, as functions of the joints they need.
+angles, and velocities of joints, as functions of the joints they need. Beside them stand
+coordinates in the frame of the body: left is the line of the hips on the floor, ahead at right
+angles to it, up the vertical.
 
 Conventions: each is called as function(body, window_s, *joints) and gives an array
 (frames,) in metres, metres per second or degrees; NaN where a joint it needs is not seen.
@@ -13,7 +15,15 @@ from functools import reduce
 
 import numpy as np
 
-from motionary.features.body import Body, Floats, angle_between, dot, norm
+from motionary.features.body import (
+    Body,
+    Floats,
+    angle_between,
+    dot,
+    norm,
+    smoothed_velocity,
+    window_frames,
+)
 from motionary.motion import GENERIC_JOINTS
 
 FEET = ("lankle", "rankle", "ltoes", "rtoes")
@@ -84,6 +94,37 @@ def _highest(body: Body, joints: Sequence[str]) -> Floats:
     )
 
 
+def ahead(body: Body, window_s: float, joint: str, origin: str) -> Floats:
+    """How far a joint is ahead of another, in the direction that the hips face."""
+    return dot(body.heading("ahead"), body[joint] - body[origin])
+
+
+def to_left(body: Body, window_s: float, joint: str, origin: str) -> Floats:
+    """How far a joint is to the left of another, along the line of the hips."""
+    return dot(body.heading("left"), body[joint] - body[origin])
+
+
+def outward(body: Body, window_s: float, joint: str, origin: str) -> Floats:
+    """How far a joint of one side is out to that side of another."""
+    return to_left(body, window_s, joint, origin) * _outward_sign(joint)
+
+
+def above(body: Body, window_s: float, joint: str, origin: str) -> Floats:
+    """Height of a joint above another."""
+    return body.height(joint) - body.height(origin)
+
+
+def above_feet(body: Body, window_s: float, joint: str) -> Floats:
+    """Height of a joint above the lower foot."""
+    lowest: Floats = reduce(np.fmin, [body.height(j) for j in FEET])
+    return body.height(joint) - lowest
+
+
+def distance(body: Body, window_s: float, joint: str, other: str) -> Floats:
+    """Distance between two joints."""
+    return norm(body[joint] - body[other])
+
+
 # -- angles -----------------------------------------------------------------------------
 
 
@@ -98,6 +139,28 @@ def tilt(body: Body, window_s: float, a: str, b: str) -> Floats:
     up = np.zeros_like(segment)
     up[1] = 1.0
     return angle_between(segment, up)
+
+
+def lean_ahead(body: Body, window_s: float, a: str, b: str) -> Floats:
+    """Angle by which the segment from a to b leans ahead, degrees."""
+    return _lean(body, "ahead", a, b)
+
+
+def lean_left(body: Body, window_s: float, a: str, b: str) -> Floats:
+    """Angle by which the segment from a to b leans to the left, degrees."""
+    return _lean(body, "left", a, b)
+
+
+def twist(body: Body, window_s: float, a: str, b: str) -> Floats:
+    """Turn of the line from b to a against the line of the hips, degrees."""
+    line = body.direction(b, a)
+    turned = np.arctan2(dot(body.heading("ahead"), line), dot(body.heading("left"), line))
+    return np.asarray(np.degrees(turned))
+
+
+def _lean(body: Body, axis: str, a: str, b: str) -> Floats:
+    sine = dot(body.heading(axis), body.direction(a, b))
+    return np.asarray(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
 
 
 # -- velocities -------------------------------------------------------------------------
@@ -140,3 +203,74 @@ def turning(body: Body, window_s: float, a: str, b: str) -> Floats:
     turns[:-1] = np.degrees(np.arctan2(np.abs(crossed), aligned)) * body.rate_hz
     turns[-1] = 0.0 * x[-1]
     return turns
+
+
+def turning_left(body: Body, window_s: float, a: str, b: str) -> Floats:
+    """Turn of the direction from a to b on the floor to the left, degrees per second.
+
+    The mean over the window; NaN where the direction is unknown.
+    """
+    line = body[b] - body[a]
+    # Seen from above, with x to the right, z points down.
+    angle = np.arctan2(-line[2], line[0])
+    seen = np.flatnonzero(np.isfinite(angle))
+    if len(seen) < 2:
+        return np.full(body.n_frames, np.nan)
+    frames = np.arange(body.n_frames)
+    whole = np.interp(frames, seen, np.unwrap(angle[seen]))
+    track = np.stack([whole, np.zeros_like(whole), np.zeros_like(whole)])
+    width = min(window_frames(window_s, body.rate_hz), body.n_frames)
+    turned = np.degrees(smoothed_velocity(track, width=width, rate_hz=body.rate_hz)[0])
+    return np.where(np.isfinite(angle), turned, np.nan)
+
+
+def move_ahead(body: Body, window_s: float, joint: str, *relative_to: str) -> Floats:
+    """Velocity of a joint, or relative to another, in the direction that the hips face."""
+    return dot(body.heading("ahead"), _velocity(body, window_s, joint, *relative_to))
+
+
+def move_left(body: Body, window_s: float, joint: str, *relative_to: str) -> Floats:
+    """Velocity of a joint, or relative to another, to the left along the line of the hips."""
+    return dot(body.heading("left"), _velocity(body, window_s, joint, *relative_to))
+
+
+def move_outward(body: Body, window_s: float, joint: str, *relative_to: str) -> Floats:
+    """Velocity of a joint of one side, or relative to another, out to that side."""
+    return move_left(body, window_s, joint, *relative_to) * _outward_sign(joint)
+
+
+def move_up(body: Body, window_s: float, joint: str, *relative_to: str) -> Floats:
+    """Velocity of a joint, or relative to another, upwards."""
+    up: Floats = _velocity(body, window_s, joint, *relative_to)[1]
+    return up
+
+
+def relative_speed(body: Body, window_s: float, joint: str, other: str) -> Floats:
+    """Size of the velocity of a joint relative to another."""
+    return norm(_velocity(body, window_s, joint, other))
+
+
+def travel(body: Body, window_s: float, joint: str) -> Floats:
+    """Speed of a joint along the floor."""
+    velocity = _velocity(body, window_s, joint)
+    return np.asarray(np.hypot(velocity[0], velocity[2]))
+
+
+def fastest(body: Body, window_s: float, *joints: str) -> Floats:
+    """Absolute speed of the fastest joint that is seen."""
+    fast: Floats = reduce(np.fmax, [speed(body, window_s, joint) for joint in joints])
+    return fast
+
+
+def mean_speed(body: Body, window_s: float, *joints: str) -> Floats:
+    """Mean of the absolute speeds of joints."""
+    speeds = [speed(body, window_s, joint) for joint in joints]
+    return np.asarray(np.mean(speeds, axis=0))
+
+
+def _outward_sign(joint: str) -> float:
+    return -1.0 if joint.startswith("r") and joint != "root" else 1.0
+
+
+def _velocity(body: Body, window_s: float, joint: str, relative_to: str | None = None) -> Floats:
+    return body.velocity(joint, relative_to=relative_to, window_s=window_s)
