@@ -5,7 +5,7 @@ import pytest
 
 from cli_cases import write_bvh
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features
+from motionary.features import FULL_BODY, FULL_BODY_2006, compute_features, load_everyday_set
 from motionary.io import read
 from motionary.models.library import MotionClass, Prototype, TrainingOptions, learn, learn_classes
 from motionary.models.templates import MotionTemplate
@@ -505,4 +505,9 @@ def test_files_motions_and_words_may_be_mixed(folder):
 
 def test_a_collection_is_searched_as_its_folder_is(folder):
     query = synthetic_motion("squat", seed=8)
-    assert list(search(query, collect(folder))) == list(search(query, folder))
+    everyday = collect(folder, feature_set=load_everyday_set())
+    assert list(search(query, everyday)) == list(search(query, folder))
+    as_published = QueryExpansion(published=True)
+    published = list(search(query, folder, expansion=as_published))
+    assert list(search(query, collect(folder))) == published
+    assert list(search(query, everyday, expansion=as_published)) == published

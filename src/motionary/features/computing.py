@@ -21,7 +21,7 @@ from motionary.features.body import Body, Floats
 from motionary.features.catalogue import FULL_BODY
 from motionary.features.feature_set import FeatureSet, holds, needs_travel
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, resample
-from motionary.packing import PackedFeatures, count_integers, pack, unpack
+from motionary.packing import PackedFeatures, count_integers, full_mask, pack, unpack
 from motionary.recording import Recording, Segment
 from motionary.skeletons import find_mapping, known_mappings, named_mapping
 from motionary.tables import Table, Tabular, build_frame
@@ -142,6 +142,17 @@ class FeatureSequence(Tabular):
     def segment(self, start: int, stop: int) -> Segment:
         """The time of frames start to stop (half-open)."""
         return Segment(self.seconds(start), self.seconds(stop))
+
+    def leading(self, feature_set: FeatureSet) -> "FeatureSequence":
+        """The sequence over a set that this one begins with."""
+        if self.feature_set.ids[: len(feature_set)] != feature_set.ids:
+            raise InvalidInput(
+                f"{self.source}: {self.feature_set.name!r} does not begin with the features of "
+                f"{feature_set.name!r}"
+            )
+        mask = full_mask(1, len(feature_set))[0]
+        packed, known = (each[:, : len(mask)] & mask for each in (self.packed, self.known))
+        return replace(self, packed=packed, known=known, feature_set=feature_set)
 
     def renamed(self, name: str) -> "FeatureSequence":
         """The sequence under another name of its recording."""

@@ -1,11 +1,16 @@
-"""What each feature tells for a scored match, or against it."""
+"""What each feature tells for a match: its part of a score, or how alike a quantity is."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from motionary.features import FeatureSequence
+from motionary.features import FULL_BODY, FeatureSequence
+from motionary.features.everyday import QUANTILES, list_quantities
 from motionary.matching import Alignment, CellRatios, Paths, explain_scores
+
+Floats = NDArray[np.float64]
 
 
 class Gain(NamedTuple):
@@ -41,3 +46,91 @@ def find_gains(
         Gain(feature.id, feature.name, float(part * ratios.scale), float(part))
         for feature, part in zip(sequence.feature_set.features, parts, strict=True)
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """An example and what it found, over the everyday set.
+
+    Attributes
+    ----------
+    example, found : features of both
+    windows, published : cost by windows of ranked quantities, and by the published features
+    """
+
+    example: FeatureSequence
+    found: FeatureSequence
+    windows: float
+    published: float
+
+
+class QuantityMatch(NamedTuple):
+    """One quantity in an example and in what it found.
+
+    Attributes
+    ----------
+    name : of the quantity, in words
+    example, found : mean rank in everyday motion, in [0, 1]
+    differs : how far the ranks lie apart, moment by moment, in [0, 1]
+    """
+
+    name: str
+    example: float
+    found: float
+    differs: float
+
+    def __str__(self) -> str:
+        here, there = (_LEVELS[round(rank * (len(_LEVELS) - 1))] for rank in self[1:3])
+        return f"{self.name} ({here})" if here == there else f"{self.name} ({here}, here {there})"
+
+
+_LEVELS = ("lowest", "low", "middle", "high", "highest")
+_MOMENTS = 20
+
+
+def compare_quantities(comparison: Comparison) -> tuple[QuantityMatch, ...]:
+    """Quantities of an example and of what it found, the most alike first.
+
+    Both are laid over each other evenly. Quantities that stay in the middle of everyday motion
+    say nothing of the example: of equal ones, what is further from the middle comes first.
+    """
+    example, found = _ranks(comparison.example), _ranks(comparison.found)
+    differ = np.abs(example - found)
+    seen = np.asarray(np.isfinite(differ).any(axis=0))
+    with np.errstate(invalid="ignore"):
+        means = [np.nanmean(np.where(seen, ranks, 0.0), axis=0) for ranks in (example, found)]
+        apart = np.nanmean(np.where(seen, differ, 0.0), axis=0)
+    order = np.lexsort((-np.abs(means[0] - 0.5), apart.round(1)))
+    names = [quantity.name for quantity in list_quantities()]
+    return tuple(
+        QuantityMatch(names[i], float(means[0][i]), float(means[1][i]), float(apart[i]))
+        for i in order
+        if seen[i]
+    )
+
+
+def describe_comparison(comparison: Comparison, *, most: int = 3) -> str:
+    """In which quantities an example and what it found are most alike, and least."""
+    quantities = compare_quantities(comparison)
+    alike = ", ".join(map(str, quantities[:most]))
+    differing = [one for one in quantities[::-1] if one.differs > _NOTABLE][:most]
+    text = f"alike: {alike}"
+    return text + (f"; differs: {', '.join(map(str, differing))}" if differing else "")
+
+
+#: Ranks this far apart are worth a word.
+_NOTABLE = 0.15
+
+
+def _ranks(sequence: FeatureSequence) -> Floats:
+    """Rank of each quantity at evenly spread moments, (moments, quantities), NaN = unknown."""
+    at = np.linspace(0, len(sequence) - 1, _MOMENTS).round().astype(np.intp)
+    quantities, first = list_quantities(), len(FULL_BODY)
+    shape = (_MOMENTS, len(quantities), len(QUANTILES))
+    bits = sequence.features[at, first:].reshape(shape).astype(np.float64)
+    known = sequence.known_features[at, first:].reshape(shape).all(axis=2)
+    half = len(QUANTILES) // 2
+    signed = np.array([quantity.is_signed for quantity in quantities])
+    below = np.where(signed, half - bits[..., :half].sum(axis=2), bits[..., :half].sum(axis=2))
+    ranks = (below + bits[..., half:].sum(axis=2)) / len(QUANTILES)
+    return np.where(known, ranks, np.nan)

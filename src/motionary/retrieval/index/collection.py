@@ -17,6 +17,7 @@ from motionary.features import (
     FeatureSet,
     NamedFile,
     compute_features,
+    load_everyday_set,
     read_features,
 )
 from motionary.io import ReadOptions, name_recordings
@@ -114,6 +115,17 @@ class Collection:
     def n_frames(self) -> int:
         """Frames of all recordings, at 30 Hz."""
         return sum(part.shard.n_frames for part in self.parts) if len(self) else 0
+
+    @cached_property
+    def published(self) -> "Collection":
+        """The same recordings over the published features, if they come first."""
+        if self.feature_set != load_everyday_set():
+            return self
+        if not isinstance(self.sequences, _Sequences):
+            sequences = tuple(s.leading(FULL_BODY) for s in self.sequences)
+            return Collection(sequences, FULL_BODY, self.failures)
+        shards = [part.shard.leading(FULL_BODY) for part in self.parts]
+        return Collection.of_shards(shards, FULL_BODY, self.failures)
 
     @cached_property
     def feature_prior(self) -> NDArray[np.float64]:

@@ -8,15 +8,16 @@ Conventions: a position counts frames of the shard, the room between sequences i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import FeatureSequence, FeatureSet
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, load_everyday_set
 from motionary.matching import PADDING, Corpus, concatenate
+from motionary.matching.windows import ThinCorpus, thin
 from motionary.models.keyframes import HitRanges, PostingIndex, index_packed
 from motionary.packing import PackedFeatures, full_mask
 from motionary.recording import Recording, split_runs
@@ -98,11 +99,30 @@ class Shard:
         return Corpus(self.packed, known, self.starts, self.lengths, np.flatnonzero(blocked))
 
     @cached_property
+    def thinned(self) -> ThinCorpus:
+        """What windows are looked for in."""
+        return thin(self.corpus, full=full_mask(1, len(self.feature_set))[0])
+
+    def leading(self, feature_set: FeatureSet) -> "Shard":
+        """The same recordings over the set of the first features; see `FeatureSequence.leading`."""
+        mask = full_mask(1, len(feature_set))[0]
+        n = len(mask)
+        return replace(
+            self,
+            packed=self.packed[:, :n] & mask,
+            masks=np.column_stack([self.masks[:, :1], self.masks[:, 1 : 1 + n] & mask]),
+            feature_set=feature_set,
+        )
+
+    @cached_property
     def posting_index(self) -> PostingIndex:
-        """What keyframe queries take."""
-        name, ids = self.feature_set.name, self.feature_set.ids
+        """What keyframe queries take: of the published features, where they come first."""
+        indexed = indexed_set(self.feature_set)
+        name, ids = indexed.name, indexed.ids
         if self.planes is not None:
             return PostingIndex(self.planes, self.lengths, name, ids)
+        if indexed != self.feature_set:
+            return self.leading(indexed).posting_index
         parts = [self.features_of(i) for i in range(len(self))]
         return index_packed(
             [packed for packed, _ in parts],
@@ -158,6 +178,11 @@ class Shard:
         inside = np.clip(stops[first : last + 1], start, stop)
         lengths = inside - np.concatenate([[start], inside[:-1]])
         return np.repeat(self.masks[first : last + 1, 1:], lengths, axis=0)
+
+
+def indexed_set(feature_set: FeatureSet) -> FeatureSet:
+    """Features that keyframes are looked for in: of the everyday set the published ones."""
+    return FULL_BODY if feature_set == load_everyday_set() else feature_set
 
 
 def make_shard(

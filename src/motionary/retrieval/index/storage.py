@@ -29,7 +29,7 @@ from motionary.features import FeatureSet
 from motionary.files import is_leftover, open_regular, read_bytes, write_atomically
 from motionary.io import FileState, ReadOptions
 from motionary.io.text import read_text
-from motionary.retrieval.index.shard import ROW, Shard
+from motionary.retrieval.index.shard import ROW, Shard, indexed_set
 
 #: Environment variable with the folder of the cache, instead of the system's.
 CACHE_VARIABLE = "MOTIONARY_CACHE"
@@ -280,7 +280,7 @@ def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
         table, packed, masks, planes = (_map(path / file) for file in _ARRAYS.values())
         if table.dtype != ROW:
             raise InvalidInput("its table has other columns")
-        if planes.shape[0] != 2 * len(feature_set) + 1:
+        if planes.shape[0] != 2 * len(indexed_set(feature_set)) + 1:
             raise InvalidInput("its bitmaps are of another feature set")
         _check_counts(names, table, packed, masks)
         return Shard(tuple(names), table, packed, masks, feature_set, planes)

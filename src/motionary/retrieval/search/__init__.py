@@ -1,13 +1,10 @@
 """Search in a collection by example, class, template or keyframes."""
 
+from motionary.retrieval.search.expansion import QueryExpansion, RelevanceFeedback
 from motionary.retrieval.search.keyframes import Deriving, derive_queries, suggest_queries
 from motionary.retrieval.search.ranking import Hit, SearchResult
-from motionary.retrieval.search.searching import (
-    QueryExpansion,
-    RelevanceFeedback,
-    class_of_result,
-    search,
-)
+from motionary.retrieval.search.searching import class_of_result, search
+from motionary.retrieval.search.similar import WindowSettings
 
 __all__ = [
     "Deriving",
@@ -15,6 +12,7 @@ __all__ = [
     "QueryExpansion",
     "RelevanceFeedback",
     "SearchResult",
+    "WindowSettings",
     "class_of_result",
     "derive_queries",
     "search",

@@ -24,6 +24,7 @@ from motionary.models.templates import MotionTemplate, QuantisedTemplate
 from motionary.packing import PackedFeatures
 from motionary.recording import Recording
 from motionary.retrieval.explanation import Evidence
+from motionary.retrieval.gains import Comparison
 from motionary.retrieval.index import Collection, Part
 from motionary.tables import Table, Tabular
 
@@ -46,6 +47,7 @@ class Hit:
     cost : 0 fits in every feature
     known : fraction of the cells of the pattern that were seen, in [0, 1]
     evidence : what `explain` needs
+    comparison : with the example by ranked quantities, where it was found so
     """
 
     recording: Recording
@@ -56,6 +58,7 @@ class Hit:
     cost: float
     known: float
     evidence: Evidence = field(compare=False, repr=False)
+    comparison: Comparison | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,32 +3,35 @@
 By class or template: ranked hits below a threshold (Müller and Röder 2006, section 5.4);
 where a class has keyframes, only around them. By keyframes alone: see `keyframes`.
 
-By example with query expansion: the example's features are the first template; one learned
-from the example and its nearest hits shows what may vary. It is learned in steps, from one
-hit, then two, four, ..., each time found anew: what a few sure hits free, brings the next ones
-nearer. With relevance feedback the template is learned from the relevant hits; what the
-irrelevant ones show at the same moments has little weight.
+By example: between people and styles by windows of ranked quantities, see `similar`; as
+published, by the template of query expansion, see `expansion`.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, check_kind
-from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
+from motionary.features import (
+    FULL_BODY,
+    SEQUENCE_HZ,
+    FeatureSequence,
+    FeatureSet,
+    compute_features,
+    load_everyday_set,
+)
 from motionary.io import ReadOptions
-from motionary.matching import Pattern, align, distance_function
 from motionary.models.keyframes import KeyframeQuery
 from motionary.models.library import MotionClass, Prototype
-from motionary.models.templates import MotionTemplate, learn_template, pattern_of, quantise
+from motionary.models.templates import MotionTemplate, pattern_of, quantise
 from motionary.motion import Motion
-from motionary.packing import unpack
 from motionary.retrieval.explanation import describe_nearest
 from motionary.retrieval.index import Collection, Index, Sources, collect
+from motionary.retrieval.search.examples import search_by_windows
+from motionary.retrieval.search.expansion import QueryExpansion, RelevanceFeedback, expand
 from motionary.retrieval.search.keyframes import (
     Preselection,
     explain_absence,
@@ -36,53 +39,7 @@ from motionary.retrieval.search.keyframes import (
     queries_of,
     rank_queries,
 )
-from motionary.retrieval.search.ranking import Hit, Matches, SearchPattern, SearchResult, match
-
-Floats = NDArray[np.float64]
-
-#: A hit of this cost is near, however near the nearest was.
-_NEAR = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class QueryExpansion:
-    """How an example becomes a template; defaults: docs/evidence/growing_choice.md.
-
-    Attributes
-    ----------
-    hits : nearest hits that the template is learned from in the end, beside the example; 0
-        searches the example's features as they are
-    most_cost : if the nearest hit costs more, nothing is near enough to learn from
-    reach : from the second step on, a hit may cost so many times what the nearest one did at
-        first
-    tolerance : a cell is fixed if at most this fraction of example and hits differs
-    by_self_information : whether what is rare in the collection weighs more
-    prior : how many frames of the collection at large stand beside those of irrelevant hits
-        when it is counted what they show
-    """
-
-    hits: int = 3
-    most_cost: float = 0.35
-    reach: float = 0.6
-    tolerance: float = 0.1
-    by_self_information: bool = True
-    prior: float = 10.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RelevanceFeedback:
-    """An example, and which of its hits a person found relevant.
-
-    Attributes
-    ----------
-    example : its features
-    relevant, irrelevant : hits, or their features
-    """
-
-    example: FeatureSequence
-    relevant: tuple[Hit | FeatureSequence, ...] = ()
-    irrelevant: tuple[Hit | FeatureSequence, ...] = ()
-
+from motionary.retrieval.search.ranking import Matches, SearchPattern, SearchResult, match
 
 #: What a person searches for.
 Query = (
@@ -122,7 +79,9 @@ def search(
         get), an index, or a collection of them
     threshold : largest cost; by default the class's own, otherwise none
     limit : most hits; None for all
-    expansion : how an example becomes a template
+    expansion : how an example is compared: between people and styles by windows of the everyday
+        set; as published where this says so, where `preselect` is given, and where features
+        are over another set
     preselect : where to match: by default around the keyframes of a class that has some,
         otherwise everywhere; False: everywhere; True: around keyframes, derived from the
         template where none are given, which is faster and misses some hits; or around hits
@@ -138,78 +97,62 @@ def search(
     parts = query if isinstance(query, Sequence) and not isinstance(query, str) else (query,)
     for part in parts:
         check_kind(
-            part, _QUERY_KINDS, name="query", role="an example, a class or keyframes",
+            part,
+            _QUERY_KINDS,
+            name="query",
+            role="an example, a class or keyframes",
             remedy="read files first: search(read(path), …)",
-        )  # fmt: skip
+        )
     for name, number, kinds in (("threshold", threshold, Real), ("limit", limit, Integral)):
         if number is not None:
             check_kind(number, (kinds,), name=name, remedy="give a number")
     if limit is not None and limit < 1:
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
-    if isinstance(recordings, Index):
-        collection = recordings.collection()
-    elif isinstance(recordings, Collection):
-        collection = recordings
-    else:
-        collection = collect(recordings, reading=reading, jobs=jobs)
+    expansion = expansion or QueryExpansion()
+    as_published = bool(expansion.published or preselect)
+    collection = _open(query, recordings, as_published, reading=reading, jobs=jobs)
     if isinstance(query, MotionClass) and threshold is None:
         threshold = query.threshold
     most = np.inf if threshold is None else threshold
+    if not as_published and _is_everyday_example(query, collection):
+        example = _as_feedback(query, load_everyday_set())
+        return search_by_windows(example, collection, expansion, threshold=most, limit=limit)
+    collection, query = collection.published, _as_published(query)
     queries = queries_of(query)
     if queries:
         hits = rank_queries(queries, collection, threshold=most, limit=limit)
         why = "" if hits else explain_absence(queries, collection)
-        found = SearchResult(tuple(hits), (), collection.failures, why, queries)
-        return replace(found, query=query, searched=recordings)
-    patterns, templates = _patterns_of(query, collection, expansion or QueryExpansion(), preselect)
+        return SearchResult(tuple(hits), (), collection.failures, why, queries)
+    patterns, templates = _patterns_of(query, collection, expansion, preselect)
     for pattern in patterns:
         _check_pattern(pattern, collection)
-    found = _result(match(patterns, collection), templates, threshold=most, limit=limit)
-    return replace(found, query=query, searched=recordings)
+    return _result(match(patterns, collection), templates, threshold=most, limit=limit)
 
 
-def expand(
-    feedback: RelevanceFeedback,
-    collection: Collection,
-    expansion: QueryExpansion,
+def _open(
+    query: Any,
+    recordings: Recordings,
+    as_published: bool,
     *,
-    preselect: Preselection = None,
-) -> tuple[MotionTemplate, SearchPattern]:
-    """Template of an example and its nearest or its relevant hits, and its pattern.
-
-    Parameters
-    ----------
-    feedback : the example, and the hits found relevant or not
-    collection : where the nearest hits are found
-    expansion : settings
-    preselect : where to look for them
-
-    Raises
-    ------
-    InvalidInput
-        If the example is over other features, or nothing of it is fixed.
-    """
-    example = feedback.example
-    _check_features(feedback, collection)
-    ones = collection.feature_prior if expansion.by_self_information else None
-    if feedback.relevant or feedback.irrelevant:
-        relevant = [_features_of(hit) for hit in feedback.relevant if not _is_example(hit, example)]
-        template = _learn(example, relevant)
-        pattern = _to_pattern(example, template, expansion, ones)
-        irrelevant = [_features_of(hit) for hit in feedback.irrelevant]
-        return template, _weigh_against(irrelevant, pattern, ones, expansion.prior)
-    template, most, is_first = _learn(example, []), expansion.most_cost, True
-    for n_hits in _steps(expansion.hits):
-        pattern = _to_pattern(example, template, expansion, ones)
-        pattern = preselect_by(preselect, pattern, template, collection)
-        nearest = match([pattern], collection).rank(threshold=most, limit=n_hits + 1)
-        others = [hit for hit in nearest if not _is_example(hit, example)][:n_hits]
-        if not others:
-            break
-        if is_first:
-            most, is_first = max(expansion.reach * others[0].cost, _NEAR), False
-        template = _learn(example, [_features_of(hit) for hit in others])
-    return template, _to_pattern(example, template, expansion, ones)
+    reading: ReadOptions | None,
+    jobs: int,
+) -> Collection:
+    """What is searched; files and motions are measured by the set that the query needs."""
+    if isinstance(recordings, Index):
+        return recordings.collection()
+    if isinstance(recordings, Collection):
+        return recordings
+    by_windows = _is_everyday_example(query) and not as_published
+    if by_windows and isinstance(query, Motion) and not isinstance(recordings, str | Path):
+        # Features that are given are of a set already.
+        items = recordings.values() if isinstance(recordings, Mapping) else recordings
+        by_windows = all(
+            item.feature_set == load_everyday_set()
+            for item in (items if isinstance(items, Sequence) else ())
+            if isinstance(item, FeatureSequence)
+        )
+    feature_set = load_everyday_set() if by_windows else FULL_BODY
+    return collect(recordings, reading=reading, feature_set=feature_set, jobs=jobs)
 
 
 def class_of_result(
@@ -223,6 +166,7 @@ def class_of_result(
     name : of the class
     collection, expansion : as in the search
     """
+    collection = collection.published
     background = collection.feature_prior.tolist() if expansion.by_self_information else ()
     return MotionClass(
         name,
@@ -247,14 +191,42 @@ def _patterns_of(
         patterns = [SearchPattern(query.provenance or "template", quantised, pattern_of(quantised))]
         templates = [query]
     else:
-        if isinstance(query, Motion):
-            query = compute_features(query, feature_set=collection.feature_set)
-        if isinstance(query, FeatureSequence):
-            query = RelevanceFeedback(query)
+        query = _as_feedback(query, collection.feature_set)
         template, expanded = expand(query, collection, expansion, preselect=preselect)
         patterns, templates = [expanded], [template]
     pairs = zip(patterns, templates, strict=True)
     return [preselect_by(preselect, p, template, collection) for p, template in pairs], templates
+
+
+def _as_feedback(query: Any, feature_set: FeatureSet) -> RelevanceFeedback:
+    if isinstance(query, RelevanceFeedback):
+        return query
+    if isinstance(query, Motion):
+        query = compute_features(query, feature_set=feature_set)
+    return RelevanceFeedback(query)
+
+
+def _is_everyday_example(query: Any, collection: Collection | None = None) -> bool:
+    """Whether an example, and what is searched, are over the everyday set."""
+    if collection is not None and collection.feature_set != load_everyday_set():
+        return False
+    example = query.example if isinstance(query, RelevanceFeedback) else query
+    if isinstance(example, FeatureSequence):
+        return example.feature_set == load_everyday_set()
+    return isinstance(example, Motion)
+
+
+def _as_published(query: Any) -> Any:
+    """A query over the everyday set as one over the published features."""
+    if isinstance(query, RelevanceFeedback):
+        return RelevanceFeedback(
+            _as_published(query.example),
+            tuple(_as_published(hit) for hit in query.relevant),
+            tuple(_as_published(hit) for hit in query.irrelevant),
+        )
+    if isinstance(query, FeatureSequence) and query.feature_set == load_everyday_set():
+        return query.leading(FULL_BODY)
+    return query
 
 
 def _check_pattern(item: SearchPattern, collection: Collection) -> None:
@@ -298,102 +270,3 @@ def _nearest(matches: Matches, queries: Sequence[KeyframeQuery], threshold: floa
         f"no recording is long enough for the query (at least {least_s:.1f} s), "
         "or too little of it was seen"
     )
-
-
-def _steps(hits: int) -> Iterator[int]:
-    """1, 2, 4, ... and at last all."""
-    n = 1
-    while n < hits:
-        yield n
-        n *= 2
-    if hits:
-        yield hits
-
-
-def _check_features(feedback: RelevanceFeedback, collection: Collection) -> None:
-    hits = (*feedback.relevant, *feedback.irrelevant)
-    for sequence in (feedback.example, *map(_features_of, hits)):
-        if sequence.feature_set.name != collection.feature_set.name:
-            raise InvalidInput(
-                f"the example has features of {sequence.feature_set.name!r}, the collection of "
-                f"{collection.feature_set.name!r}"
-            )
-
-
-def _to_pattern(
-    example: FeatureSequence,
-    template: MotionTemplate,
-    expansion: QueryExpansion,
-    ones: Floats | None,
-) -> SearchPattern:
-    quantised = quantise(template, tolerance=expansion.tolerance)
-    if quantised.n_fixed == 0:
-        raise InvalidInput(
-            f"{example.source}: nothing of the example is known and common to its hits; "
-            "give a longer segment or an example in which more joints are seen"
-        )
-    name = f"like {example.source}" if example.source else "like the example"
-    return SearchPattern(name, quantised, pattern_of(quantised, ones=ones))
-
-
-def _weigh_against(
-    irrelevant: Sequence[FeatureSequence], pattern: SearchPattern, ones: Floats | None, prior: float
-) -> SearchPattern:
-    """Pattern whose entries weigh by their self-information among the irrelevant hits."""
-    if not irrelevant:
-        return pattern
-    template = pattern.template
-    at_large = np.full(template.n_features, 0.5) if ones is None else ones
-    shown, seen = _count_shown(pattern.pattern, irrelevant, template.n_features)
-    fractions = (shown + prior * at_large) / (seen + prior)
-    return SearchPattern(pattern.name, template, pattern_of(template, ones=fractions))
-
-
-def _count_shown(
-    pattern: Pattern, hits: Sequence[FeatureSequence], n_features: int
-) -> tuple[Floats, Floats]:
-    """How often each feature holds, and is known, where a column meets hits."""
-    shown, seen = np.zeros((len(pattern), n_features)), np.zeros((len(pattern), n_features))
-    for sequence in hits:
-        distance = distance_function(pattern, sequence.packed, sequence.known)
-        end = int(np.argmin(distance))
-        if not np.isfinite(distance[end]):
-            continue
-        columns, frames = align(pattern, sequence.packed, sequence.known, [end])[0].path.T
-        np.add.at(shown, columns, unpack(sequence.packed & sequence.known, n_features)[frames])
-        np.add.at(seen, columns, unpack(sequence.known, n_features)[frames])
-    return shown, seen
-
-
-def _learn(example: FeatureSequence, hits: Sequence[FeatureSequence]) -> MotionTemplate:
-    parts = [example, *hits]
-    n_hits = "1 hit" if len(hits) == 1 else f"{len(hits)} hits"
-    every = all(bool(p.known_features.all()) for p in parts)
-    return learn_template(
-        [p.features for p in parts],
-        known=None if every else [p.known_features.astype(np.bool_) for p in parts],
-        feature_names=example.feature_set.ids,
-        feature_set=example.feature_set.name,
-        provenance=f"expanded from {example.source or 'an example'} and {n_hits}",
-    )
-
-
-def _features_of(hit: Hit | FeatureSequence) -> FeatureSequence:
-    if isinstance(hit, FeatureSequence):
-        return hit
-    found = hit.evidence
-    return found.sequence.part(found.alignment.start, found.alignment.end + 1)
-
-
-def _is_example(hit: Hit | FeatureSequence, example: FeatureSequence) -> bool:
-    """Whether a hit is the example itself, found in the collection: nothing to learn from."""
-    if isinstance(hit, FeatureSequence):
-        return hit is example
-    packed, n = hit.evidence.sequence.packed, len(example)
-    start, stop = hit.evidence.alignment.start, hit.evidence.alignment.end + 1
-    # Where a body stands still, a hit may begin or end beside the example.
-    for first in range(max(0, start - n), min(stop, len(packed) - n + 1)):
-        shared = min(first + n, stop) - max(first, start)
-        if 2 * shared > n and bool((packed[first : first + n] == example.packed).all()):
-            return True
-    return False

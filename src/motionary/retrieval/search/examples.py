@@ -1,0 +1,199 @@
+"""Search by an example over the everyday set: windows first, then the published features.
+
+Windows are compared with every recording, the published features with the nearest ones, around
+the place where the windows fit best. Both costs are laid together.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.features import FULL_BODY, FeatureSequence
+from motionary.models.templates import MotionTemplate
+from motionary.retrieval.explanation import Evidence
+from motionary.retrieval.gains import Comparison
+from motionary.retrieval.index import Collection
+from motionary.retrieval.search.expansion import QueryExpansion, RelevanceFeedback, expand
+from motionary.retrieval.search.ranking import Hit, SearchPattern, SearchResult, hit_of, match
+from motionary.retrieval.search.similar import (
+    Place,
+    WindowMatches,
+    WindowSettings,
+    find_equal,
+    published_match,
+    regions_of,
+    travels,
+    windows_of,
+)
+
+Floats = NDArray[np.float64]
+
+_TOO_SHORT = "nothing is like the example: recordings are too short, or too little of them was seen"
+
+
+def search_by_windows(
+    feedback: RelevanceFeedback,
+    collection: Collection,
+    expansion: QueryExpansion,
+    *,
+    threshold: float,
+    limit: int | None,
+) -> SearchResult:
+    """Ranked hits of an example over the everyday set, or of one with relevance feedback.
+
+    Parameters
+    ----------
+    feedback : the example; relevant hits are looked for beside it
+    collection : over the everyday set
+    expansion : how the published features of the example become a template
+    threshold, limit : largest cost, and most hits; None for all
+    """
+    matches = ExampleMatches(feedback, collection, expansion)
+    hits = tuple(matches.rank(threshold=threshold, limit=limit))
+    nearest = ""
+    if not hits:
+        best = next(iter(matches.rank(threshold=np.inf, limit=1)), None)
+        nearest = (
+            f"nearest is {best.recording.name} {best.cost:.3f} at {best.start_s:.1f} s, "
+            f"threshold {threshold:.3f}"
+            if best
+            else _TOO_SHORT
+        )
+    return SearchResult(hits, (matches.template,), collection.failures, nearest)
+
+
+@dataclass(frozen=True, eq=False)
+class ExampleMatches:
+    """Costs of an example in a collection, computed once for any ranking.
+
+    Attributes
+    ----------
+    feedback, collection, expansion : as of `search_by_windows`
+    settings : how windows are compared
+    """
+
+    feedback: RelevanceFeedback
+    collection: Collection
+    expansion: QueryExpansion
+    settings: WindowSettings = field(default_factory=WindowSettings)
+
+    @property
+    def template(self) -> MotionTemplate:
+        """Template of the published features."""
+        return self._expanded[0]
+
+    @cached_property
+    def weight(self) -> float:
+        """Weight of the published features."""
+        if travels(self.feedback.example):
+            return self.settings.published_travelling
+        return self.settings.published
+
+    @cached_property
+    def windows(self) -> WindowMatches:
+        """Windows of the example, and of hits found relevant, in all recordings."""
+        example = self.feedback.example
+        found = [
+            hit.comparison.found if isinstance(hit, Hit) and hit.comparison else hit
+            for hit in self.feedback.relevant
+        ]
+        examples = [example, *(f for f in found if isinstance(f, FeatureSequence))]
+        windows = windows_of(examples, travelling=travels(example), settings=self.settings)
+        n_frames = max(len(one) for one in examples)
+        return WindowMatches(windows, self.collection, n_frames=n_frames, settings=self.settings)
+
+    @cached_property
+    def smallest(self) -> Floats:
+        """Cost of every recording at its best place, shape (recordings,); inf where none fits."""
+        windows, numbers = self.windows.smallest, self._nearest
+        published = np.ones(len(windows))
+        published[numbers] = np.minimum(match([self._pattern], self._near).smallest, 1.0)
+        cost = self._join(windows, published)
+        cost[windows >= self.settings.most_cost - 1e-6] = np.inf
+        return cost
+
+    def rank(self, *, threshold: float, limit: int | None) -> list[Hit]:
+        """Hits over all recordings, best first."""
+        found: list[tuple[float, int, int, Hit]] = []
+        for number in np.argsort(self.smallest, kind="stable").tolist():
+            least = float(self.smallest[number])
+            if not np.isfinite(least) or (
+                limit is not None
+                and len(found) >= limit
+                and least > sorted(f[0] for f in found)[limit - 1]
+            ):
+                break  # fmt: skip
+            found += self._hits_in(number, threshold, limit)
+        found.sort(key=lambda one: one[:3])
+        return [one[3] for one in found[:limit]]
+
+    def _hits_in(
+        self, number: int, threshold: float, limit: int | None
+    ) -> list[tuple[float, int, int, Hit]]:
+        found = []
+        for place in self.windows.places(number):
+            hit = self._hit(place)
+            if hit.cost <= threshold and hit.evidence.is_assessed:
+                found.append((hit.cost, number, place.start, hit))
+            if len(found) == limit or self._join(place.cost, 0.0) > threshold:
+                break
+        return found
+
+    def _hit(self, place: Place) -> Hit:
+        sequence = self.collection.sequences[place.number]
+        published = sequence.leading(FULL_BODY)
+        length = max(len(self.feedback.example), len(self._pattern.pattern))
+        around = max(place.start - length, 0), min(place.stop + length, len(sequence))
+        cost, path = published_match(self._pattern.pattern, published, around)
+        equal = find_equal(self.feedback.example, sequence, place)
+        if equal is not None:
+            place, cost = equal, 0.0
+        item = self._pattern
+        evidence = Evidence(item.name, item.template, item.pattern, published, path)
+        part = sequence.part(place.start, place.stop)
+        hit = hit_of(evidence)
+        start_s, end_s = sequence.segment(place.start, place.stop)
+        return Hit(
+            recording=hit.recording,
+            start_s=start_s,
+            end_s=end_s,
+            start_frame=sequence.recording.frame_at(start_s),
+            end_frame=sequence.recording.last_frame_before(end_s),
+            cost=float(self._join(place.cost, cost)),
+            known=hit.known,
+            evidence=evidence,
+            comparison=Comparison(self.feedback.example, part, place.cost, cost),
+        )
+
+    def _join(self, windows: Floats | float, published: Floats | float) -> Floats:
+        return np.asarray((windows + self.weight * published) / (1 + self.weight))
+
+    @cached_property
+    def _nearest(self) -> list[int]:
+        order = np.argsort(self.windows.smallest, kind="stable")
+        return [int(number) for number in order[: self.settings.candidates]]
+
+    @cached_property
+    def _near(self) -> Collection:
+        """Published features around the best places of the nearest recordings."""
+        return Collection(tuple(regions_of(self.windows, self.collection, self._nearest)))
+
+    @cached_property
+    def _expanded(self) -> tuple[MotionTemplate, SearchPattern]:
+        feedback = RelevanceFeedback(
+            self.feedback.example.leading(FULL_BODY),
+            tuple(map(_published, self.feedback.relevant)),
+            tuple(map(_published, self.feedback.irrelevant)),
+        )
+        prior = self.collection.published.feature_prior
+        return expand(feedback, self._near, self.expansion, prior=prior)
+
+    @property
+    def _pattern(self) -> SearchPattern:
+        return self._expanded[1]
+
+
+def _published(hit: Hit | FeatureSequence) -> Hit | FeatureSequence:
+    return hit.leading(FULL_BODY) if isinstance(hit, FeatureSequence) else hit

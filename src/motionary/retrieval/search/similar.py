@@ -1,0 +1,276 @@
+"""Ranking by an example between people and styles: windows of ranked quantities.
+
+The example is cut into windows of 2 s every second; each is looked for by itself in the features
+of `load_everyday_set`, played up to three times as fast or as slow. A hit costs the mean over
+the windows, each where it fits best within three lengths of the example. To that comes what
+the published features say: the template of query expansion, where the windows fit best.
+Where the example goes through the room throughout, how it goes counts for three tenths, and
+the published features, which know no direction, for little. Settings were chosen on
+recordings that docs/evidence/find_by_example.md does not report.
+
+Conventions: windows are compared at 10 Hz (`matching.windows`), hits are given at 30 Hz.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
+
+from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence, load_everyday_set
+from motionary.features.everyday import TRAVEL
+from motionary.matching import Alignment, Pattern, align, distance_function
+from motionary.matching.windows import (
+    THINNING,
+    FeatureWindow,
+    ThinCorpus,
+    window_distance,
+    window_path,
+)
+from motionary.packing import PackedFeatures, pack
+from motionary.retrieval.index import Collection
+
+Floats = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+#: Of the frames of an example that goes throughout, so many go faster than most everyday motion.
+_TRAVELS_FROM = 0.85
+_TRAVELS_BY = "body goes along the floor over 0.5 s>60"
+
+
+@dataclass(frozen=True, slots=True)
+class WindowSettings:
+    """How an example is compared by windows.
+
+    Attributes
+    ----------
+    window_s, hop_s : length of a window, and from one to the next
+    most_cost : what a window costs that fits nowhere
+    reach : windows of a hit lie within so many lengths of the example
+    travel : part of root velocity and turning, where the example goes throughout
+    published, published_travelling : weight of the published features beside the windows', 1;
+        the second where the example goes throughout
+    candidates : recordings, best first, in which the published features are compared
+    """
+
+    window_s: float = 2.0
+    hop_s: float = 1.0
+    most_cost: float = 0.6
+    reach: float = 3.0
+    travel: float = 0.3
+    published: float = 0.5
+    published_travelling: float = 0.1
+    candidates: int = 300
+
+
+class Place(NamedTuple):
+    """Where the windows fit in a recording.
+
+    Attributes
+    ----------
+    number : of the recording in its collection
+    start, stop : frames at 30 Hz, half-open
+    cost : mean of the windows
+    """
+
+    number: int
+    start: int
+    stop: int
+    cost: float
+
+
+def travels(example: FeatureSequence) -> bool:
+    """Whether the body goes through the room throughout."""
+    column = example.feature_set.ids.index(_TRAVELS_BY)
+    seen = example.known_features[:, column].astype(np.bool_)
+    going = example.features[seen, column]
+    return len(going) > 0 and float(going.mean()) >= _TRAVELS_FROM
+
+
+def windows_of(
+    examples: Sequence[FeatureSequence], *, travelling: bool, settings: WindowSettings
+) -> list[FeatureWindow]:
+    """Windows of examples over the everyday set."""
+    groups = np.array([feature.group == TRAVEL for feature in load_everyday_set().features])
+    heavy = pack(groups[np.newaxis])[0]
+    extra = 0.0
+    if travelling:
+        n_heavy, n_light = np.count_nonzero(groups), np.count_nonzero(~groups)
+        extra = settings.travel / (1 - settings.travel) * n_light / n_heavy - 1
+    width = round(settings.window_s * SEQUENCE_HZ / THINNING)
+    hop = round(settings.hop_s * SEQUENCE_HZ / THINNING)
+    return [
+        FeatureWindow(packed[a : a + width], known[a : a + width], heavy, extra)
+        for packed, known in ((e.packed[::THINNING], e.known[::THINNING]) for e in examples)
+        for a in _starts(len(packed), width, hop)
+    ]
+
+
+class WindowMatches:
+    """Costs of windows in a collection, computed once for any ranking.
+
+    Parameters
+    ----------
+    windows : at least one
+    collection : over the everyday set
+    n_frames : of the example, at 30 Hz
+    settings : of the comparison
+    """
+
+    def __init__(
+        self,
+        windows: Sequence[FeatureWindow],
+        collection: Collection,
+        *,
+        n_frames: int,
+        settings: WindowSettings,
+    ) -> None:
+        self._windows, self._collection, self._settings = windows, collection, settings
+        self._example = -(-n_frames // THINNING)
+        self._most = np.float32(settings.most_cost)
+        self._reach = 1 if len(windows) == 1 else max(1, round(settings.reach * self._example))
+        self._distances: list[list[Single]] = [
+            [
+                np.minimum(window_distance(w, part.shard.thinned), settings.most_cost)
+                for w in windows
+            ]
+            for part in collection.parts
+        ]
+
+    @cached_property
+    def smallest(self) -> Floats:
+        """Cost of the best place of every recording, shape (recordings,); at most `most_cost`."""
+        smallest = np.full(len(self._collection), self._settings.most_cost)
+        for part, distances in zip(self._collection.parts, self._distances, strict=True):
+            thin = part.shard.thinned
+            least = np.zeros(len(thin.starts))
+            for distance in distances:
+                padded = np.append(distance, np.float32(self._settings.most_cost))
+                least += np.minimum.reduceat(padded, thin.starts)
+            least /= len(distances)
+            # Where windows may lie too far apart, the place has to be looked for.
+            for i in np.flatnonzero((thin.lengths > self._reach) & (len(distances) > 1)):
+                least[i] = self._curve(thin, distances, int(i)).min(initial=least.max())
+            smallest[part.numbers] = least
+        return smallest
+
+    def region(self, number: int) -> tuple[int, int]:
+        """Frames at 30 Hz, half-open, around the best place of a recording."""
+        curve = self.curve(number)
+        return self._region(int(np.argmin(curve)), len(self._collection.sequences[number]))
+
+    def places(self, number: int) -> Iterator[Place]:
+        """Places in a recording, the best first, that do not repeat each other."""
+        curve = self.curve(number).copy()
+        taken: list[Place] = []
+        while len(curve) and curve.min() < self._settings.most_cost - 1e-6:
+            end = int(np.argmin(curve))
+            place = self._place(number, end, float(curve[end]))
+            half = max((place.stop - place.start) // (2 * THINNING), 1)
+            repeats = any(_repeats(place, other) for other in taken)
+            reach = 1 if repeats else half
+            curve[max(end - reach, 0) : end + reach + 1] = np.inf
+            if not repeats:
+                taken.append(place)
+                yield place
+
+    def curve(self, number: int) -> Floats:
+        """Cost by the frame at 10 Hz at which a place ends."""
+        part, place = self._collection.locate(number)
+        thin = self._collection.parts[part].shard.thinned
+        return self._curve(thin, self._distances[part], place)
+
+    def _curve(self, thin: ThinCorpus, distances: Sequence[Single], place: int) -> Floats:
+        inside = slice(thin.starts[place], thin.starts[place] + thin.lengths[place])
+        total = np.zeros(int(thin.lengths[place]))
+        for distance in distances:
+            total += self._before(distance[inside])
+        return total / len(distances)
+
+    def _before(self, distance: Single) -> Single:
+        """Smallest distance at a frame or within reach before it."""
+        size = min(self._reach, len(distance))
+        if size <= 1:
+            return distance
+        result: Single = minimum_filter1d(
+            distance, size, origin=(size - 1) // 2, mode="constant", cval=self._settings.most_cost
+        )
+        return result
+
+    def _region(self, end: int, n_frames: int) -> tuple[int, int]:
+        first = end - self._reach - 3 * max(len(window) for window in self._windows)
+        return max(THINNING * first, 0), min(THINNING * (end + self._example), n_frames)
+
+    def _place(self, number: int, end: int, cost: float) -> Place:
+        part, place = self._collection.locate(number)
+        thin = self._collection.parts[part].shard.thinned
+        begin = int(thin.starts[place])
+        earliest = max(begin, begin + end - self._reach + 1)
+        first, last = begin + end, begin
+        for window, distance in zip(self._windows, self._distances[part], strict=True):
+            at = earliest + int(np.argmin(distance[earliest : begin + end + 1]))
+            if distance[at] < self._settings.most_cost:
+                first = min(first, int(window_path(window, thin, begin, at)[0]))
+                last = max(last, at)
+        n_frames = len(self._collection.sequences[number])
+        start, stop = THINNING * (first - begin), THINNING * (last - begin + 1)
+        return Place(number, start, min(stop, n_frames), cost)
+
+
+def published_match(
+    pattern: Pattern, sequence: FeatureSequence, region: tuple[int, int]
+) -> tuple[float, Alignment]:
+    """Cost of the published template within a region, at most 1, and its path there.
+
+    Where no path fits, as what is played at less than half the tempo, columns meet frames
+    evenly.
+    """
+    start, stop = region
+    packed, known = sequence.packed[start:stop], sequence.known[start:stop]
+    distance = distance_function(pattern, packed, known)
+    end = int(np.argmin(distance))
+    if np.isfinite(distance[end]):
+        (path,) = align(pattern, packed, known, [end])
+        return min(float(distance[end]), 1.0), path.shifted(start)
+    columns = np.arange(len(pattern))
+    frames = np.linspace(start, stop - 1, len(pattern)).round().astype(np.intp)
+    return 1.0, Alignment(start, stop - 1, 1.0, np.column_stack([columns, frames]))
+
+
+def find_equal(example: FeatureSequence, sequence: FeatureSequence, place: Place) -> Place | None:
+    """Where a recording shows exactly what the example shows, near a place."""
+    n = len(example)
+    first = max(place.start - n, 0)
+    starts = np.arange(first, min(place.stop, len(sequence) - n + 1))
+    if not len(starts):
+        return None
+    rows: PackedFeatures = example.packed
+    for at in starts[(sequence.packed[starts] == rows[0]).all(axis=1)].tolist():
+        if (sequence.packed[at : at + n] == rows).all():
+            return Place(place.number, at, at + n, 0.0)
+    return None
+
+
+def regions_of(
+    matches: WindowMatches, collection: Collection, numbers: Sequence[int]
+) -> list[FeatureSequence]:
+    """Published features around the best place of some recordings."""
+    return [
+        collection.sequences[number].leading(FULL_BODY).part(*matches.region(number))
+        for number in numbers
+    ]
+
+
+def _repeats(place: Place, other: Place) -> bool:
+    """Whether more than half of the shorter of two places lies within the other."""
+    shared = min(place.stop, other.stop) - max(place.start, other.start)
+    return 2 * shared >= min(place.stop - place.start, other.stop - other.start)
+
+
+def _starts(n_frames: int, width: int, hop: int) -> list[int]:
+    if n_frames <= width:
+        return [0]
+    return sorted({*range(0, n_frames - width + 1, hop), n_frames - width})
