@@ -7,9 +7,9 @@ By example: between people and styles by windows of ranked quantities, see `simi
 published, by the template of query expansion, see `expansion`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from numbers import Integral, Real
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -79,9 +79,9 @@ def search(
         get), an index, or a collection of them
     threshold : largest cost; by default the class's own, otherwise none
     limit : most hits; None for all
-    expansion : how an example is compared: between people and styles by windows of the everyday
-        set; as published where this says so, where `preselect` is given, and where features
-        are over another set
+    expansion : how an example is compared: between people and styles by windows where what is
+        searched is over the set of `load_everyday_set`; as published where this says so, where
+        `preselect` is given, and over other sets
     preselect : where to match: by default around the keyframes of a class that has some,
         otherwise everywhere; False: everywhere; True: around keyframes, derived from the
         template where none are given, which is faster and misses some hits; or around hits
@@ -97,12 +97,9 @@ def search(
     parts = query if isinstance(query, Sequence) and not isinstance(query, str) else (query,)
     for part in parts:
         check_kind(
-            part,
-            _QUERY_KINDS,
-            name="query",
-            role="an example, a class or keyframes",
+            part, _QUERY_KINDS, name="query", role="an example, a class or keyframes",
             remedy="read files first: search(read(path), …)",
-        )
+        )  # fmt: skip
     for name, number, kinds in (("threshold", threshold, Real), ("limit", limit, Integral)):
         if number is not None:
             check_kind(number, (kinds,), name=name, remedy="give a number")
@@ -110,49 +107,34 @@ def search(
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
     expansion = expansion or QueryExpansion()
     as_published = bool(expansion.published or preselect)
-    collection = _open(query, recordings, as_published, reading=reading, jobs=jobs)
+    collection = _open(recordings, reading, jobs)
     if isinstance(query, MotionClass) and threshold is None:
         threshold = query.threshold
     most = np.inf if threshold is None else threshold
     if not as_published and _is_everyday_example(query, collection):
         example = _as_feedback(query, load_everyday_set())
-        return search_by_windows(example, collection, expansion, threshold=most, limit=limit)
-    collection, query = collection.published, _as_published(query)
-    queries = queries_of(query)
+        found = search_by_windows(example, collection, expansion, threshold=most, limit=limit)
+        return replace(found, query=query, searched=recordings)
+    collection, asked = collection.published, _as_published(query)
+    queries = queries_of(asked)
     if queries:
         hits = rank_queries(queries, collection, threshold=most, limit=limit)
         why = "" if hits else explain_absence(queries, collection)
-        return SearchResult(tuple(hits), (), collection.failures, why, queries)
-    patterns, templates = _patterns_of(query, collection, expansion, preselect)
+        found = SearchResult(tuple(hits), (), collection.failures, why, queries)
+        return replace(found, query=query, searched=recordings)
+    patterns, templates = _patterns_of(asked, collection, expansion, preselect)
     for pattern in patterns:
         _check_pattern(pattern, collection)
-    return _result(match(patterns, collection), templates, threshold=most, limit=limit)
+    found = _result(match(patterns, collection), templates, threshold=most, limit=limit)
+    return replace(found, query=query, searched=recordings)
 
 
-def _open(
-    query: Any,
-    recordings: Recordings,
-    as_published: bool,
-    *,
-    reading: ReadOptions | None,
-    jobs: int,
-) -> Collection:
-    """What is searched; files and motions are measured by the set that the query needs."""
+def _open(recordings: Recordings, reading: ReadOptions | None, jobs: int) -> Collection:
     if isinstance(recordings, Index):
         return recordings.collection()
     if isinstance(recordings, Collection):
         return recordings
-    by_windows = _is_everyday_example(query) and not as_published
-    if by_windows and isinstance(query, Motion) and not isinstance(recordings, str | Path):
-        # Features that are given are of a set already.
-        items = recordings.values() if isinstance(recordings, Mapping) else recordings
-        by_windows = all(
-            item.feature_set == load_everyday_set()
-            for item in (items if isinstance(items, Sequence) else ())
-            if isinstance(item, FeatureSequence)
-        )
-    feature_set = load_everyday_set() if by_windows else FULL_BODY
-    return collect(recordings, reading=reading, feature_set=feature_set, jobs=jobs)
+    return collect(recordings, reading=reading, jobs=jobs)
 
 
 def class_of_result(
@@ -206,9 +188,9 @@ def _as_feedback(query: Any, feature_set: FeatureSet) -> RelevanceFeedback:
     return RelevanceFeedback(query)
 
 
-def _is_everyday_example(query: Any, collection: Collection | None = None) -> bool:
+def _is_everyday_example(query: Any, collection: Collection) -> bool:
     """Whether an example, and what is searched, are over the everyday set."""
-    if collection is not None and collection.feature_set != load_everyday_set():
+    if collection.feature_set != load_everyday_set():
         return False
     example = query.example if isinstance(query, RelevanceFeedback) else query
     if isinstance(example, FeatureSequence):
