@@ -91,9 +91,7 @@ def calibrate(
     axes = _HEADINGS if settings.world == "heading" else np.eye(4)
     chosen = _choose(measured, seen, settings.most_frames)
     products = _products(tracked[chosen], measured[chosen], axes)
-    tried = [
-        _descend(products, start, _COARSE, settings.scale_deg) for start in _starts(products)
-    ]
+    tried = [_descend(products, start, _COARSE, settings.scale_deg) for start in _starts(products)]
     tried.sort(key=lambda one: one[2])
     # The best few, as the coarse steps cannot tell near ones apart.
     finest = [_descend(products, start, _SCALES, settings.scale_deg) for start, _, _ in tried[:4]]
@@ -160,10 +158,7 @@ def match_limb(tracked: Floats, measured: Floats, *, most_frames: int = 80) -> f
     products = _products(tracked[chosen], measured[chosen], _HEADINGS)
     scale = CalibrationSettings().scale_deg
     world, mount, _ = min(
-        (
-            _descend(products, start, _COARSE, scale)
-            for start in _starts(products)
-        ),
+        (_descend(products, start, _COARSE, scale) for start in _starts(products)),
         key=lambda one: one[2],
     )
     cosines = np.abs((products @ mount) @ world)
