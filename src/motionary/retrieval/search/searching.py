@@ -95,7 +95,7 @@ def search(
         or the limit is below 1.
     """
     parts = query if isinstance(query, Sequence) and not isinstance(query, str) else (query,)
-    for part in parts:
+    for part in parts or (query,):
         check_kind(
             part, _QUERY_KINDS, name="query", role="an example, a class or keyframes",
             remedy="read files first: search(read(path), …)",
