@@ -72,7 +72,7 @@ def measure(recordings: Recordings) -> Results:
     sets = {
         "hdm05": clips,
         "bandai": _contents(files, lambda _query, _file: True),
-        "styles": _contents(files, lambda query, file: _style(query) != _style(file)),
+        "styles": _contents(files, lambda query, file: style_of(query) != style_of(file)),
     }
     return {
         "parts": {"tries": tries, "chosen": chosen._asdict()},
@@ -88,23 +88,23 @@ def _contents(
     files: Mapping[str, FeatureSequence], is_searched: Callable[[str, str], bool]
 ) -> list[Query]:
     """Files of the first data set with at least two others of their content."""
-    counts = [_content(name) for name in files if "dataset-2" not in name]
+    counts = [content_of(name) for name in files if "dataset-2" not in name]
     queries = []
     for name, packed in files.items():
-        if "dataset-2" in name or counts.count(_content(name)) < 3:
+        if "dataset-2" in name or counts.count(content_of(name)) < 3:
             continue
         pool = [other for other in files if other != name and is_searched(name, other)]
-        relevant = np.array([_content(other) == _content(name) for other in pool])
+        relevant = np.array([content_of(other) == content_of(name) for other in pool])
         searched = Pool(tuple(files[other] for other in pool))
         queries.append(Query(Path(name).stem, packed, searched, relevant))
     return queries
 
 
-def _content(name: str) -> str:
+def content_of(name: str) -> str:
     return Path(name).stem.removeprefix("dataset-2_").rsplit("_", 2)[0]
 
 
-def _style(name: str) -> str:
+def style_of(name: str) -> str:
     return Path(name).stem.rsplit("_", 2)[1]
 
 

@@ -17,7 +17,7 @@ SCRIPTS = (
     "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
     "query_learning_generations", "query_learning_speed", "exercises", "inertial", "body",
-    "stream_decisions", "corrections",
+    "stream_decisions", "corrections", "styles",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
 FURTHER = ("kills", "everyday", "everyday_classes")
