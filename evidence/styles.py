@@ -1,7 +1,6 @@
 """What one example finds between people and styles, by two ways of comparing it.
 
-An example is ranked against whole recordings; its own file is never among them. Each recording
-counts once, by its smallest cost; one without a finite cost is not retrieved.
+Recordings are ranked by their smallest cost, never the example's own; infinite: not retrieved.
 """
 
 import csv
@@ -43,6 +42,7 @@ BARS = {
     "HDM05, all other clips": 0.98,
     "HDM05, other actors' clips": 0.98,
     "ACCAD, Male2 among Male1": 0.72,
+    "ACCAD, among all of Male1": 0.72,
     "Bandai Namco, active and old": 0.40,
 }
 
@@ -60,10 +60,10 @@ class Case(NamedTuple):
 
 @cache
 def _read(folder: Path, part: str) -> dict[str, FeatureSequence]:
-    """Sequences over the everyday set by name; of ACCAD those that show one motion."""
+    """Sequences over the everyday set by name; of ACCAD those that the table lists."""
     files = list(name_recordings(folder / part).items())
     if part == "accad":
-        files = [(name, path) for name, path in files if path.stem in _whole(folder)]
+        files = [(name, path) for name, path in files if path.stem in _table(folder)]
     found = {}
     for item in read_features(files, feature_set=load_everyday_set(), jobs=2):
         if not isinstance(item, FeatureSequence):
@@ -73,21 +73,20 @@ def _read(folder: Path, part: str) -> dict[str, FeatureSequence]:
 
 
 @cache
-def _whole(folder: Path) -> dict[str, frozenset[str]]:
-    """Contents of the files of ACCAD that show them from end to end."""
-    contents: dict[str, frozenset[str]] = {}
+def _table(folder: Path) -> dict[str, dict[str, str]]:
+    """Contents of each file of ACCAD, and whether it shows them from end to end."""
+    table: dict[str, dict[str, str]] = {}
     with (folder / "accad" / "contents.csv").open(encoding="utf-8", newline="") as lines:
         for row in csv.DictReader(lines):
-            if row["extent"] == "whole" and row["recording"] not in REFUSED:
-                known = contents.get(row["recording"], frozenset())
-                contents[row["recording"]] = known | {row["content"]}
-    return contents
+            if row["recording"] not in REFUSED:
+                table.setdefault(row["recording"], {})[row["content"]] = row["extent"]
+    return table
 
 
 DATA = (
     "clips",
     (
-        "ACCAD Open Motion Project, CC BY 3.0: files that show one motion, Male1 and Male2",
+        "ACCAD Open Motion Project, CC BY 3.0, Male1 and Male2",
         lambda recordings: list(_read(recordings.folder, "accad").values()),
     ),
     "bandai",
@@ -99,7 +98,8 @@ def measure(recordings: Recordings) -> Results:
     sets = {
         "HDM05, all other clips": _clips(recordings, lambda _query, _clip: True),
         "HDM05, other actors' clips": _clips(recordings, lambda a, b: _actor(a) != _actor(b)),
-        "ACCAD, Male2 among Male1": _accad(recordings),
+        "ACCAD, Male2 among Male1": _accad(recordings, whole=True),
+        "ACCAD, among all of Male1": _accad(recordings, whole=False),
         "Bandai Namco, active and old": _bandai(recordings),
     }
     return {"sets": {name: _measure_set(cases) for name, cases in sets.items()}}
@@ -118,12 +118,14 @@ def _clips(recordings: Recordings, is_searched: Callable[[str, str], bool]) -> l
     ]
 
 
-def _accad(recordings: Recordings) -> list[Case]:
-    files, whole = _read(recordings.folder, "accad"), _whole(recordings.folder)
+def _accad(recordings: Recordings, *, whole: bool) -> list[Case]:
+    files, table = _read(recordings.folder, "accad"), _table(recordings.folder)
+    whole_ones = {name for name in files if "whole" in table[Path(name).stem].values()}
+    searched = {name for name in (whole_ones if whole else files) if "Male1" in name}
     cases = [
-        _case(files, name, "Male2", lambda n: whole[Path(n).stem], lambda _, n: "Male1" in n)
-        for name in files
-        if "Male2" in name
+        _case(files, n, "Male2", lambda n: set(table[Path(n).stem]), lambda _, n: n in searched)
+        for n in sorted(whole_ones)
+        if "Male2" in n
     ]
     return [case for case in cases if case.relevant.any()]
 
@@ -179,11 +181,11 @@ def _measure_set(cases: Sequence[Case]) -> Results:
             "windows": score(windows.smallest, case.relevant),
             "chance": chance(case.relevant, seed=SEED + i),
         }
-        right = {"right": int(case.relevant.sum()), "searched": len(case.relevant)}
         who = {"query": case.name, "person": case.person, "content": case.content}
-        rows.append(who | right | {"scores": scores})
-    by = {key: _by(key, rows) for key in ("person", "content")}
-    return {"means": _means(rows), "people": by["person"], "contents": by["content"], "rows": rows}
+        right = int(case.relevant.sum())
+        rows.append(who | {"right": right, "searched": len(case.relevant), "scores": scores})
+    people, contents = _by("person", rows), _by("content", rows)
+    return {"means": _means(rows), "people": people, "contents": contents, "rows": rows}
 
 
 def _means(rows: Sequence[dict[str, Any]]) -> Results:
