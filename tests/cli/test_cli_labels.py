@@ -137,3 +137,12 @@ def test_tables_may_count_in_frames_everywhere(motionary, table, tmp_path):
     ran = motionary("report", tmp_path / "one.bvh", tmp_path / "two.bvh", "-o", page,
                     "--labels", framed, "--frames")  # fmt: skip
     assert ran.code == 0, ran.err
+
+
+def test_a_table_without_labels_is_told(tmp_path, motionary):
+    table = tmp_path / "none.csv"
+    table.write_text("recording,label,start_s,end_s\n", "utf-8")
+    done = motionary("labels", "convert", table, "-o", tmp_path / "none.eaf")
+    assert done.code == 1
+    assert "no labels to convert" in done.err
+    assert not (tmp_path / "none.eaf").exists()

@@ -67,6 +67,19 @@ def test_depth_images_are_made(take, motionary):
     assert 2700 < np.median(body) < 3200
 
 
+def test_two_runs_do_not_mix(take, motionary):
+    folder = take / "m"
+    motionary("synth", "imu", take / "take.bvh", "-o", folder, "--limb", "lthigh")
+    other = ("synth", "imu", take / "take.bvh", "-o", folder, "--limb", "rthigh")
+    refused = motionary(*other)
+    assert refused.code == 1
+    assert "--force" in refused.err
+    (folder / "notes.md").write_text("mine", "utf-8")
+    assert motionary(*other, "--force").code == 0
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "notes.md", "synthetic-rthigh.txt"]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -74,6 +87,10 @@ def test_depth_images_are_made(take, motionary):
         (["imu", "check", "TAKE", "--imu", "TAKE"], "recordings of sensors are"),
         (["synth", "imu", "TAKE", "-o", "x", "--limb", "tail"], "'tail' are not known"),
         (["synth", "depth", "TAKE", "-o", "x", "--noise", "snow"], "choose one of"),
+        (["synth", "depth", "TAKE", "-o", "x", "--images", "0"], "--images"),
+        (["synth", "depth", "TAKE", "-o", "x", "--images", "nan"], "--images"),
+        (["synth", "depth", "TAKE", "-o", "x", "--distance", "1e9"], "--distance"),
+        (["synth", "imu", "TAKE", "-o", "x", "--seed", "-1"], "--seed"),
     ],
 )
 def test_wrong_use_is_told(take, motionary, arguments, message):

@@ -110,6 +110,8 @@ def convert(
     tracks = _read_all(files, rate_hz=rate, in_frames=frames, recordings=known)
     tracks = _select(tracks, only=options.only, track=options.track)
     tracks = {n: _check(track, known, rate) for n, track in tracks.items()}
+    if not tracks:
+        raise InvalidInput(f"{enumerate_names(files)}: no labels to convert; nothing is written")
     if form.needs_recording and not sources.files:
         raise wrong("--recordings", f"{form.title} needs the recordings that are labelled")
     targets = _targets(tracks, options, form) if not is_file else {options.output: tracks}

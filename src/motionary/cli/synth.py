@@ -10,6 +10,7 @@ import typer
 from motionary.cli import screen
 from motionary.cli.options import Force, check_target, wrong
 from motionary.cli.recordings import read_recording
+from motionary.errors import UnwritableFile
 from motionary.io.options import ReadOptions
 
 Recording = Annotated[
@@ -18,10 +19,13 @@ Recording = Annotated[
 Folder = Annotated[
     str, typer.Option("--output", "-o", metavar="FOLDER", help="The folder to write into.")
 ]
-Seed = Annotated[int, typer.Option(metavar="N", help="Of everything that is drawn at random.")]
+Seed = Annotated[
+    int, typer.Option(min=0, metavar="N", help="Of everything that is drawn at random.")
+]
 
 _NOISES = ("none", "kinect", "tof")
 _SENSOR_HZ = 100.0
+_PREFIX, _CAMERA = "synthetic-", "camera.json"
 
 
 def synth() -> None:
@@ -59,7 +63,7 @@ def imu(
     from motionary.motion import resample
     from motionary.rotations import rotate
 
-    check_target(output, is_folder=True, replace=force)
+    _check_folder(output, replace=force)
     motion = read_recording(Path(recording), reading)
     tracked = track_limbs(motion)
     usual = [name for name in _USUAL if name in tracked.turns]
@@ -74,7 +78,7 @@ def imu(
     root = motion.generic_positions()[:, :1]
     joints = resample(root, rate_hz=motion.rate_hz, to_hz=_SENSOR_HZ)[:n_frames]
     places = rotate(np.broadcast_to(SENSORS_FROM_TRACKING, (n_frames, 1, 4)), joints)
-    Path(output).mkdir(parents=True, exist_ok=True)
+    _empty_folder(output)
     for number, limb in enumerate(chosen):
         read = simulate_sensor(
             resample_orientations(tracked.turns[limb], at),
@@ -83,13 +87,34 @@ def imu(
             seed=seed + number,
         )
         made = SensorRecording(limb, _SENSOR_HZ, read.gyr, read.acc, read.mag)
-        write_mtw(Path(output) / f"synthetic-{limb}.txt", made)
+        write_mtw(Path(output) / f"{_PREFIX}{limb}.txt", made)
     screen.say(f"{len(chosen)} synthetic sensors written to {output}")
     return 0
 
 
 # What people usually wear, where the motion has it.
 _USUAL = ("root", "lthigh", "lshank", "lfoot", "rthigh", "rshank", "rfoot", "lforearm", "rforearm")
+
+
+def _check_folder(output: str, *, replace: bool) -> None:
+    """Fail before the work where files of two runs would stand beside each other."""
+    check_target(output, is_folder=True)
+    if not replace and _of_former_runs(output):
+        raise UnwritableFile(
+            f"{output}: holds synthetic recordings of a former run; --force replaces them"
+        )
+
+
+def _empty_folder(output: str) -> None:
+    """Make the folder, and remove in it what a former run wrote."""
+    for path in _of_former_runs(output):
+        path.unlink()
+    Path(output).mkdir(parents=True, exist_ok=True)
+
+
+def _of_former_runs(output: str) -> list[Path]:
+    own = [*Path(output).glob(f"{_PREFIX}*"), Path(output, _CAMERA)]
+    return [path for path in own if path.is_file()]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,14 +160,20 @@ def depth(
     noise = options.noise
     if noise not in _NOISES:
         raise wrong("--noise", f"choose one of {', '.join(_NOISES)}, got {noise!r}")
-    check_target(output, is_folder=True, replace=force)
+    for option, value, least, most in (
+        ("--distance", options.distance_m, 0.7, 20.0),
+        ("--images", options.images_hz, 0.01, 1000.0),
+    ):
+        if not least <= value <= most:
+            raise wrong(option, f"needs to be from {least:g} to {most:g}, got {value:g}")
+    _check_folder(output, replace=force)
     motion = read_recording(Path(recording), reading)
     body = load_body(fine=options.fine)
     driven = pose_from_motion(body, motion)
     frames = np.arange(0, motion.n_frames, motion.rate_hz / options.images_hz).astype(np.intp)
     target = np.median(driven.pose.joints[:, 0], axis=0)
     camera = Camera().looking_at(target + np.array([0.0, 0.2, options.distance_m]), target)
-    Path(output).mkdir(parents=True, exist_ok=True)
+    _empty_folder(output)
     for number, frame in enumerate(frames):
         pose = driven.pose._replace(
             rotations=driven.pose.rotations[frame : frame + 1],
@@ -154,14 +185,14 @@ def depth(
         elif noise == "tof":
             image = add_time_of_flight_noise(image, seed=seed + number)
         millimetres = np.nan_to_num(np.clip(image * 1000, 0, 65535)).astype(np.uint16)
-        Image.fromarray(millimetres).save(Path(output) / f"synthetic-{number:06d}.png")
+        Image.fromarray(millimetres).save(Path(output) / f"{_PREFIX}{number:06d}.png")
     told = {
         "synthetic": True, "noise": noise, "seed": seed, "rate_hz": options.images_hz, "unit": "mm",
         "width": camera.width, "height": camera.height, "focal": camera.focal,
         "centre": camera.centre, "world_from_camera": camera.world_from_camera.tolist(),
         "position": camera.position.tolist(),
     }  # fmt: skip
-    Path(output, "camera.json").write_text(json.dumps(told, indent=1) + "\n", "utf-8")
+    Path(output, _CAMERA).write_text(json.dumps(told, indent=1) + "\n", "utf-8")
     screen.say(f"{len(frames)} synthetic depth images written to {output}")
     return 0
 

@@ -53,6 +53,9 @@ _MOST_LAG_S = 15.0
 # decides among them.
 _NEARLY = 0.35
 _UNSURE_PEAK = 0.5
+# So many times worse must the next best limb fit.
+_SURE = 1.3
+_UNSURE_LIMB = "the next best limb fits nearly as well: give a map; nothing is called wrong here"
 # Between limbs that fit alike: nobody wears a sensor on the belly if one is on the pelvis.
 _USUAL = ("root", "chest", "head")
 
@@ -330,13 +333,14 @@ def _check_limb(
     residual = distance_deg(steadied, found.predict(tracked.turns[limb]))
     turned = np.degrees(drift - np.median(drift))
     notes = list(found.notes)
-    if np.isfinite(margin) and margin < 1.3:
-        notes.append("the next best limb fits nearly as well")
+    wrong = find_wrong(residual, tracked.rate_hz, settings.detection)
+    if _is_unsure(margin):
+        wrong, notes = [], [*notes, _UNSURE_LIMB]
     return LimbCheck(
         name, limb, residual, swing, twist,
         float(np.degrees(2 * np.arctan2(found.world[3], found.world[0])) % 360),
         found.deviation_deg, float(np.abs(turned).max()), margin,
-        find_wrong(residual, tracked.rate_hz, settings.detection), tuple(notes),
+        wrong, tuple(notes),
     )  # fmt: skip
 
 
@@ -350,10 +354,18 @@ def _check_direction(
 ) -> LimbCheck:
     found = calibrate_direction(tracked.directions[limb], measured)
     wrong = find_wrong(found.residual_deg, tracked.rate_hz, settings.of_directions)
+    notes = ["only the direction is tracked: twist is not checked"]
+    if _is_unsure(margin):
+        wrong, notes = [], [*notes, _UNSURE_LIMB]
     return LimbCheck(
         name, limb, found.residual_deg, None, None, float(np.degrees(found.heading_rad) % 360),
-        np.nan, 0.0, margin, wrong, ("only the direction is tracked: twist is not checked",),
+        np.nan, 0.0, margin, wrong, tuple(notes),
     )  # fmt: skip
+
+
+def _is_unsure(margin: float) -> bool:
+    """Whether a sensor may sit on another limb: what is wrong of this one is not told then."""
+    return bool(np.isfinite(margin) and margin < _SURE)
 
 
 def _parts(

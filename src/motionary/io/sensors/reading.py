@@ -47,8 +47,10 @@ def read_sensors(
         If nothing in it can be read.
     """
     place = Path(source)
+    if not place.exists():
+        raise UnreadableFile(f"{place}: no such file or folder")
     mapping = _read_columns(columns)
-    if place.is_file() or not place.exists():
+    if place.is_file():
         return read_sensor_file(place, columns=mapping)
     found: list[SensorRecording] = []
     problems = []

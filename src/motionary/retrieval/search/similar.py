@@ -6,7 +6,7 @@ the windows, each where it fits best within three lengths of the example. To tha
 the published features say: the template of query expansion, where the windows fit best.
 Where the example goes through the room throughout, how it goes counts for three tenths, and
 the published features, which know no direction, for little. Settings were chosen on
-recordings that docs/evidence/find_by_example.md does not report.
+recordings that docs/evidence/styles.md does not report.
 
 Conventions: windows are compared at 10 Hz (`matching.windows`), hits are given at 30 Hz.
 """
