@@ -16,11 +16,11 @@ SCRIPTS = (
     "preselection", "growing_choice", "judging_choice", "find_by_example", "crafting", "streams",
     "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
-    "query_learning_generations", "query_learning_speed", "exercises", "inertial", "body",
-    "stream_decisions", "corrections", "styles",
+    "query_learning_generations", "query_learning_speed", "exercises", "everyday", "inertial",
+    "body", "stream_decisions", "corrections", "styles",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("kills", "everyday", "everyday_classes")
+FURTHER = ("kills", "everyday_classes")
 
 
 def main(arguments: list[str]) -> int:

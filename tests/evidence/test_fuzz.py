@@ -10,7 +10,7 @@ def test_every_kind_is_made_and_opened(tmp_path, name):
     assert bench.targets
     for target in bench.targets:
         bench.kind.open(bench.folder, target)
-    for seed in range(3):
+    for seed in range(2):
         bench.try_one(seed)
 
 

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motionary.errors import UnreadableFile
@@ -23,7 +23,8 @@ decimals = st.one_of(
 blanks = st.sampled_from([" ", "\t", "  ", " \t "])
 
 
-@given(st.lists(st.lists(decimals, min_size=3, max_size=3), min_size=1, max_size=20), blanks)
+@settings(max_examples=25)
+@given(st.lists(st.lists(decimals, min_size=3, max_size=3), min_size=1, max_size=12), blanks)
 def test_numbers_are_those_of_float(rows, blank):
     text = "\n".join(blank.join(row) for row in rows)
     values = read_frames(text.encode(), [None] * 3)

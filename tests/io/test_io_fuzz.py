@@ -182,7 +182,7 @@ BOMBS = {
     "blanks": ("MOTION", "MOTION" + " \n" * 200_000),
     "blank words": ("Frame Time", " " * 200_000 + "Frame Time"),
     "a long name": ("ROOT ", "ROOT " + "x" * 200_000),
-    "deep": ("MOTION", "ROOT a\n{\n" + "JOINT a\n{\n" * 3000 + "}\n" * 3001 + "MOTION"),
+    "deep": ("MOTION", "ROOT a\n{\n" + "JOINT a\n{\n" * 2000 + "}\n" * 2001 + "MOTION"),
     "a long number": ("Frame Time: 0", "Frame Time: 0." + "0" * 100_000),
 }
 

@@ -104,7 +104,7 @@ def test_heads_of_recordings(data, tmp_path, name):
     content = (data / name).read_bytes()
     path = tmp_path / "a.c3d"
     read_well = 0
-    for seed in range(150):
+    for seed in range(60):
         rng = np.random.default_rng(seed)
         changed = bytearray(content)
         for place in rng.integers(6000, size=rng.integers(1, 6)):
@@ -113,7 +113,7 @@ def test_heads_of_recordings(data, tmp_path, name):
         started = time.perf_counter()
         read_well += check_motion(path)
         assert time.perf_counter() - started < 5
-    assert 0 < read_well < 150
+    assert 0 < read_well < 60
 
 
 def patched(content, place, layout, *values):
