@@ -20,7 +20,7 @@ from motionary.samples import synthetic_motion
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-VARIANTS = 250
+VARIANTS = 100
 
 
 def check_motion(path, **options):

@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,9 @@ from motionary.cli.options import Force, check_target, wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import UnwritableFile
 from motionary.io.options import ReadOptions
+
+if TYPE_CHECKING:
+    from motionary.body import Camera
 
 Recording = Annotated[
     str, typer.Argument(metavar="RECORDING", help="The motion to be recorded again.")
@@ -186,15 +189,20 @@ def depth(
             image = add_time_of_flight_noise(image, seed=seed + number)
         millimetres = np.nan_to_num(np.clip(image * 1000, 0, 65535)).astype(np.uint16)
         Image.fromarray(millimetres).save(Path(output) / f"{_PREFIX}{number:06d}.png")
-    told = {
-        "synthetic": True, "noise": noise, "seed": seed, "rate_hz": options.images_hz, "unit": "mm",
-        "width": camera.width, "height": camera.height, "focal": camera.focal,
-        "centre": camera.centre, "world_from_camera": camera.world_from_camera.tolist(),
-        "position": camera.position.tolist(),
-    }  # fmt: skip
-    Path(output, _CAMERA).write_text(json.dumps(told, indent=1) + "\n", "utf-8")
+    told = {"noise": noise, "seed": seed, "rate_hz": options.images_hz}
+    _write_camera(Path(output, _CAMERA), camera, told)
     screen.say(f"{len(frames)} synthetic depth images written to {output}")
     return 0
+
+
+def _write_camera(path: Path, camera: "Camera", told: dict[str, Any]) -> None:
+    content = {
+        "synthetic": True, **told, "unit": "mm", "width": camera.width, "height": camera.height,
+        "focal": camera.focal, "centre": camera.centre,
+        "world_from_camera": camera.world_from_camera.tolist(),
+        "position": camera.position.tolist(),
+    }  # fmt: skip
+    path.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
 
 
 SUBCOMMANDS = {"imu": imu, "depth": depth}

@@ -334,7 +334,7 @@ def _check_limb(
     turned = np.degrees(drift - np.median(drift))
     notes = list(found.notes)
     wrong = find_wrong(residual, tracked.rate_hz, settings.detection)
-    if _is_unsure(margin):
+    if margin < _SURE:  # Not where a map told the limb: NaN.
         wrong, notes = [], [*notes, _UNSURE_LIMB]
     return LimbCheck(
         name, limb, residual, swing, twist,
@@ -355,17 +355,12 @@ def _check_direction(
     found = calibrate_direction(tracked.directions[limb], measured)
     wrong = find_wrong(found.residual_deg, tracked.rate_hz, settings.of_directions)
     notes = ["only the direction is tracked: twist is not checked"]
-    if _is_unsure(margin):
+    if margin < _SURE:  # Not where a map told the limb: NaN.
         wrong, notes = [], [*notes, _UNSURE_LIMB]
     return LimbCheck(
         name, limb, found.residual_deg, None, None, float(np.degrees(found.heading_rad) % 360),
         np.nan, 0.0, margin, wrong, tuple(notes),
     )  # fmt: skip
-
-
-def _is_unsure(margin: float) -> bool:
-    """Whether a sensor may sit on another limb: what is wrong of this one is not told then."""
-    return bool(np.isfinite(margin) and margin < _SURE)
 
 
 def _parts(
