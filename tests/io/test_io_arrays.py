@@ -370,7 +370,7 @@ def test_only_arrays_that_are_asked_for_are_inflated(tmp_path):
 
 @pytest.mark.parametrize("name", ["positions", "poses"])
 def test_an_array_that_inflates_a_thousandfold_is_refused(tmp_path, name):
-    zip_of(tmp_path / "a.npz", **{name: 60, "trans": 0})
+    zip_of(tmp_path / "a.npz", **{name: 150, "trans": 0})
     peak, message = peak_of_reading(tmp_path / "a.npz", rate_hz=30)
     assert "inflates to more" in message
     assert peak < 5_000_000
