@@ -268,26 +268,3 @@ def of_recording(track: LabelTrack, recording: Recording) -> LabelTrack:
             f"{late[0].end_s:.2f} s ({late[0].name!r}); are the labels of another recording?"
         )
     return replace(track, recording=recording)
-
-
-def part_of(track: LabelTrack, part: Recording, start_s: float, end_s: float) -> LabelTrack:
-    """What lies in a part of a recording, cut to it, with times from the part's start.
-
-    Parameters
-    ----------
-    part : the part as a recording of its own
-    start_s, end_s : where it lies in the whole
-    """
-
-    def cut(one: Label | Segment) -> tuple[float, float]:
-        return max(one.start_s, start_s) - start_s, min(one.end_s, end_s) - start_s
-
-    def is_in(one: Label | Segment) -> bool:
-        return one.start_s < end_s and one.end_s > start_s
-
-    labels = [(one, *cut(one)) for one in track if is_in(one)]
-    return LabelTrack(
-        part,
-        tuple(replace(one, start_s=low, end_s=high) for one, low, high in labels),
-        tuple(Segment(*cut(one)) for one in track.unassessed if is_in(one)),
-    )

@@ -11,8 +11,8 @@ from PIL import Image
 from cli_cases import write_bvh
 from motionary.errors import InvalidInput
 from motionary.io import write_labels
-from motionary.labels import Label, LabelTrack, part_of
-from motionary.plots import render
+from motionary.labels import Label, LabelTrack
+from motionary.plots import page, render
 from motionary.recording import Segment
 from motionary.samples import synthetic_motion
 
@@ -96,12 +96,23 @@ def test_ffmpeg_writes_mp4(motion, tmp_path):
     assert (tmp_path / "a.mp4").read_bytes()[4:8] == b"ftyp"
 
 
-def test_a_part_of_a_track():
-    whole = synthetic_motion("squat", seed=0).recording
-    labels = (Label("a", 0.0, 1.0), Label("b", 1.0, 2.0), Label("c", 2.5, 3.0))
-    part = part_of(LabelTrack(whole, labels, (Segment(1.5, 9.0),)), whole, 0.5, 2.5)
-    assert [(x.name, x.start_s, x.end_s) for x in part] == [("a", 0.0, 0.5), ("b", 0.5, 1.5)]
-    assert part.unassessed == (Segment(1.0, 2.0),)
+def test_a_part_shows_the_times_and_frames_of_the_recording(motion, tmp_path):
+    render(motion, tmp_path / "whole.gif", **SMALL)
+    render(motion, tmp_path / "part.gif", start_s=0.6, stop_s=1.0, **SMALL)
+    whole, part = (list(frames_of(tmp_path / name)) for name in ("whole.gif", "part.gif"))
+    height, width, _ = whole[0].shape
+    clock = slice(height // 5, height // 4), slice(width // 2, width)
+    assert len(part) == 2
+    for shown, same in zip(part, whole[3:5], strict=True):
+        assert np.abs(shown[clock] - same[clock]).max() < 40
+    assert np.abs(part[0][clock] - whole[0][clock]).max() > 100
+
+
+def test_the_axis_of_a_part_has_the_times_of_the_recording():
+    _, ((axes,),) = page.new_page(page.Layout(left=0.5, width=5, heights=(1,)), title="a")
+    page.mark_seconds([axes], 35.5, start_s=24.6)
+    assert axes.get_xlim() == (24.6, 35.5)
+    assert [text.get_text() for text in axes.get_xticklabels()][:2] == ["26", "28"]
 
 
 def test_the_command_draws_a_part_with_its_labels(motionary, tmp_path):

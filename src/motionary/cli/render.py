@@ -16,6 +16,7 @@ from motionary.io.options import ReadOptions
 if TYPE_CHECKING:
     from motionary.labels import LabelTrack
     from motionary.motion import Motion
+    from motionary.recording import Recording
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,8 +72,11 @@ def render(
     path = Path(file)
     motion = read_recording(path, reading).renamed(path.name)
     track = None if options.labels is None else _read_track(options.labels, motion)
-    motion, track = _cut(motion, track, options)
-    render_motion(motion, options.output, track, pictures_per_s=options.pictures, dpi=options.dpi)
+    start_s, stop_s = _ends(motion.recording, options)
+    render_motion(
+        motion, options.output, track,
+        start_s=start_s, stop_s=stop_s, pictures_per_s=options.pictures, dpi=options.dpi,
+    )  # fmt: skip
     screen.say_size(options.output)
 
 
@@ -89,26 +93,14 @@ def _read_track(path: str, motion: "Motion") -> "LabelTrack":
     return of_recording(tracks[found[0]], motion.recording)
 
 
-def _cut(
-    motion: "Motion", track: "LabelTrack | None", options: RenderOptions
-) -> "tuple[Motion, LabelTrack | None]":
-    """The part that is asked for, times of labels from its start."""
-    from motionary.labels import part_of
-
-    length = motion.duration_s
-    start_s = 0.0 if options.start is None else options.start.seconds_in(motion.recording)
-    stop_s = (
-        length if options.stop is None else options.stop.seconds_in(motion.recording, is_end=True)
-    )
+def _ends(recording: "Recording", options: RenderOptions) -> tuple[float, float]:
+    """Seconds at which the part begins and ends that is asked for."""
+    length = recording.duration_s
+    start_s = 0.0 if options.start is None else options.start.seconds_in(recording)
+    stop_s = length if options.stop is None else options.stop.seconds_in(recording, is_end=True)
     if not 0 <= start_s < min(stop_s, length):
         raise wrong(
             "--from, --to",
-            f"{motion.source} lasts from 0 to {length:.2f} s, got {start_s:g} to {stop_s:g}",
+            f"{recording.name} lasts from 0 to {length:.2f} s, got {start_s:g} to {stop_s:g}",
         )
-    first = round(start_s * motion.rate_hz)
-    last = max(min(round(stop_s * motion.rate_hz), motion.n_frames), first + 1)
-    part = motion.cut(min(first, motion.n_frames - 1), last)
-    if track is None:
-        return part, None
-    ends = first / motion.rate_hz, last / motion.rate_hz
-    return part, part_of(track, part.recording, *ends)
+    return start_s, stop_s

@@ -4,10 +4,11 @@ For a mail or a slide. The figure is seen from its right side and a little from 
 sheets, and followed sideways; marks on the ground a metre apart show how it travels. Points
 that are no known body are drawn as points.
 
-Conventions: time runs as in the recording; a GIF shows each picture for a whole number of
-hundredths of a second.
+Conventions: times and frames are those of the whole recording, also of a part; a GIF shows each
+picture for a whole number of hundredths of a second.
 """
 
+import math
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -54,6 +55,8 @@ def render(
     path: str | Path,
     track: LabelTrack | None = None,
     *,
+    start_s: float = 0.0,
+    stop_s: float | None = None,
     pictures_per_s: float = 12.5,
     dpi: int = _DPI,
 ) -> None:
@@ -64,14 +67,15 @@ def render(
     motion : metres, y up
     path : file to write; is replaced only once the new one is complete
     track : labels of the motion, times from its first frame
+    start_s, stop_s : the part to draw, from the first frame, half-open; by default all of it
     pictures_per_s : of a GIF at most 50
     dpi : pixels per inch: 100 makes pictures about 480 pixels wide
 
     Raises
     ------
     InvalidInput
-        If the suffix is another one, the motion is too long for a GIF, `ffmpeg` is missing for
-        MP4, or a number makes no sense.
+        If the suffix is another one, the motion ends before the part, the part is too long for a
+        GIF, `ffmpeg` is missing for MP4, or a number makes no sense.
     UnwritableFile
         If the file cannot be written.
     """
@@ -80,17 +84,23 @@ def render(
         raise InvalidInput(f"pictures_per_s must be 1 to 120, got {pictures_per_s:g}")
     if not 20 <= dpi <= 400:
         raise InvalidInput(f"dpi must be 20 to 400, got {dpi}")
+    stop_s = motion.duration_s if stop_s is None else min(stop_s, motion.duration_s)
+    if not 0 <= start_s < stop_s:
+        raise InvalidInput(
+            f"{motion.source or 'motion'}: a part needs 0 <= start_s < stop_s, in a motion of "
+            f"{motion.duration_s:.2f} s, got {start_s:g} to {stop_s:g}"
+        )
     suffix = Path(path).suffix.lower()
     hundredths = max(round(100 / pictures_per_s), 2)
     rate_hz = 100 / hundredths if suffix == ".gif" else pictures_per_s
-    times = np.arange(0.0, motion.n_frames / motion.rate_hz, 1 / rate_hz)
+    times = start_s + np.arange(0.0, stop_s - start_s - 1e-9, 1 / rate_hz)
     if suffix == ".gif" and len(times) > MOST_PICTURES:
         raise InvalidInput(
-            f"{motion.source or 'motion'}: a GIF of {times[-1]:.0f} s would be too large for most "
-            f"programs; choose {MOST_PICTURES / rate_hz:.0f} s at most (--from, --to), fewer "
+            f"{motion.source or 'motion'}: a GIF of {stop_s - start_s:.0f} s would be too large "
+            f"for most programs; choose {MOST_PICTURES / rate_hz:.0f} s at most (--from, --to), fewer "
             "pictures a second, or write .mp4"
         )
-    images = _draw_all(motion, track, times, dpi=dpi)
+    images = _draw_all(motion, track, times, stop_s=stop_s, dpi=dpi)
     with write_atomically(path) as beside:
         if suffix == ".gif":
             _write_gif(images, beside, hundredths=hundredths)
@@ -119,12 +129,14 @@ def check_moving(path: str | Path) -> None:
 
 
 def _draw_all(
-    motion: Motion, track: LabelTrack | None, times: Floats, *, dpi: int
+    motion: Motion, track: LabelTrack | None, times: Floats, *, stop_s: float, dpi: int
 ) -> Iterator[Image]:
     """Pictures, shape (height, width, 3), both even."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    names = list(track.names)[:_MOST_LANES] if track is not None else []
+    start_s = float(times[0])
+    shown = [x for x in track or () if x.start_s < stop_s and x.end_s > start_s]
+    names = sorted({label.name for label in shown})[:_MOST_LANES]
     heights = (_HEIGHT, *([_LANE * len(names)] if names else []))
     layout = page.Layout(
         left=_NAME_IN if names else 0.0, width=_WIDTH - (_NAME_IN if names else 0.0),
@@ -137,18 +149,21 @@ def _draw_all(
         box = axes[0].get_position()
         left = axes[1].get_position().x0 - layout.left / layout.page_width
         axes[0].set_position((left, box.y0, box.x1 - left, box.height))
-        _draw_lanes(axes[1], names, track, stop_s=motion.n_frames / motion.rate_hz)
-        cursor = axes[1].axvline(0.0, color=style.BLACK, linewidth=1.0)
+        _draw_lanes(axes[1], names, track, start_s=start_s, stop_s=stop_s)
+        cursor = axes[1].axvline(start_s, color=style.BLACK, linewidth=1.0)
     page.add_legend(figure, legend_of_sides())
-    shown = _Body(axes[0], motion)
+    first = min(int(start_s * motion.rate_hz + 1e-6), motion.n_frames - 1)
+    stop = max(math.ceil(stop_s * motion.rate_hz - 1e-6), first + 1)
+    part = motion.cut(first, stop)
+    body = _Body(axes[0], part)
     clock = axes[0].text(
         0.99, 0.98, "", transform=axes[0].transAxes, ha="right", va="top", color=style.TRUNK
     )
     canvas = FigureCanvasAgg(figure)
     for time_s in times.tolist():
-        frame = min(int(time_s * motion.rate_hz + 1e-6), motion.n_frames - 1)
-        shown.show(frame)
-        clock.set_text(f"{time_s:.1f} s, frame {motion.first_frame + frame}")
+        frame = min(int(time_s * motion.rate_hz + 1e-6) - first, part.n_frames - 1)
+        body.show(frame)
+        clock.set_text(f"{time_s:.1f} s, frame {part.first_frame + frame}")
         if names:
             cursor.set_xdata([time_s, time_s])
         canvas.draw()  # type: ignore[no-untyped-call]
@@ -156,7 +171,9 @@ def _draw_all(
         yield image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2].copy()
 
 
-def _draw_lanes(axes: "Axes", names: list[str], track: LabelTrack, *, stop_s: float) -> None:
+def _draw_lanes(
+    axes: "Axes", names: list[str], track: LabelTrack, *, start_s: float, stop_s: float
+) -> None:
     """A lane a class, in the colour of labels."""
     for row, name in enumerate(names):
         own = [label for label in track if label.name == name]
@@ -166,7 +183,7 @@ def _draw_lanes(axes: "Axes", names: list[str], track: LabelTrack, *, stop_s: fl
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_yticks(range(len(names)), labels=[style.fit(x, _NAME_IN - 0.1) for x in names])
     axes.tick_params(axis="y", length=0)
-    page.mark_seconds([axes], stop_s)
+    page.mark_seconds([axes], stop_s, start_s=start_s)
 
 
 class _Body:

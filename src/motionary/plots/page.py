@@ -4,6 +4,7 @@ Pages are laid out in inches, and the room for text is measured: rows keep their
 nothing is cut off, and the same input gives the same page.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -159,14 +160,16 @@ def add_ramp(figure: "Figure", colours: NDArray[np.float64], ends: tuple[str, st
     place(figure, ends[1], right + 0.06, bottom + 0.01)
 
 
-def mark_seconds(axes: "Sequence[Axes]", stop_s: float) -> None:
+def mark_seconds(axes: "Sequence[Axes]", stop_s: float, *, start_s: float = 0.0) -> None:
     """One time axis for stacked axes, its numbers below the last."""
     width = axes[-1].get_position().width * axes[-1].get_figure(root=True).get_figwidth()  # type: ignore[union-attr]
     fits = max(width / _TICK_SPACING, 1.0)
-    step = next((t for t in _TICKS_S if stop_s / t <= fits), stop_s)
-    ticks = [i * step for i in range(int(stop_s / step + 1e-9) + 1)]
+    length_s = stop_s - start_s
+    step = next((t for t in _TICKS_S if length_s / t <= fits), length_s)
+    first, last = math.ceil(start_s / step - 1e-9), int(stop_s / step + 1e-9)
+    ticks = [i * step for i in range(first, last + 1)]
     for ax in axes:
-        ax.set_xlim(0.0, stop_s)
+        ax.set_xlim(start_s, stop_s)
         ax.set_xticks(ticks, labels=[])
         ax.tick_params(axis="x", color=style.RULE, length=2.5, width=0.6)
     axes[-1].set_xticks(ticks, labels=[f"{tick:g}" for tick in ticks])
