@@ -97,8 +97,8 @@ def render(
     if suffix == ".gif" and len(times) > MOST_PICTURES:
         raise InvalidInput(
             f"{motion.source or 'motion'}: a GIF of {stop_s - start_s:.0f} s would be too large "
-            f"for most programs; choose {MOST_PICTURES / rate_hz:.0f} s at most (--from, --to), fewer "
-            "pictures a second, or write .mp4"
+            f"for most programs; choose {MOST_PICTURES / rate_hz:.0f} s at most (--from, --to), "
+            "fewer pictures a second, or write .mp4"
         )
     images = _draw_all(motion, track, times, stop_s=stop_s, dpi=dpi)
     with write_atomically(path) as beside:
