@@ -17,15 +17,14 @@ from motionary.inertial import (
     DetectionSettings,
     calibrate,
     calibrate_direction,
+    calibrate_drifting,
     calibrate_published,
     check_tracking,
     find_wrong,
-    heading_drift,
     orient,
     synchronise,
     track_limbs,
 )
-from motionary.inertial.detection import without_drift
 from motionary.inertial.orientations import (
     SENSORS_FROM_TRACKING,
     distance_deg,
@@ -337,14 +336,11 @@ def _judge(tracked: Floats, measured: Floats, rate_hz: float, rule: str) -> list
         world, mount = calibrate_published(tracked, measured)
         told = multiply_quaternions(multiply_quaternions(world, tracked), mount)
         return find_wrong(distance_deg(measured, told), rate_hz, settings)
-    found = calibrate(tracked, measured)
     if "drift" in rule:
-        for _ in range(2):
-            drift = heading_drift(found.predict(tracked), measured, rate_hz)
-            steady = without_drift(measured, drift)
-            found = calibrate(tracked, steady)
-        measured = steady
-    return find_wrong(distance_deg(measured, found.predict(tracked)), rate_hz, settings)
+        found = calibrate_drifting(tracked, measured, rate_hz).calibration
+    else:
+        found = calibrate(tracked, measured)
+    return find_wrong(found.residual_deg, rate_hz, settings)
 
 
 class _Tally:

@@ -87,9 +87,9 @@ def test_two_runs_do_not_mix(take, motionary):
         (["imu", "check", "TAKE", "--imu", "TAKE"], "recordings of sensors are"),
         (["synth", "imu", "TAKE", "-o", "x", "--limb", "tail"], "'tail' are not known"),
         (["synth", "depth", "TAKE", "-o", "x", "--noise", "snow"], "choose one of"),
-        (["synth", "depth", "TAKE", "-o", "x", "--images", "0"], "--images"),
-        (["synth", "depth", "TAKE", "-o", "x", "--images", "nan"], "--images"),
-        (["synth", "depth", "TAKE", "-o", "x", "--distance", "1e9"], "--distance"),
+        (["synth", "depth", "TAKE", "-o", "x", "--images", "0"], "images_hz needs"),
+        (["synth", "depth", "TAKE", "-o", "x", "--images", "nan"], "images_hz needs"),
+        (["synth", "depth", "TAKE", "-o", "x", "--distance", "1e9"], "distance_m needs"),
         (["synth", "imu", "TAKE", "-o", "x", "--seed", "-1"], "--seed"),
     ],
 )

@@ -27,8 +27,8 @@ from motionary.inertial import (
     orient,
     synchronise,
     track_limbs,
+    without_drift,
 )
-from motionary.inertial.detection import without_drift
 from motionary.inertial.orientations import (
     distance_deg,
     heading,

@@ -1,7 +1,12 @@
 """A skinned body: posed, fitted, driven by motions, seen by cameras."""
 
 from motionary.body.chain import Pose, local_rotations, pose_body
-from motionary.body.depth_noise import add_kinect_noise, add_time_of_flight_noise
+from motionary.body.depth_cameras import (
+    DepthSettings,
+    add_kinect_noise,
+    add_time_of_flight_noise,
+    record_depth,
+)
 from motionary.body.driving import DrivenPose, pose_from_motion
 from motionary.body.fitting import Fit, FitSettings, fit_points, fit_shape, fit_surface
 from motionary.body.jacobian import jacobian
@@ -13,6 +18,7 @@ __all__ = [
     "Body",
     "Camera",
     "DepthImage",
+    "DepthSettings",
     "DrivenPose",
     "Fit",
     "FitSettings",
@@ -30,6 +36,7 @@ __all__ = [
     "local_rotations",
     "pose_body",
     "pose_from_motion",
+    "record_depth",
     "render_depth",
     "shade",
     "skin",

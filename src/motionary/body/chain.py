@@ -52,12 +52,18 @@ def pose_body(body: Body, rotations: Floats, translations: Floats | None = None)
         raise InvalidInput(
             f"a pose of {n} joints needs turns (frames, {n}, 3, 3), got {rotations.shape}"
         )
-    turned = np.empty(rotations.shape)
-    for joint, parent in enumerate(body.parents):
-        own = rotations[:, joint]
-        turned[:, joint] = own if parent < 0 else turned[:, parent] @ own
+    turned = accumulate(body.parents, rotations)
     moved = 0.0 if translations is None else translations
     return place_joints(body, turned, body.joints[0] + moved * np.ones((len(rotations), 1)))
+
+
+def accumulate(parents: NDArray[np.intp], rotations: Floats) -> Floats:
+    """Global turns (frames, joints, 3, 3) of turns that are relative to the parents."""
+    turned = np.empty(rotations.shape)
+    for joint, parent in enumerate(parents):
+        own = rotations[:, joint]
+        turned[:, joint] = own if parent < 0 else turned[:, parent] @ own
+    return turned
 
 
 def place_joints(

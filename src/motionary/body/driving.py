@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body.chain import Pose, place_joints
+from motionary.body.chain import Pose, accumulate, place_joints
 from motionary.body.model import Body
 from motionary.errors import InvalidInput
 from motionary.motion import GENERIC_JOINTS, Motion, forward_kinematics
@@ -142,19 +142,9 @@ def read_turns(motion: Motion) -> BoneTurns:
     identity = np.tile(np.eye(3), (1, len(skeleton.names), 1, 1))
     at_rest = forward_kinematics(skeleton, identity, np.zeros((1, 3)))
     places = dict(zip(skeleton.names, range(len(skeleton.names)), strict=True))
-    rest_motion = Motion(
-        motion.names,
-        np.stack([at_rest[:, places[name]] for name in motion.names], axis=1)
-        if set(motion.names) <= places.keys()
-        else np.full((1, len(motion.names), 3), np.nan),
-        motion.recording,
-        motion.mapping,
-    )
-    rest = rest_motion.generic_positions()[0]
-    local = quaternions_to_matrices(motion.rotations)
-    turned = np.empty(local.shape)
-    for joint, parent in enumerate(skeleton.parents):
-        turned[:, joint] = local[:, joint] if parent < 0 else turned[:, parent] @ local[:, joint]
+    at_rest_too = Motion(skeleton.names, at_rest, motion.recording, motion.mapping)
+    rest = at_rest_too.generic_positions()[0]
+    turned = accumulate(skeleton.parents, quaternions_to_matrices(motion.rotations))
 
     def file_joint(generic: str) -> int | None:
         of = motion.mapping.weights.get(generic, {}) if motion.mapping else {}

@@ -16,7 +16,12 @@ from motionary.body.jacobian import jacobian
 from motionary.body.model import MOST_SHAPE, Body, Points
 from motionary.body.skinning import skin
 from motionary.errors import InvalidInput
-from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
+from motionary.rotations import (
+    matrices_to_quaternions,
+    quaternions_to_matrices,
+    quaternions_to_rotation_vectors,
+    rotation_vectors_to_quaternions,
+)
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -248,7 +253,9 @@ def _linearise(
     cost = float((limit * squares / (squares + limit)).sum())
     n = len(state.mean.names)
     # The root turns and moves freely; the rest is held where it started.
-    away = _rotation_vectors(np.swapaxes(start.turns, -1, -2) @ state.turns)
+    away = quaternions_to_rotation_vectors(
+        matrices_to_quaternions(np.swapaxes(start.turns, -1, -2) @ state.turns)
+    )
     held = np.repeat(settings.turn_prior_m**2, 3 * n)
     held[:3] = 0.0
     matrix[np.arange(3 * n), np.arange(3 * n)] += held
@@ -260,13 +267,6 @@ def _linearise(
         slope[tail] += settings.shape_prior_m**2 * state.shape
         cost += float(settings.shape_prior_m**2 * (state.shape**2).sum())
     return cost, matrix, slope
-
-
-def _rotation_vectors(matrices: Floats) -> Floats:
-    from scipy.spatial.transform import Rotation
-
-    result: Floats = Rotation.from_matrix(matrices).as_rotvec()
-    return result
 
 
 def _rigid_start(body: Body, points: Points, targets: Floats) -> Pose:

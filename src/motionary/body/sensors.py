@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
+from motionary.io.sensors.recording import GRAVITY
 from motionary.rotations import (
     conjugate_quaternions,
     continuous_signs,
@@ -26,8 +27,6 @@ from motionary.rotations import (
 )
 
 Floats = NDArray[np.float64]
-
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True, slots=True)

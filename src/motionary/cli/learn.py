@@ -273,11 +273,7 @@ def learn(
 
     options.check()
     if options.corrections is not None:
-        from motionary.cli.relearn import learn_corrected
-
-        if examples is not None or options.library is None:
-            raise wrong("--corrections", "needs --library, and no EXAMPLES")
-        return learn_corrected(options, output, as_json=as_json, jobs=jobs, reading=reading)
+        return _learn_corrected(options, examples, output, as_json, jobs=jobs, reading=reading)
     if examples is None or output is None or options.library is not None:
         raise wrong("EXAMPLES", "needs examples and --output; --library goes with --corrections")
     check_library(output, replace=force)
@@ -302,6 +298,23 @@ def learn(
         _draw_class(options.plot or "", motion_class, library)
     show_library(library, as_json=as_json)
     return 1 if has_failed or monitor.has_failed else 0
+
+
+def _learn_corrected(
+    options: TrainingFlags,
+    examples: str | None,
+    output: str | None,
+    as_json: bool,
+    *,
+    jobs: int,
+    reading: ReadOptions,
+) -> int:
+    """Learn from what a person changed in a library's labels."""
+    from motionary.cli.relearn import learn_corrected
+
+    if examples is not None or options.library is None:
+        raise wrong("--corrections", "needs --library, and no EXAMPLES")
+    return learn_corrected(options, output, as_json=as_json, jobs=jobs, reading=reading)
 
 
 def _read_negatives(

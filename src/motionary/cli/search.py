@@ -160,30 +160,31 @@ def search(
         preselect=query.keyframes or which.fast,
     )
     first, result = _find(find, query, ranks, limit=which.limit or None)
+    tracks = _to_tracks(result, query.name)
     if results.output:
-        write_labels(_to_tracks(result, query.name), results.output, excel=results.excel)
+        write_labels(tracks, results.output, excel=results.excel)
     _save(result, results, query, opened, expansion, reading=reading)
     if results.report:
-        command = ["motionary", "search", *(Path(path).name or path for path in folder)]
-        command += given_options(options, which, index, reading, without=("relevant", "irrelevant"))
-        judging = (shlex.join(command), first, ranks) if query.example else None
-        _write_page(results.report, result, query, opened.files, judging, reading=reading)
+        given = given_options(options, which, index, reading, without=("relevant", "irrelevant"))
+        judged = _command_of(folder, given), first, ranks
+        _write_page(results.report, result, query, opened.files, judged, reading=reading)
     if as_json:
         _say_json(result)
     elif not results.takes_stdout:
         expanded = expansion if query.example else None
         _say(result, opened.collection, expanded, has_feedback=ranks.most > 0)
     is_cut = not results.cut or cut_labels(
-        _to_tracks(result, query.name),
-        opened.files,
-        results.cut,
-        reading=reading,
-        jobs=jobs,
-        replace=results.force,
+        tracks, opened.files, results.cut, reading=reading, jobs=jobs, replace=results.force
     )
     if opened.is_stopped:
         return STOPPED_BY_KEYBOARD
     return 0 if opened.is_complete and is_cut and result.hits else 1
+
+
+def _command_of(folder: Sequence[str], options: Sequence[str]) -> str:
+    """The command that searches so again, as it is typed in a shell."""
+    names = (Path(path).name or path for path in folder)
+    return shlex.join(["motionary", "search", *names, *options])
 
 
 def _find(
@@ -318,7 +319,7 @@ def _write_page(
     result: "SearchResult",
     query: Query,
     files: Mapping[str, Path],
-    judged: "tuple[str, SearchResult, Ranks] | None",
+    judged: "tuple[str, SearchResult, Ranks]",
     *,
     reading: ReadOptions,
 ) -> None:
@@ -330,7 +331,6 @@ def _write_page(
         part, motion = query.example.features.recording, query.example.motion
         start = part.first_frame - motion.first_frame
         example = motion.cut(start, start + part.n_frames)
-    if judged is not None:
         command, first, ranks = judged
         judging = Judging(command, rank_among(result, first), *ranks)
     report_hits(

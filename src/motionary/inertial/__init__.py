@@ -14,9 +14,16 @@ from motionary.inertial.checking import (
     TrackingCheck,
     check_tracking,
 )
-from motionary.inertial.detection import DetectionSettings, find_wrong, heading_drift
+from motionary.inertial.detection import (
+    DetectionSettings,
+    DriftingCalibration,
+    calibrate_drifting,
+    find_wrong,
+    heading_drift,
+    without_drift,
+)
 from motionary.inertial.fusion import orient
-from motionary.inertial.limbs import TrackedLimbs, track_limbs
+from motionary.inertial.limbs import TrackedLimbs, simulate_sensors, track_limbs
 from motionary.inertial.synchronising import Lag, synchronise
 
 __all__ = [
@@ -25,17 +32,21 @@ __all__ = [
     "CheckSettings",
     "DetectionSettings",
     "DirectionCalibration",
+    "DriftingCalibration",
     "Lag",
     "LimbCheck",
     "TrackedLimbs",
     "TrackingCheck",
     "calibrate",
     "calibrate_direction",
+    "calibrate_drifting",
     "calibrate_published",
     "check_tracking",
     "find_wrong",
     "heading_drift",
     "orient",
+    "simulate_sensors",
     "synchronise",
     "track_limbs",
+    "without_drift",
 ]

@@ -87,7 +87,7 @@ def calibrate(
         If too little moves to tell: too few frames, no motion, or turns about one axis.
     """
     settings = settings or CalibrationSettings()
-    tracked, measured, seen = check_pairs(tracked, measured)
+    tracked, measured, seen = _check_pairs(tracked, measured)
     axes = _HEADINGS if settings.world == "heading" else np.eye(4)
     chosen = _choose(measured, seen, settings.most_frames)
     products = _products(tracked[chosen], measured[chosen], axes)
@@ -117,7 +117,7 @@ def calibrate(
     return Calibration(world, mount, residual, deviation, notes)
 
 
-def check_pairs(tracked: Floats, measured: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+def _check_pairs(tracked: Floats, measured: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Both as unit quaternions, and where both are known.
 
     Raises
@@ -153,7 +153,7 @@ def match_limb(tracked: Floats, measured: Floats, *, most_frames: int = 80) -> f
 
     Frames are weighed by how much the sensor turns: standing still fits everywhere.
     """
-    tracked, measured, seen = check_pairs(tracked, measured)
+    tracked, measured, seen = _check_pairs(tracked, measured)
     chosen = _choose(measured, seen, most_frames)
     products = _products(tracked[chosen], measured[chosen], _HEADINGS)
     scale = CalibrationSettings().scale_deg
@@ -297,7 +297,7 @@ def calibrate_published(
 
     Conjugates that are lost in print are put back. Raises `InvalidInput` if nothing turns.
     """
-    tracked, measured, seen = check_pairs(tracked, measured)
+    tracked, measured, seen = _check_pairs(tracked, measured)
     known = np.flatnonzero(seen)
     pairs = np.random.default_rng(seed).choice(known, (n_pairs, 2))
     s, t = pairs[pairs[:, 0] != pairs[:, 1]].T

@@ -16,21 +16,18 @@ from motionary.errors import InvalidInput
 from motionary.inertial.calibration import (
     Calibration,
     CalibrationSettings,
-    calibrate,
     calibrate_direction,
     match_limb,
 )
 from motionary.inertial.detection import (
     OF_DIRECTIONS,
     DetectionSettings,
+    calibrate_drifting,
     find_wrong,
-    heading_drift,
-    without_drift,
 )
 from motionary.inertial.fusion import orient
 from motionary.inertial.limbs import TrackedLimbs, track_limbs
 from motionary.inertial.orientations import (
-    distance_deg,
     resample_orientations,
     swing_twist_deg,
 )
@@ -53,8 +50,12 @@ _MOST_LAG_S = 15.0
 # decides among them.
 _NEARLY = 0.35
 _UNSURE_PEAK = 0.5
+# Radians a second that no limb of a person stays below.
+_STILL = 0.05
 # So many times worse must the next best limb fit.
 _SURE = 1.3
+_NO_LIMB = "fits no limb, or the map names none for it"
+_DIRECTION_ONLY = "only the direction is tracked: twist is not checked"
 _UNSURE_LIMB = "the next best limb fits nearly as well: give a map; nothing is called wrong here"
 # Between limbs that fit alike: nobody wears a sensor on the belly if one is on the pelvis.
 _USUAL = ("root", "chest", "head")
@@ -69,7 +70,6 @@ class CheckSettings:
     fused : take orientations that the file brings instead of fusing raw measurements
     magnetic : let the magnetometer tell headings
     calibration, detection, of_directions : see there; the last for limbs without turns
-    compensate_drift : whether a slow drift of a sensor's heading is taken out
     """
 
     fused: bool = False
@@ -77,7 +77,6 @@ class CheckSettings:
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
     detection: DetectionSettings = field(default_factory=DetectionSettings)
     of_directions: DetectionSettings = OF_DIRECTIONS
-    compensate_drift: bool = True
 
 
 class LimbCheck(NamedTuple):
@@ -200,11 +199,10 @@ def _orientations(
                 found[sensor.name] = orient(sensor, magnetic=settings.magnetic)
         except InvalidInput as error:
             problems.append(str(error))
-    for name in list(found):
-        still = speeds_of_turn(found[name], 100.0)
-        if np.nanmax(still, initial=0.0) < 0.05:
-            problems.append(f"{name} does not move and is left out")
-            del found[name]
+            continue
+        if np.nanmax(speeds_of_turn(found[sensor.name], sensor.rate_hz), initial=0.0) < _STILL:
+            problems.append(f"{sensor.name} does not move and is left out")
+            del found[sensor.name]
     return found, problems
 
 
@@ -312,36 +310,36 @@ def _check_limb(
 ) -> LimbCheck:
     nothing = np.full(len(measured), np.nan)
     refused = LimbCheck(
-        name, limb, nothing, None, None, np.nan, np.nan, 0.0, margin, [], ("fits no limb",)
+        name, limb, nothing, None, None, np.nan, np.nan, 0.0, margin, [], (_NO_LIMB,)
     )
     if not limb:
         return refused
     try:
         if limb not in tracked.turns:
             return _check_direction(name, limb, tracked, measured, margin, settings)
-        found = calibrate(tracked.turns[limb], measured, settings.calibration)
-        steadied, drift = measured, np.zeros(len(measured))
-        if settings.compensate_drift:
-            for _ in range(2):
-                drift = heading_drift(found.predict(tracked.turns[limb]), measured, tracked.rate_hz)
-                steadied = without_drift(measured, drift)
-                found = calibrate(tracked.turns[limb], steadied, settings.calibration)
+        found, steadied, drift = calibrate_drifting(
+            tracked.turns[limb], measured, tracked.rate_hz, settings.calibration
+        )
     except InvalidInput as error:
         return refused._replace(notes=(str(error),))
-    axis = tracked.axes[limb]
-    swing, twist = _parts(tracked.turns[limb], steadied, found, axis)
-    residual = distance_deg(steadied, found.predict(tracked.turns[limb]))
-    turned = np.degrees(drift - np.median(drift))
-    notes = list(found.notes)
-    wrong = find_wrong(residual, tracked.rate_hz, settings.detection)
-    if margin < _SURE:  # Not where a map told the limb: NaN.
-        wrong, notes = [], [*notes, _UNSURE_LIMB]
+    swing, twist = _parts(tracked.turns[limb], steadied, found, tracked.axes[limb])
+    wrong, notes = _judge(found.residual_deg, margin, tracked.rate_hz, settings.detection)
     return LimbCheck(
-        name, limb, residual, swing, twist,
+        name, limb, found.residual_deg, swing, twist,
         float(np.degrees(2 * np.arctan2(found.world[3], found.world[0])) % 360),
-        found.deviation_deg, float(np.abs(turned).max()), margin,
-        wrong, tuple(notes),
+        found.deviation_deg, float(np.degrees(np.abs(drift - np.median(drift))).max()), margin,
+        wrong, (*found.notes, *notes),
     )  # fmt: skip
+
+
+def _judge(
+    residual_deg: Floats, margin: float, rate_hz: float, detection: DetectionSettings
+) -> tuple[list[tuple[int, int]], tuple[str, ...]]:
+    """What is wrong, and why nothing is called so where the limb itself is unsure."""
+    # The margin is NaN, and no limb unsure, where a map told the limb.
+    if margin < _SURE:
+        return [], (_UNSURE_LIMB,)
+    return find_wrong(residual_deg, rate_hz, detection), ()
 
 
 def _check_direction(
@@ -353,13 +351,10 @@ def _check_direction(
     settings: CheckSettings,
 ) -> LimbCheck:
     found = calibrate_direction(tracked.directions[limb], measured)
-    wrong = find_wrong(found.residual_deg, tracked.rate_hz, settings.of_directions)
-    notes = ["only the direction is tracked: twist is not checked"]
-    if margin < _SURE:  # Not where a map told the limb: NaN.
-        wrong, notes = [], [*notes, _UNSURE_LIMB]
+    wrong, notes = _judge(found.residual_deg, margin, tracked.rate_hz, settings.of_directions)
     return LimbCheck(
         name, limb, found.residual_deg, None, None, float(np.degrees(found.heading_rad) % 360),
-        np.nan, 0.0, margin, wrong, tuple(notes),
+        np.nan, 0.0, margin, wrong, (_DIRECTION_ONLY, *notes),
     )  # fmt: skip
 
 

@@ -5,10 +5,12 @@ begins nor splits it. The thesis asks for 45 degrees in a frame (section 7.6).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.inertial.calibration import Calibration, CalibrationSettings, calibrate
 from motionary.inertial.orientations import heading
 from motionary.recording import find_runs
 from motionary.rotations import conjugate_quaternions, multiply_quaternions
@@ -18,6 +20,7 @@ Floats = NDArray[np.float64]
 #: The published rule: a frame is wrong from this angle on.
 PUBLISHED_DEG = 45.0
 _KNOTS_S = 8.0
+_ROUNDS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +106,31 @@ def heading_drift(
         away = values - rows @ knots
         weights = 1.0 * known * (scale**2 / (away**2 + scale**2)) ** 2
     return np.asarray(rows @ knots)
+
+
+class DriftingCalibration(NamedTuple):
+    """A calibration, the sensor without the drift of its heading, and that drift in radians."""
+
+    calibration: Calibration
+    measured: Floats
+    drift_rad: Floats
+
+
+def calibrate_drifting(
+    tracked: Floats,
+    measured: Floats,
+    rate_hz: float,
+    settings: CalibrationSettings | None = None,
+) -> DriftingCalibration:
+    """World and mount of a sensor whose heading drifts slowly; see `calibrate`."""
+    found = DriftingCalibration(
+        calibrate(tracked, measured, settings), measured, np.zeros(len(measured))
+    )
+    for _ in range(_ROUNDS):
+        drift = heading_drift(found.calibration.predict(tracked), measured, rate_hz)
+        steadied = without_drift(measured, drift)
+        found = DriftingCalibration(calibrate(tracked, steadied, settings), steadied, drift)
+    return found
 
 
 def without_drift(measured: Floats, drift_rad: Floats) -> Floats:

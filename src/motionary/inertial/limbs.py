@@ -1,17 +1,24 @@
-"""Limbs of a motion as sensors see them: turns, or directions, in a world with z up."""
+"""Limbs of a motion as sensors see them, in a world with z up, and sensors simulated on them."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.body.driving import read_turns
-from motionary.inertial.orientations import SENSORS_FROM_TRACKING
+from motionary.body.sensors import SensorSettings, simulate_sensor
+from motionary.errors import InvalidInput
+from motionary.inertial.orientations import SENSORS_FROM_TRACKING, resample_orientations
 from motionary.inertial.synchronising import speeds_of_directions, speeds_of_turn
-from motionary.motion import Motion
+from motionary.io.sensors import SensorRecording
+from motionary.motion import Motion, resample
 from motionary.rotations import matrices_to_quaternions, multiply_quaternions, rotate
 
 Floats = NDArray[np.float64]
+
+#: What people usually wear.
+WORN = ("root", "lthigh", "lshank", "lfoot", "rthigh", "rshank", "rfoot", "lforearm", "rforearm")
 
 
 class TrackedLimbs(NamedTuple):
@@ -53,3 +60,51 @@ def track_limbs(motion: Motion) -> TrackedLimbs:
         if np.isfinite(one).all(axis=1).sum() >= 20
     }
     return TrackedLimbs(quaternions, directions, turns.rest, motion.rate_hz)
+
+
+def simulate_sensors(
+    motion: Motion,
+    limbs: Sequence[str] | None = None,
+    *,
+    rate_hz: float = 100.0,
+    settings: SensorSettings | None = None,
+    seed: int = 0,
+) -> list[SensorRecording]:
+    """What sensors on limbs of a motion would have measured; synthetic.
+
+    Accelerations are those of the root, turned into each limb: near enough for orientations.
+
+    Parameters
+    ----------
+    motion : with rotations
+    limbs : that wear one; of `WORN` those that the motion has if None
+    rate_hz, settings, seed : of the sensors
+
+    Raises
+    ------
+    InvalidInput
+        If the turns of a limb are not known.
+    """
+    tracked = track_limbs(motion)
+    chosen = [limb for limb in WORN if limb in tracked.turns] if limbs is None else limbs
+    there = ", ".join(tracked.turns) or "none: the motion holds positions without rotations"
+    for limb in chosen:
+        if limb not in tracked.turns:
+            raise InvalidInput(f"the turns of {limb!r} are not known; known are {there}")
+    if not chosen:
+        raise InvalidInput(f"no limb can wear a sensor; turns are known of {there}")
+    n_frames = int((motion.n_frames - 1) / motion.rate_hz * rate_hz) + 1
+    at = np.arange(n_frames) / rate_hz * motion.rate_hz
+    root = resample(motion.generic_positions()[:, 0], rate_hz=motion.rate_hz, to_hz=rate_hz)
+    places = rotate(np.broadcast_to(SENSORS_FROM_TRACKING, (n_frames, 4)), root[:n_frames])
+    made = []
+    for number, limb in enumerate(chosen):
+        read = simulate_sensor(
+            resample_orientations(tracked.turns[limb], np.asarray(at)),
+            np.nan_to_num(places),
+            rate_hz=rate_hz,
+            settings=settings,
+            seed=seed + number,
+        )
+        made.append(SensorRecording(limb, rate_hz, read.gyr, read.acc, read.mag))
+    return made

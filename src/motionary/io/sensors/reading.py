@@ -18,13 +18,13 @@ from motionary.files import read_bytes
 from motionary.io.formats.mvnx import read_mvnx_sensors
 from motionary.io.formats.numbers import to_number
 from motionary.io.options import ReadOptions
-from motionary.io.sensors.recording import SensorRecording, fill_packets, settle
+from motionary.io.sensors.recording import GRAVITY, SensorRecording, fill_packets, settle
 from motionary.io.text import read_text
 
 Floats = NDArray[np.float64]
 
 _UNITS = {
-    "rad/s": 1.0, "deg/s": np.radians(1), "m/s2": 1.0, "mm/s2": 0.001, "g": 9.81,
+    "rad/s": 1.0, "deg/s": np.radians(1), "m/s2": 1.0, "mm/s2": 0.001, "g": GRAVITY,
     "ut": 1.0, "": 1.0,
 }  # fmt: skip
 _MOST_FILES = 500

@@ -13,6 +13,7 @@ from motionary.io.text import write_text
 
 Floats = NDArray[np.float64]
 
+GRAVITY = 9.81
 # Below: a single glitch is no motion; above, no sensor of people's limbs goes.
 _MOST_RATE = 100.0
 _MOST_FORCE = 2000.0
@@ -77,42 +78,46 @@ def settle(sensor: SensorRecording) -> SensorRecording:
         If quaternions are none.
     """
     notes: list[str] = []
-    turns = sensor.orientations
-    if turns is not None:
-        turns = turns.copy()
-        length = np.linalg.norm(turns, axis=1)
-        known = np.isfinite(length)
-        if not known.any():
-            turns = None
-        else:
-            off = known & (np.abs(length - 1) > 0.05)
-            if off.sum() > known.sum() / 2:
-                raise UnreadableFile(
-                    f"{sensor.name}: columns are read as quaternions wxyz, but their length is "
-                    f"{np.median(length[known]):.3g} instead of 1"
-                )
-            turns[off | ~known] = np.nan
-            turns /= np.where(known & ~off, length, np.nan)[:, None]
-            if off.any():
-                notes.append(f"{int(off.sum())} orientations of another length than 1 are left out")
-    gyr = sensor.gyr
-    if gyr is not None:
-        fast = np.abs(gyr) > _MOST_RATE
-        if fast.any():
-            gyr = np.where(fast, np.nan, gyr)
-            notes.append(f"{int(fast.any(axis=1).sum())} impossible rates of turn are left out")
-    acc = sensor.acc
-    if acc is not None:
-        hard = np.abs(acc) > _MOST_FORCE
-        if hard.any():
-            acc = np.where(hard, np.nan, acc)
-            notes.append(f"{int(hard.any(axis=1).sum())} impossible accelerations are left out")
-        rest = np.nanmedian(np.linalg.norm(acc, axis=1)) if np.isfinite(acc).any() else 9.81
+    turns, off = _settle_turns(sensor)
+    if off:
+        notes.append(f"{off} orientations of another length than 1 are left out")
+    gyr, fast = _without_impossible(sensor.gyr, _MOST_RATE)
+    if fast:
+        notes.append(f"{fast} impossible rates of turn are left out")
+    acc, hard = _without_impossible(sensor.acc, _MOST_FORCE)
+    if hard:
+        notes.append(f"{hard} impossible accelerations are left out")
+    if acc is not None and np.isfinite(acc).any():
+        rest = np.nanmedian(np.linalg.norm(acc, axis=1))
         if 0.8 < rest < 1.2:
-            acc = acc * 9.81
+            acc = acc * GRAVITY
             notes.append("accelerations are read as multiples of g")
-    settled = replace(sensor, gyr=gyr, acc=acc, orientations=turns)
-    return settled.noted(*notes)
+    return replace(sensor, gyr=gyr, acc=acc, orientations=turns).noted(*notes)
+
+
+def _settle_turns(sensor: SensorRecording) -> tuple[Floats | None, int]:
+    """Unit quaternions, NaN where none was measured, and how many of another length were there."""
+    if sensor.orientations is None:
+        return None, 0
+    length = np.linalg.norm(sensor.orientations, axis=1, keepdims=True)
+    known = np.isfinite(length)
+    if not known.any():
+        return None, 0
+    off = known & (np.abs(length - 1) > 0.05)
+    if off.sum() > known.sum() / 2:
+        raise UnreadableFile(
+            f"{sensor.name}: columns are read as quaternions wxyz, but their length is "
+            f"{np.median(length[known]):.3g} instead of 1"
+        )
+    return sensor.orientations / np.where(known & ~off, length, np.nan), int(off.sum())
+
+
+def _without_impossible(values: Floats | None, most: float) -> tuple[Floats | None, int]:
+    """Values with NaN where they are beyond what can be, and in how many frames that was."""
+    if values is None:
+        return None, 0
+    beyond = np.abs(values) > most
+    return np.where(beyond, np.nan, values), int(beyond.any(axis=1).sum())
 
 
 def fill_packets(counter: Floats, rows: Floats, *, modulus: int = 65536) -> tuple[Floats, int]:

@@ -1,14 +1,24 @@
-"""Depth images as cameras measure them: noise of structured light and of time of flight.
+"""Depth images of a motion as cameras measure them: structured light and time of flight.
 
 Synthetic: moments follow published figures of such cameras, no camera was measured.
 """
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body.rendering import Camera
+from motionary.body.driving import pose_from_motion
+from motionary.body.model import Body
+from motionary.body.rendering import Camera, render_depth
+from motionary.body.skinning import skin
+from motionary.errors import InvalidInput
+from motionary.motion import Motion
 
 Floats = NDArray[np.float64]
+#: What a camera measures wrongly: nothing, as structured light, as time of flight.
+NOISES = ("none", "kinect", "tof")
 
 #: Step of the depth of a Kinect, in metres at one metre; it grows with the square.
 KINECT_STEP = 2.78e-3
@@ -89,3 +99,61 @@ def _is_shadowed(depth: Floats, camera: Camera) -> NDArray[np.bool_]:
     lowest = np.minimum.accumulate(np.where(np.isnan(depth), np.inf, lit)[:, ::-1], axis=1)[:, ::-1]
     ahead = np.concatenate([lowest[:, 1:], np.full((len(depth), 1), np.inf)], axis=1)
     return np.asarray(ahead < lit - 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class DepthSettings:
+    """A depth camera in front of the body.
+
+    Attributes
+    ----------
+    noise : one of `NOISES`
+    distance_m : from the camera to where the body mostly is
+    images_hz : images a second
+    """
+
+    noise: str = "kinect"
+    distance_m: float = 3.0
+    images_hz: float = 30.0
+
+    def __post_init__(self) -> None:
+        if self.noise not in NOISES:
+            raise InvalidInput(f"noise: choose one of {', '.join(NOISES)}, got {self.noise!r}")
+        for name, value, least, most in (
+            ("distance_m", self.distance_m, 0.7, 20.0),
+            ("images_hz", self.images_hz, 0.01, 1000.0),
+        ):
+            if not least <= value <= most:
+                raise InvalidInput(f"{name} needs to be from {least:g} to {most:g}, got {value:g}")
+
+
+def record_depth(
+    body: Body, motion: Motion, settings: DepthSettings, *, seed: int = 0
+) -> tuple[Camera, Iterator[Floats]]:
+    """A camera in front of the body, and what it sees of the motion, image by image; synthetic.
+
+    Images (height, width) hold metres, NaN where nothing is; the same seed gives the same.
+
+    Raises
+    ------
+    InvalidInput
+        If the motion cannot drive the body.
+    """
+    pose = pose_from_motion(body, motion).pose
+    target = np.median(pose.joints[:, 0], axis=0)
+    place = target + np.array([0.0, 0.2, settings.distance_m])
+    camera = Camera().looking_at(place, target)
+    at = np.arange(0, motion.n_frames, motion.rate_hz / settings.images_hz).astype(np.intp)
+
+    def see(number: int, frame: int) -> Floats:
+        moment = slice(frame, frame + 1)
+        one = pose._replace(rotations=pose.rotations[moment], joints=pose.joints[moment])
+        vertices = np.asarray(skin(body, one)[0], dtype=np.float64)
+        clean = render_depth(vertices, body.faces, camera).depth
+        if settings.noise == "kinect":
+            return add_kinect_noise(clean, camera, seed=seed + number)
+        if settings.noise == "tof":
+            return add_time_of_flight_noise(clean, seed=seed + number)
+        return clean
+
+    return camera, (see(number, frame) for number, frame in enumerate(at.tolist()))
