@@ -15,6 +15,8 @@ from motionary.errors import InvalidInput
 # More is not looked through in a notebook.
 _MOST_ROWS = 20
 _MOST_LETTERS = 200
+# Names of a sentence.
+_MOST_NAMES = 5
 
 
 class Table(NamedTuple):
@@ -112,6 +114,12 @@ def _cell(value: object) -> str:
 def _escape(text: str) -> str:
     short = text if len(text) <= _MOST_LETTERS else text[:_MOST_LETTERS] + " ..."
     return escape(printable(short))
+
+
+def enumerate_names(names: Sequence[str], *, most: int = _MOST_NAMES) -> str:
+    """The first names, and how many more there are; "none" where there are none."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(names[:most]) or "none") + more
 
 
 def printable(text: str) -> str:

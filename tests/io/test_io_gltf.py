@@ -387,6 +387,29 @@ def test_bytes_that_are_shared_are_no_bomb(tmp_path):
         read(put(tmp_path, gltf))
 
 
+def glb(text):
+    """A binary file with one chunk."""
+    return b"glTF" + struct.pack("<III", 2, 20 + len(text), len(text)) + b"JSON" + text
+
+
+@pytest.mark.parametrize(("content", "words"), [
+    (b"glTF" + struct.pack("<II", 2, 12), "has no chunk of JSON"),
+    (glb(b""), "it is empty; get the whole file"),
+    (glb(b'{"asset": '), "it ends too early, in line 1; get the whole file"),
+    (glb(b'{"asset": \xff}'), "expected text in UTF-8, got other bytes from byte 10"),
+    (glb(b'{"a": 1,\n x}'), "in line 2, column 2 stands 'x}', which JSON does not have"),
+    (glb(b"9" * 5000), "thousands of digits"),
+    (glb(b"[" * 50_000), "lists within lists without end"),
+])  # fmt: skip
+def test_text_that_is_none_is_told_in_words_for_people(tmp_path, content, words):
+    (tmp_path / "a.glb").write_bytes(content)
+    with pytest.raises(UnreadableFile, match=words) as caught:
+        read(tmp_path / "a.glb")
+    text = str(caught.value)
+    assert text.startswith("a.glb: ")
+    assert not any(word in text for word in ("codec", "Expecting", "char ", "recursion"))
+
+
 @pytest.mark.parametrize("content", [
     b"glTF", b"glTF" + struct.pack("<II", 1, 12), b"glTF" + struct.pack("<II", 2, 900),
     b"glTF" + struct.pack("<III", 2, 24, 900) + b"JSON....", b"{", b"[" * 100_000, b"[]",

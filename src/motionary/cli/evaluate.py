@@ -11,10 +11,10 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.options import AsJson, InFrames, wrong
-from motionary.cli.screen import enumerate_names
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.labels import LabelTrack
 from motionary.recording import Recording
+from motionary.tables import enumerate_names
 
 if TYPE_CHECKING:
     from motionary.evaluation import Measures, Scores

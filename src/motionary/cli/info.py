@@ -26,6 +26,7 @@ from motionary.cli.recordings import (
 )
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
+from motionary.tables import enumerate_names
 
 if TYPE_CHECKING:
     from motionary.features import NamedFile
@@ -252,4 +253,4 @@ def _where(names: Sequence[str], n_all: int) -> str:
     if len(names) == n_all and n_all > 1:
         return f"all {n_all}"
     # Two names tell as much as one and "1 more".
-    return screen.enumerate_names(names, most=2 if len(names) <= 2 else 1)
+    return enumerate_names(names, most=2 if len(names) <= 2 else 1)

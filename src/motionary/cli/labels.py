@@ -10,10 +10,10 @@ import typer
 from motionary.cli import screen
 from motionary.cli.options import AsJson, Excel, Force, InFrames, check_target, wrong
 from motionary.cli.recordings import find_files, read_recording
-from motionary.cli.screen import enumerate_names
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
+from motionary.tables import enumerate_names
 
 if TYPE_CHECKING:
     from motionary.io.labels import LabelFormat
@@ -230,7 +230,7 @@ def _select(tracks: Tracks, *, only: Sequence[str] | None, track: Sequence[str] 
     ):
         unknown = sorted(set(asked or ()) - there)
         if unknown:
-            shown = enumerate_names(sorted(there)) or "none at all"
+            shown = enumerate_names(sorted(there))
             raise wrong(option, f"there is no {', '.join(unknown)}; there are {shown}")
     return {
         name: replace(
@@ -250,7 +250,7 @@ def _check(
     track: "LabelTrack", sources: Mapping[str, "Recording"], rate_hz: float | None
 ) -> "LabelTrack":
     """The track with what its recording says; without recordings, with the given rate."""
-    from motionary.io import match_recording
+    from motionary.io import explain_unmatched, match_recording
     from motionary.labels import of_recording
 
     name = track.recording.name
@@ -260,10 +260,7 @@ def _check(
         return replace(track, recording=replace(track.recording, rate_hz=rate_hz))
     source = match_recording(name, sources)
     if source is None:
-        raise InvalidInput(
-            f"{name}: there is no recording of this name, or not one; there are "
-            f"{enumerate_names(sorted(sources))}"
-        )
+        raise InvalidInput(explain_unmatched([name], sources)[0])
     return of_recording(track, sources[source].renamed(name))
 
 

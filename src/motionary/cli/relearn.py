@@ -11,9 +11,9 @@ from motionary.cli import screen
 from motionary.cli.learn import ScreenMonitor, TrainingFlags
 from motionary.cli.options import Jobs, check_library, check_picture, check_target, wrong
 from motionary.cli.recordings import find_files, measure_files, split_failures, warn_of_all
-from motionary.cli.screen import enumerate_names
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
+from motionary.tables import enumerate_names
 
 if TYPE_CHECKING:
     from motionary.evaluation import Rates
@@ -120,8 +120,7 @@ def _read_parts(
     tracks = [track for file in files for track in list_tracks(file, reading)]
     names = sorted({label.name for track in tracks for label in track})
     if name not in names:
-        there = enumerate_names(names) or "none at all"
-        raise InvalidInput(f"no label is called {name!r}; there are {there}")
+        raise InvalidInput(f"no label is called {name!r}; there are {enumerate_names(names)}")
     own = [replace(t, labels=tuple(x for x in t if x.name == name)) for t in tracks]
     with screen.progress("reading", sum(len(track) > 0 for track in own)) as done:
         read = read_labelled(

@@ -12,6 +12,7 @@ from motionary.cli.query import Moment, parse_moment
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
+from motionary.tables import enumerate_names
 
 if TYPE_CHECKING:
     from motionary.labels import LabelTrack
@@ -88,8 +89,9 @@ def _read_track(path: str, motion: "Motion") -> "LabelTrack":
     tracks = read_labels(path, recordings={name: motion.recording})
     found = [key for key in tracks if match_recording(key, [name])]
     if len(found) != 1:
-        there = screen.enumerate_names(sorted(tracks)) or "none"
-        raise InvalidInput(f"{path}: has no labels of {name}, or several tracks; has {there}")
+        problem = "several may be meant" if found else f"has no labels of {name}"
+        there = enumerate_names(sorted(found or tracks))
+        raise InvalidInput(f"{path}: {problem}; has labels of {there}")
     return of_recording(tracks[found[0]], motion.recording)
 
 

@@ -24,7 +24,6 @@ _BETWEEN = "  "
 _LONGEST = 420
 _CUT = " ... "
 _SILENT_S = 30.0
-_MOST_NAMES = 5
 # A text in a narrower column is not read.
 _LEAST_WIDTH = 10
 
@@ -188,12 +187,6 @@ def shorten(text: str) -> str:
 def percent(fraction: float | None) -> str:
     """A fraction in whole percent; nothing for None."""
     return "" if fraction is None else f"{100 * fraction:.0f} %"
-
-
-def enumerate_names(names: Sequence[str], *, most: int = _MOST_NAMES) -> str:
-    """The first names, and how many more there are."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return (", ".join(names[:most]) or "none") + more
 
 
 @contextmanager

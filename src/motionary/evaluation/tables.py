@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, WrongKind
+from motionary.tables import enumerate_names
 
 # Times that differ by less are equal: the rest is rounding.
 ROUNDING = 1e-6
@@ -58,9 +59,6 @@ Segments: TypeAlias = Sequence[LabelledSegment]
 Labels: TypeAlias = Iterable[LabelLike | LabelledSegment]
 Recordings: TypeAlias = Mapping[str, Labels] | Iterable[tuple[str, Labels]]
 Missing: TypeAlias = Literal["error", "skip", "empty"]
-
-# So many names fit an error that is still read.
-_SHOWN = 5
 
 
 class ComparedRecording(NamedTuple):
@@ -229,16 +227,16 @@ def _choose(claimed: set[str], real: set[str], missing: Missing) -> set[str]:
     if missing == "error" and claimed != real:
         raise InvalidInput(
             "prediction and truth must label the same recordings; "
-            f"only in the prediction: {_enumerate(sorted(claimed - real))}; "
-            f"only in the truth: {_enumerate(sorted(real - claimed))}; "
+            f"only in the prediction: {enumerate_names(sorted(claimed - real))}; "
+            f"only in the truth: {enumerate_names(sorted(real - claimed))}; "
             'pass missing="skip" to leave them out, "empty" to count them as without labels'
         )
     chosen = claimed | real if missing == "empty" else claimed & real
     if not chosen:
         raise InvalidInput(
             "there is no recording to evaluate; "
-            f"in the prediction: {_enumerate(sorted(claimed))}; "
-            f"in the truth: {_enumerate(sorted(real))}"
+            f"in the prediction: {enumerate_names(sorted(claimed))}; "
+            f"in the truth: {enumerate_names(sorted(real))}"
         )
     return chosen
 
@@ -264,11 +262,6 @@ def _to_mapping(recordings: Recordings, *, side: str) -> dict[str, Labels]:
             raise InvalidInput(f"{side}: recording {name!r} comes twice; join its labels")
         mapping[name] = labels
     return mapping
-
-
-def _enumerate(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:_SHOWN]) or "none"
-    return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"
 
 
 def _to_compared(

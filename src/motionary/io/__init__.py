@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from motionary.io.finding import (
         FileState,
         Sidecars,
+        explain_unmatched,
         find_recordings,
         has_sidecar,
         match_recording,
@@ -45,6 +46,7 @@ __all__ = [
     "copy_skeleton",
     "cut_clips",
     "cut_file",
+    "explain_unmatched",
     "file_of",
     "find_recordings",
     "find_skeleton",
@@ -77,8 +79,8 @@ __getattr__, __dir__ = lazy_names(
     {
         "cutting": "can_cut copy_skeleton cut_clips cut_file plan_clips",
         "finding": (
-            "FileState Sidecars find_recordings has_sidecar match_recording name_recordings "
-            "recording_name scan_folder split_files"
+            "FileState Sidecars explain_unmatched find_recordings has_sidecar match_recording "
+            "name_recordings recording_name scan_folder split_files"
         ),
         "formats": "MOTION_SUFFIXES WRITTEN_SUFFIXES options_of",
         "formats.takes": "file_of",

@@ -23,7 +23,7 @@ from typing import NamedTuple
 from motionary.batch import Failure, map_ordered
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.files import read_bytes, write_atomically
-from motionary.io.finding import match_recording
+from motionary.io.finding import explain_unmatched, match_recording
 from motionary.io.formats import FORMATS, find_format, load_function
 from motionary.io.formats.takes import split_take
 from motionary.io.options import ReadOptions
@@ -44,12 +44,14 @@ class Clip(NamedTuple):
     label : what was labelled
     source : the recording's file; None if there is none of its name
     target : file of the clip
+    problem : why there is no source
     """
 
     recording: str
     label: Label
     source: Path | None
     target: Path
+    problem: str = ""
 
 
 def plan_clips(
@@ -63,8 +65,10 @@ def plan_clips(
     files : recordings by name; a label's recording is matched as in `match_recording`
     folder : where the clips go
     """
+    tracks = [track for track in tracks if len(track)]
     pairs = [(track.recording.name, label) for track in tracks for label in track]
-    names = {recording: match_recording(recording, files) for recording, _ in pairs}
+    names = {track.recording.name: match_recording(track.recording.name, files) for track in tracks}
+    problems = {name: explain_unmatched([name], files)[0] for name in names if not names[name]}
     stems = _stems({name for name in names.values() if name is not None})
     clips: list[Clip] = []
     taken: set[str] = set()
@@ -78,7 +82,8 @@ def plan_clips(
             target, number = f"{title}-{number}{suffix}", number + 1
         taken.add(target.casefold())
         source = None if name is None else files[name]
-        clips.append(Clip(recording, label, source, Path(folder, target)))
+        problem = problems.get(recording, "")
+        clips.append(Clip(recording, label, source, Path(folder, target), problem))
     return clips
 
 
@@ -203,7 +208,7 @@ def copy_skeleton(path: str | Path, folder: str | Path, *, asf: str | Path | Non
 def _cut(clip: Clip, *, options: ReadOptions, replace: bool) -> Clip:
     source = clip.source
     if source is None:
-        raise UnreadableFile(f"{clip.recording}: there is no recording of this name, or not one")
+        raise UnreadableFile(clip.problem)
     label = clip.label
     if label.start_frame is None or label.end_frame is None:
         part = _frames(source, label, options)

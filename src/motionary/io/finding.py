@@ -24,6 +24,7 @@ from motionary.io.formats import MOTION_SUFFIXES, find_format, load_function
 from motionary.io.formats.takes import EVERY, label_takes, split_take
 from motionary.io.options import ReadOptions
 from motionary.io.text import TAKE_MARK, format_suffix, stem_of
+from motionary.tables import enumerate_names
 
 NO_SIDECAR = 0
 
@@ -163,17 +164,40 @@ def match_recording(name: str, names: Iterable[str]) -> str | None:
     An equal name counts before one that differs in the suffix only, and that before one
     that has the same stem in some folder.
     """
-    names = list(names)
+    same = _candidates(name, list(names))
+    return same[0] if len(same) == 1 else None
+
+
+def explain_unmatched(wanted: Iterable[str], names: Collection[str]) -> list[str]:
+    """Why `match_recording` finds none for names: one text of the absent, and of each other."""
+    found = {name: _candidates(name, names) for name in wanted}
+    absent = [name for name, same in found.items() if not same]
+    texts = [
+        f"{name}: several recordings may be meant, {enumerate_names(sorted(same))}; name one of "
+        "them with its folder and suffix"
+        for name, same in found.items()
+        if len(same) > 1
+    ]
+    if absent:
+        texts.insert(
+            0,
+            f"{enumerate_names(absent)}: there is no recording of this name; there are "
+            f"{enumerate_names(sorted(names))}",
+        )
+    return texts
+
+
+def _candidates(name: str, names: Collection[str]) -> list[str]:
     if name in names:
-        return name
+        return [name]
     # Systems write letters with accents in one form or the other.
     wanted = PurePosixPath(unicodedata.normalize("NFC", name.replace("\\", "/")))
     paths = {other: PurePosixPath(unicodedata.normalize("NFC", other)) for other in names}
     for key in (lambda path: path, _without_suffix, lambda path: _without_suffix(path).name):
         same = [other for other, path in paths.items() if key(path) == key(wanted)]
         if same:
-            return same[0] if len(same) == 1 else None
-    return None
+            return same
+    return []
 
 
 def _without_suffix(path: PurePosixPath) -> PurePosixPath:

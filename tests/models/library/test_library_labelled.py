@@ -100,13 +100,28 @@ def test_what_cannot_be_used_is_told_and_the_rest_is_learned(world):
     library = learn([*wrong, tracks["one.bvh"]], recordings=folder, monitor=heard)
     assert set(library.names) == set(tracks["one.bvh"].names)
     told = [n.text for n in heard.notices if n.is_failure]
-    assert told[0].startswith("nowhere.bvh: no recording of this name, or not one; there are one")
+    assert told[0] == (
+        "nowhere.bvh: there is no recording of this name; there are one.bvh, two.bvh"
+    )
     assert "are the labels of another recording?" in told[1]
     assert told[2] == "two.bvh 1.00-1.00 s (moment): too short for an example; left out"
     assert heard.stages["reading"] == (4 - 1, 4)
     for track in wrong:
         with pytest.raises(InvalidInput):
             learn(track, recordings=folder)
+
+
+def test_recordings_that_are_not_there_are_told_from_those_that_several_may_be(world):
+    _, tracks = world
+    named = [replace(tracks["one.bvh"], recording=Recording(name)) for name in ("one", "x", "y")]
+    array = np.zeros((9, 24, 3))
+    read = read_labelled(named, {"a/one.bvh": array, "b/one.bvh": array})
+    assert [str(error) for error in read.unusable] == [
+        "x, y: there is no recording of this name; there are a/one.bvh, b/one.bvh",
+        "one: several recordings may be meant, a/one.bvh, b/one.bvh; name one of them with its "
+        "folder and suffix",
+    ]
+    assert not read.classes
 
 
 def test_labels_without_recordings_or_without_labels(world, tmp_path):

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion, UnreadableFile
 from motionary.files import read_bytes
+from motionary.io.text import explain_json
 
 Floats = NDArray[np.float64]
 Object = Mapping[str, Any]
@@ -52,8 +53,8 @@ class Document:
         try:
             root = json.loads(text.decode("utf-8-sig"))
         except (ValueError, RecursionError) as error:
-            reason = "lists within lists" if isinstance(error, RecursionError) else str(error)
-            raise UnreadableFile(f"{self.name}: is no glTF: {reason[:200]}; is it whole?") from None
+            reason = f"is no glTF, whose text is JSON: {explain_json(error)}"
+            raise UnreadableFile(f"{self.name}: {reason}") from None
         if not isinstance(root, dict) or not isinstance(root.get("asset"), dict):
             raise NotAMotion(f"{self.name}: holds no glTF; expected an object with an asset")
         version = str(root["asset"].get("version", ""))
@@ -85,7 +86,9 @@ class Document:
             chunks.setdefault(kind, content[at + 8 : at + 8 + size])
             at += 8 + size
         self._binary = chunks.get(_BINARY)
-        return chunks.get(_JSON, b"")
+        if _JSON not in chunks:
+            self.fail("has no chunk of JSON, with which binary glTF begins; export it again")
+        return chunks[_JSON]
 
     # ---- objects
 

@@ -45,7 +45,7 @@ from motionary.io.formats.times import time_frames
 from motionary.io.normalise.units import NAMES_OF_UNITS
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
-from motionary.io.text import read_text
+from motionary.io.text import explain_json, read_text
 from motionary.skeletons import named_table
 
 Floats = NDArray[np.float64]
@@ -66,7 +66,6 @@ _LONGEST_STEP_S = 1.0
 
 # An hour of MediaPipe takes 0.4 GB as text, and ten times as much as objects.
 _MOST_BYTES = 1 << 30
-_TOO_DEEP = "has lists within lists without end"
 
 
 def read_json(path: Path, options: ReadOptions) -> FileContent:
@@ -86,8 +85,8 @@ def read_json(path: Path, options: ReadOptions) -> FileContent:
         takes = list(loaded.people)
         person = loaded.people[takes[choose_take(takes, options.take, path.name)]]
         keys, positions = fill_positions(person, len(loaded.frames), loaded.size, path.name)
-    except RecursionError:
-        raise UnreadableFile(f"{path.name}: {_TOO_DEEP}; is it damaged?") from None
+    except RecursionError as error:
+        raise UnreadableFile(f"{path.name}: {explain_json(error)}") from None
     refuse_image(positions, person.key, path.name)
     head = loaded.head
     names, mapping = head.names or None, None
@@ -138,8 +137,7 @@ def _load(path: Path) -> _Loaded:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        reason = _TOO_DEEP if isinstance(error, RecursionError) else str(error)
-        raise UnreadableFile(f"{path.name}: is no JSON: {reason[:200]}; is it whole?") from None
+        raise UnreadableFile(f"{path.name}: is no JSON: {explain_json(error)}") from None
     frames, head = _find_frames(content, path.name), _Head(content)
     if _is_array(frames):
         return _Loaded([], head, {}, _split_numbers(frames, path.name), len(text))

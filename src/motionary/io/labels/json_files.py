@@ -21,7 +21,7 @@ from motionary.io.labels.lanes import (
     track_of,
     with_track,
 )
-from motionary.io.text import read_text, stem_of, write_text
+from motionary.io.text import explain_json, read_text, stem_of, write_text
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording, Segment
 
@@ -62,7 +62,7 @@ def _parse(text: str, where: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"{where}: broken JSON: {str(error)[:120]}") from error
+        raise UnreadableFile(f"{where}: broken JSON: {explain_json(error)}") from error
 
 
 # -- lines --------------------------------------------------------------------------------

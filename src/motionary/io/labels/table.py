@@ -55,10 +55,14 @@ class FrameTimes:
     rate_hz: float | None = None
     in_frames: bool = False
     recordings: Mapping[str, Recording] = field(default_factory=dict)
+    # Tables have a row a label, and matching looks through all names.
+    _matched: dict[str, str | None] = field(default_factory=dict, init=False, repr=False)
 
     def to_seconds(self, frame: float, name: str, where: str, *, is_end: bool) -> float:
         """Seconds at which a frame of a recording begins or, the last one of a label, ends."""
-        found = match_recording(name, self.recordings)
+        if name not in self._matched:
+            self._matched[name] = match_recording(name, self.recordings)
+        found = self._matched[name]
         rate_hz, first = self.rate_hz, 0
         if found is not None:
             recording = self.recordings[found]

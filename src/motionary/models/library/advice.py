@@ -19,6 +19,7 @@ from motionary.models.library.classes import TOLERANCE
 from motionary.models.library.training import Examples, learn_prototype
 from motionary.models.templates import Learning, MotionTemplate, pattern_of, quantise
 from motionary.packing import full_mask
+from motionary.tables import enumerate_names
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -258,9 +259,7 @@ def _describe_loose(fraction: float) -> str:
 
 
 def _list(items: Sequence[FeatureSequence]) -> str:
-    names = [_name(item) for item in items]
-    more = len(names) - _MOST_NAMES
-    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+    return enumerate_names([_name(item) for item in items], most=_MOST_NAMES)
 
 
 def _names(items: Sequence[FeatureSequence]) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ from motionary.features import (
 from motionary.io import (
     MOTION_SUFFIXES,
     ReadOptions,
+    explain_unmatched,
     format_suffix,
     match_recording,
     name_recordings,
@@ -47,7 +48,6 @@ PERSON = "person"
 
 # What `check_kind` names: motions and features are told before.
 _ARRAYS = (Motion, FeatureSequence, np.ndarray, list)
-_MOST_NAMES = 5
 
 
 @dataclass(slots=True)
@@ -306,16 +306,5 @@ def _match(
             without.append(track.recording.name)
         else:
             found.append((track, name))
-    if without:
-        there = _enumerate(sorted(known)) or "none"
-        result.unusable.append(
-            InvalidInput(
-                f"{_enumerate(without)}: no recording of this name, or not one; there are {there}"
-            )
-        )
+    result.unusable += map(InvalidInput, explain_unmatched(without, known))
     return found
-
-
-def _enumerate(names: Sequence[str]) -> str:
-    more = len(names) - _MOST_NAMES
-    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
