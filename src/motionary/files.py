@@ -36,6 +36,9 @@ _KINDS = {
 }
 #: What is left over and younger may belong to a process that is at work.
 LEFT_ALONE_S = 3600.0
+# Numbers of a motion are three to ten times as large as they lie in a packed file, a bomb a
+# thousand times; small files may hold a body that stands still.
+_MOST_RATIO, _ALWAYS_BYTES = 16, 1 << 26
 _WRITE_BITS = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -75,6 +78,11 @@ def read_bytes(path: str | Path) -> bytes:
         except OSError as error:
             reason = error.strerror or str(error)
             raise UnreadableFile(f"{path}: cannot be read: {reason}") from error
+
+
+def most_unpacked(n_bytes: int) -> int:
+    """Bytes that what is made of a file, or of a part of it, of `n_bytes` may have."""
+    return max(_ALWAYS_BYTES, _MOST_RATIO * n_bytes)
 
 
 def _open_at_once(path: str, flags: int) -> int:

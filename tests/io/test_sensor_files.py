@@ -92,6 +92,9 @@ def test_any_table_by_a_map_of_columns(tmp_path):
     np.testing.assert_allclose(sensor.orientations[0], [1, 0, 0, 0])
     toml = put(tmp_path, "map.toml", 'gyr = ["wx", "wy", "wz"]\nrate_hz = 50\n')
     assert read_sensors(path, columns=toml)[0].rate_hz == 50
+    for text in ("gyr =", "rate_hz = " + "9" * 5000):
+        with pytest.raises(UnreadableFile, match=r"map\.toml: is no TOML"):
+            read_sensors(path, columns=put(tmp_path, "map.toml", text))
     for change, message in (
         ({"order": "wzyx"}, "wxyz or xyzw"),
         ({"gyr": ["a", "b", "c"]}, "needs 3 of the columns"),
@@ -133,6 +136,7 @@ def test_hdf5_of_apdm_and_of_broad(tmp_path):
         ("a.txt", "", "no rows"),
         ("a.txt", "x,y\n1,2\n3,4\n", "no known layout"),
         ("a.txt", MTW.replace("0.2,0", "abc,0"), "abc"),
+        ("a.txt", MTW.replace("0.2,0", "abc,0"), "line 5: expected a number"),
         ("a.txt", MTW.replace("\n1,,", "\n40000,,"), "counted backwards"),
         ("a.txt", MTW.replace(",1,0,0,0\n", ",7,0,0,0\n"), "length is 7"),
         ("a.sto", STO.replace("endheader", "end"), "endheader"),

@@ -10,7 +10,7 @@ import typer
 from motionary.cli import screen
 from motionary.cli.options import AsJson, Excel, Force, check_picture, check_target
 from motionary.cli.recordings import read_recording
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -157,14 +157,9 @@ def orient(
 
 
 def _read_map(path: str) -> dict[str, str]:
-    import tomllib
+    from motionary.io.text import read_toml
 
-    from motionary.io.text import read_text
-
-    try:
-        told = tomllib.loads(read_text(Path(path)))
-    except tomllib.TOMLDecodeError as error:
-        raise UnreadableFile(f"{Path(path).name}: is no TOML: {error}") from error
+    told = read_toml(Path(path))
     wrong = [name for name, limb in told.items() if not isinstance(limb, str)]
     if wrong or not told:
         raise InvalidInput(

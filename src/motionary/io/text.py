@@ -12,9 +12,10 @@ import re
 import zlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
+from typing import Any
 
 from motionary.errors import UnreadableFile
-from motionary.files import check_table_name, read_bytes, write_atomically
+from motionary.files import check_table_name, most_unpacked, read_bytes, write_atomically
 
 #: A text that is packed keeps its own suffix before this one: `take.bvh.gz`.
 PACKED = ".gz"
@@ -27,10 +28,6 @@ Cell = str | int | float | None
 _BREAKS = re.compile(r"[\t\r\n]+")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
-# What text unpacks to, as a multiple of the packed size: numbers of a motion give three to six, a
-# bomb a thousand. Small ones may hold a body that stands still.
-_MOST_RATIO = 16
-_ALWAYS_BYTES = 1 << 26
 _PIECE = 1 << 22
 _LOOKED_AT = 1 << 10
 
@@ -110,9 +107,20 @@ def explain_json(error: ValueError | RecursionError) -> str:
     return f"in {place} stands {rest[:30]!r}, which JSON does not have there; is it whole?"
 
 
+def read_toml(path: Path) -> dict[str, Any]:
+    """Content of a TOML file that a person wrote; errors as of `read_text`."""
+    import tomllib
+
+    try:
+        return tomllib.loads(read_text(path))
+    # Not TOMLDecodeError alone: numbers may have more digits than Python takes.
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFile(f"{path.name}: is no TOML: {str(error)[:200]}") from error
+
+
 def _unpack(content: bytes, name: str) -> bytes:
     pieces, size = [], 0
-    most = max(_ALWAYS_BYTES, _MOST_RATIO * len(content))
+    most = most_unpacked(len(content))
     unpacker = zlib.decompressobj(wbits=31)
     try:
         while content:

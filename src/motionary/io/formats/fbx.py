@@ -25,6 +25,7 @@ from motionary.files import open_regular
 from motionary.io.formats import blender_line
 from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
 from motionary.io.formats.npz import Array, read_npz
+from motionary.io.formats.takes import note_take
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
@@ -74,13 +75,8 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
     takes = [str(name) for name in arrays["takes"].tolist()]
     if not takes:
         notes.append("holds no take: one frame, the pose that the bones have")
-    elif len(takes) > 1:
-        others = ", ".join(takes[:10]) + (", ..." if len(takes) > 10 else "")
-        why = "the first that moves" if options.take is None else "as given"
-        notes.append(
-            f"take {takes[int(arrays['take'])]}, {why}, of {len(takes)} ({others}); --take NAME "
-            "(take=...) reads another"
-        )
+    is_named = options.take is not None
+    notes += note_take(takes, int(arrays["take"]), is_given=is_named, called="take")
     return _to_content(arrays, path.name, options.rate_hz, notes)
 
 

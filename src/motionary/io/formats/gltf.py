@@ -26,7 +26,7 @@ from motionary.io.formats.gltf_animation import (
     sample_channel,
 )
 from motionary.io.formats.gltf_document import Document, Floats, Object
-from motionary.io.formats.takes import choose_take
+from motionary.io.formats.takes import choose_take, note_take
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import JointMapping, Skeleton
@@ -79,13 +79,7 @@ def read_gltf(path: Path, options: ReadOptions) -> FileContent:
     notes = [] if is_given else ["axes and unit as glTF has them"]
     if not takes:
         notes.append("holds no animation: one frame, the pose that the joints have")
-    elif len(takes) > 1:
-        others = ", ".join(takes[:10]) + (", ..." if len(takes) > 10 else "")
-        why = "the first that moves" if options.take is None else "as given"
-        notes.append(
-            f"animation {takes[number]}, {why}, of {len(takes)} ({others}); --take NAME "
-            "(take=...) reads another"
-        )
+    notes += note_take(takes, number, is_given=options.take is not None, called="animation")
     rate_hz, rate_note = find_rate(channels, options.rate_hz)
     at_s = _frame_times(document, channels, rate_hz, len(joints.nodes))
     sampled = _pose(document, joints, channels, at_s, rate_hz)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion, UnreadableFile
-from motionary.files import read_bytes
+from motionary.files import most_unpacked, read_bytes
 from motionary.io.text import explain_json
 
 Floats = NDArray[np.float64]
@@ -28,8 +28,6 @@ _MAGIC, _JSON, _BINARY = b"glTF", 0x4E4F534A, 0x004E4942
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 # Normalised integers stand for -1 to 1, or 0 to 1.
 _LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
-# Arrays may share bytes: what is made of a file is bounded by its size, as for packed files.
-_MOST_RATIO, _ALWAYS_BYTES = 16, 64 << 20
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
@@ -63,8 +61,8 @@ class Document:
         self.root: Object = root
 
     def allows(self, n_bytes: int) -> bool:
-        """Whether a file of this size may grow to so many bytes."""
-        return n_bytes <= max(_ALWAYS_BYTES, _MOST_RATIO * self.size)
+        """Whether a file of this size may grow to so many bytes: arrays may share theirs."""
+        return n_bytes <= most_unpacked(self.size)
 
     def fail(self, problem: str) -> NoReturn:
         """Raise `UnreadableFile` of this file."""
@@ -135,10 +133,6 @@ class Document:
         return result
 
     # ---- numbers
-
-    def count(self, accessor: Any) -> int:
-        """How many elements an accessor has, as it states."""
-        return self._whole(self.item("accessors", accessor), "count")
 
     def read(self, accessor: Any, *, width: int, n: int | None = None) -> Floats:
         """Elements of an accessor, shape (elements, width).

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion, UnreadableFile
+from motionary.files import most_unpacked
 from motionary.io.formats.content import FARTHEST
 
 Floats = NDArray[np.float64]
@@ -28,7 +29,6 @@ FLAT = (
     "pose_landmarks", "poseLandmarks", "pose_keypoints_2d", "keypoints_2d", "keypoints2d",
     "joints2d", "joints_2d", "bbox",
 )  # fmt: skip
-_MOST_RATIO, _ALWAYS_BYTES = 16, 1 << 26
 # Third numbers that are scores: none beyond one, beside pixels.
 _PIXELS = 20.0
 _MOST_PEOPLE = 1000
@@ -157,7 +157,7 @@ def fill_positions(
     for points in person.frames.values():
         for key in points:
             columns.setdefault(key, len(columns))
-    if 24 * n_frames * len(columns) > max(_ALWAYS_BYTES, _MOST_RATIO * size):
+    if 24 * n_frames * len(columns) > most_unpacked(size):
         raise UnreadableFile(f"{source}: has {len(columns)} names of points in {n_frames} frames")
     positions = np.full((n_frames, len(columns), 3), np.nan)
     for number, points in person.frames.items():

@@ -21,7 +21,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from motionary.errors import UnreadableFile
-from motionary.files import open_regular, write_atomically
+from motionary.files import most_unpacked, open_regular, write_atomically
 from motionary.io.formats.content import FARTHEST, FileContent
 from motionary.io.formats.unpickling import plain_dict, read_pickled
 from motionary.io.normalise.units_axes import FileMetadata
@@ -36,10 +36,6 @@ Result = TypeVar("Result")
 _FORMAT = 1
 _OWN = FileMetadata("m", "y", noted=())
 
-# What a member inflates to, as a multiple of what it takes in the file: numbers of a body in
-# motion give less than ten, a bomb a thousand. Small ones may be all zeros.
-_MOST_RATIO = 16
-_ALWAYS_BYTES = 1 << 26
 # Others inflate without a bound; NumPy writes these two.
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
@@ -108,7 +104,8 @@ class ArchivedArrays(Mapping[str, Array]):
         member = self._members[name]
         if self._are_objects.get(name):
             raise KeyError(name)
-        return self._open(name, lambda file: _read_array(file, member.file_size, _most(member)))
+        most = most_unpacked(member.compress_size)
+        return self._open(name, lambda file: _read_array(file, member.file_size, most))
 
     def __iter__(self) -> Iterator[str]:
         return (name for name in self._members if name in self)
@@ -118,9 +115,10 @@ class ArchivedArrays(Mapping[str, Array]):
 
     def read_dict(self, name: str) -> dict[str, Any]:
         """The dict that is the one object of an array; empty if it is anything else."""
-        if name not in self._members or not self._holds_objects(name):
+        member = self._members.get(name)
+        if member is None or not self._holds_objects(name):
             return {}
-        if self._members[name].file_size > _most(self._members[name]):
+        if member.file_size > most_unpacked(member.compress_size):
             raise _unreadable(self._path, ValueError(f"{name} {_BOMB}"))
         return self._open(name, _read_dict)
 
@@ -142,11 +140,6 @@ class ArchivedArrays(Mapping[str, Array]):
 
 
 _BOMB = "inflates to more than numbers can; unpack the file and save it again if it is yours"
-
-
-def _most(member: zipfile.ZipInfo) -> int:
-    """Bytes that an array of a file may have."""
-    return max(_ALWAYS_BYTES, _MOST_RATIO * member.compress_size)
 
 
 def read_npz(path: Path) -> ArchivedArrays:

@@ -52,6 +52,18 @@ def choose_take(names: Sequence[str], take: str | int | None, source: str) -> in
     )
 
 
+def note_take(names: Sequence[str], number: int, *, is_given: bool, called: str) -> tuple[str, ...]:
+    """A note on which of the takes that a file calls `called` is read; none where it has one."""
+    if len(names) < 2:
+        return ()
+    others = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
+    why = "as given" if is_given else "the first that moves"
+    return (
+        f"{called} {names[number]}, {why}, of {len(names)} ({others}); --take NAME (take=...) "
+        "reads another",
+    )
+
+
 def recall(path: Path, load: Callable[[], Loaded], *, count: Callable[[Loaded], int]) -> Loaded:
     """What `load` gives; kept until another file is loaded, where it holds several recordings."""
     try:

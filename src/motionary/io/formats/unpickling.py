@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.files import most_unpacked
 from motionary.io.formats.pickle_machine import PickleRefusedError, plain, run_pickle
 
 # What joblib packs: zlib's first byte, and gzip's.
 _PACKED = (b"x", b"\x1f\x8b")
 _ANY_HEADER = 47
-_MOST_RATIO, _ALWAYS_BYTES = 16, 1 << 26
 
 
 def read_pickled(content: bytes) -> Any:
@@ -38,7 +38,7 @@ def read_pickled(content: bytes) -> Any:
 def _inflate(content: bytes) -> bytes:
     if not content.startswith(_PACKED):
         return content
-    most = max(_ALWAYS_BYTES, _MOST_RATIO * len(content))
+    most = most_unpacked(len(content))
     try:
         unpacked = zlib.decompressobj(_ANY_HEADER).decompress(content, most + 1)
     except zlib.error:

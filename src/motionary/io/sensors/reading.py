@@ -4,7 +4,6 @@ MTw of Xsens and BROAD were tried on real files; APDM, Movella DOT, OpenSense an
 on files written after their documented layout.
 """
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, MotionaryError, UnreadableFile
-from motionary.files import read_bytes
+from motionary.files import open_regular
 from motionary.io.formats.mvnx import read_mvnx_sensors
-from motionary.io.formats.numbers import to_number
+from motionary.io.formats.numbers import read_table, to_number
 from motionary.io.options import ReadOptions
 from motionary.io.sensors.recording import GRAVITY, SensorRecording, fill_packets, settle
-from motionary.io.text import read_text
+from motionary.io.text import read_text, read_toml
 
 Floats = NDArray[np.float64]
 
@@ -29,6 +28,7 @@ _UNITS = {
 }  # fmt: skip
 _MOST_FILES = 500
 _ORDERS = ("wxyz", "xyzw")
+_COMMENTS = ("//", "#", "sep=")
 
 
 def read_sensors(
@@ -49,7 +49,7 @@ def read_sensors(
     place = Path(source)
     if not place.exists():
         raise UnreadableFile(f"{place}: no such file or folder")
-    mapping = _read_columns(columns)
+    mapping = read_toml(Path(columns)) if isinstance(columns, str | Path) else columns
     if place.is_file():
         return read_sensor_file(place, columns=mapping)
     found: list[SensorRecording] = []
@@ -92,15 +92,6 @@ def read_sensor_file(
     return [settle(sensor) for sensor in sensors]
 
 
-def _read_columns(columns: Mapping[str, Any] | str | Path | None) -> Mapping[str, Any] | None:
-    if columns is None or isinstance(columns, Mapping):
-        return columns
-    try:
-        return tomllib.loads(read_text(Path(columns)))
-    except tomllib.TOMLDecodeError as error:
-        raise UnreadableFile(f"{Path(columns).name}: is no TOML: {error}") from error
-
-
 def _without_copies(sensors: Sequence[SensorRecording]) -> list[SensorRecording]:
     """Each recording once; of equal ones the first, and a note on which were left out."""
     kept: dict[bytes, SensorRecording] = {}
@@ -116,14 +107,18 @@ def _without_copies(sensors: Sequence[SensorRecording]) -> list[SensorRecording]
 
 def _read_text_file(path: Path, columns: Mapping[str, Any] | None) -> list[SensorRecording]:
     """MTw, Movella DOT, or a table with a mapping of its columns."""
-    lines = read_text(path).splitlines()
-    head = [line for line in lines[:40] if line.startswith(("//", "#", "sep="))]
-    body = [line for line in lines[len(head) :] if line.strip()]
-    if len(body) < 3:
+    lines = read_text(path).split("\n")
+    known = (i for i, line in enumerate(lines) if line.strip() and not line.startswith(_COMMENTS))
+    start = next(known, len(lines) - 1)
+    head, first = lines[:start], lines[start]
+    separator = max(",;\t", key=first.count)
+    titles = [title.strip().strip('"') for title in first.rstrip(",;").split(separator)]
+    text = "\n".join(lines[start + 1 :])
+    rows = read_table(
+        text, len(titles), source=path.name, line=start + 2, separator=separator, gaps=("",)
+    )
+    if len(rows) < 2:
         raise UnreadableFile(f"{path.name}: has no rows of numbers")
-    separator = max(",;\t", key=body[0].count)
-    titles = [title.strip().strip('"') for title in body[0].rstrip(",;").split(separator)]
-    rows = _numbers(body[1:], separator, len(titles), path.name)
     if columns is not None:
         return [_by_columns(path, titles, rows, columns)]
     if {"PacketCounter", "Quat_q0"} <= set(titles) or {"PacketCounter", "Gyr_X"} <= set(titles):
@@ -132,15 +127,6 @@ def _read_text_file(path: Path, columns: Mapping[str, Any] | None) -> list[Senso
         f"{path.name}: has columns {', '.join(titles[:6])}, ... of no known layout; name them in a "
         "TOML file (columns=, --columns): gyr = [...], acc = [...], rate_hz = 100"
     )
-
-
-def _numbers(lines: Sequence[str], separator: str, width: int, name: str) -> Floats:
-    rows = np.full((len(lines), width), np.nan)
-    for number, line in enumerate(lines, start=1):
-        for place, cell in enumerate(line.split(separator)[:width]):
-            if cell.strip():
-                rows[number - 1, place] = to_number(cell.strip(), f"{name}, row {number}")
-    return rows
 
 
 def _pick(titles: Sequence[str], rows: Floats, names: Sequence[str]) -> Floats | None:
@@ -233,8 +219,7 @@ def _by_columns(
         turns = turns[:, [3, 0, 1, 2]]
     rate = columns.get("rate_hz")
     if rate is None and columns.get("time") in titles:
-        times = rows[:, titles.index(columns["time"])]
-        rate = (len(times) - 1) / (times[-1] - times[0])
+        rate = _rate_of(rows[:, titles.index(columns["time"])])
     if rate is None:
         raise InvalidInput("a map of columns needs rate_hz, or time with the column of seconds")
     return SensorRecording(
@@ -258,21 +243,23 @@ def _read_sto(path: Path, columns: Mapping[str, Any] | None) -> list[SensorRecor
             f"{path.name}: an STO of orientations says DataType=Quaternion, this one "
             f"{head.get('datatype') or 'nothing'}"
         )
-    titles = lines[end + 1].split("\t")
-    cells = [line.split("\t") for line in lines[end + 2 :] if line.strip()]
-    if any(len(row) < len(titles) for row in cells):
-        raise UnreadableFile(f"{path.name}: a row has fewer cells than the {len(titles)} columns")
-    times = np.array([to_number(row[0].strip(), f"{path.name}, time") for row in cells])
-    rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else np.nan
-    result = []
-    for place, name in enumerate(titles[1:], start=1):
-        turns = np.array(
-            [[to_number(x, f"{path.name}, {name}") for x in row[place].split(",")] for row in cells]
-        )
-        if turns.shape[1:] != (4,):
-            raise UnreadableFile(f"{path.name}: {name} needs four numbers w,x,y,z in a cell")
-        result.append(SensorRecording(name.removesuffix("_imu"), float(rate), orientations=turns))
-    return result
+    names = [title.removesuffix("_imu") for title in lines[end + 1].split("\t")[1:]]
+    text = "\n".join(lines[end + 2 :]).replace(",", " ")
+    try:
+        rows = read_table(text, 1 + 4 * len(names), source=path.name, line=end + 3)
+    except UnreadableFile as error:
+        raise UnreadableFile(
+            f"{error}; a row needs its time and four numbers w,x,y,z for each of {len(names)} "
+            "sensors"
+        ) from None
+    rate = _rate_of(rows[:, 0])
+    turns = rows[:, 1:].reshape(len(rows), -1, 4)
+    return [SensorRecording(name, rate, orientations=turns[:, k]) for k, name in enumerate(names)]
+
+
+def _rate_of(times: Floats) -> float:
+    span = float(times[-1] - times[0]) if len(times) else 0.0
+    return (len(times) - 1) / span if span > 0 else np.nan
 
 
 def _read_mvnx(path: Path, columns: Mapping[str, Any] | None) -> list[SensorRecording]:
@@ -297,7 +284,9 @@ def _read_hdf5(path: Path, columns: Mapping[str, Any] | None) -> list[SensorReco
         raise UnreadableFile(
             f"{path.name}: HDF5 needs h5py: pip install 'motionary[imu]'"
         ) from error
-    read_bytes_checked(path)
+    with open_regular(path) as content:
+        if content.read(4) != b"\x89HDF":
+            raise UnreadableFile(f"{path.name}: is no HDF5 file")
     try:
         with h5py.File(path, "r") as file:
             if "imu_gyr" in file:
@@ -308,12 +297,6 @@ def _read_hdf5(path: Path, columns: Mapping[str, Any] | None) -> list[SensorReco
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         raise UnreadableFile(f"{path.name}: is no readable HDF5 of sensors: {error}") from error
     raise UnreadableFile(f"{path.name}: holds {held}; sensors of APDM or BROAD were expected")
-
-
-def read_bytes_checked(path: Path) -> None:
-    """Refuse what is no regular file, or no HDF5, before a library opens it."""
-    if not read_bytes(path).startswith(b"\x89HDF"):
-        raise UnreadableFile(f"{path.name}: is no HDF5 file")
 
 
 def _broad(path: Path, file: Any) -> SensorRecording:
@@ -329,7 +312,6 @@ def _apdm(file: Any, key: str) -> SensorRecording:
     label = group["Configuration"].attrs.get("Label 0", key) if "Configuration" in group else key
     name = label.decode("utf-8", "replace") if isinstance(label, bytes) else str(label)
     times = np.array(group["Time"], dtype=np.float64) * 1e-6
-    rate = (len(times) - 1) / (times[-1] - times[0])
     turns = None
     if "Processed" in file and key in file["Processed"]:
         turns = np.array(file["Processed"][key]["Orientation"], dtype=np.float64)
@@ -337,7 +319,7 @@ def _apdm(file: Any, key: str) -> SensorRecording:
         np.array(group[k], dtype=np.float64) if k in group else None
         for k in ("Gyroscope", "Accelerometer", "Magnetometer")
     )
-    return SensorRecording(name.strip() or key, float(rate), gyr, acc, mag, turns)
+    return SensorRecording(name.strip() or key, _rate_of(times), gyr, acc, mag, turns)
 
 
 #: Suffixes of recordings of sensors, and what reads them.
