@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import motionary as mo
+from library_cases import Listening
 from motionary.errors import InvalidInput, SeveralRecordings
 from motionary.io import ReadOptions, find_recordings, name_recordings, read_all
 from motionary.io.formats.takes import file_of, label_takes, split_take
@@ -160,6 +161,10 @@ def test_examples_in_batches_are_learned(tmp_path):
     library = mo.learn(tmp_path / "in")
     assert set(library.names) == set(KINDS[:2])
     assert [c.prototypes[0].template.n_examples for c in library] == [3, 3]
+    heard = Listening()
+    library = mo.learn(tmp_path / "in", take=2, monitor=heard)
+    assert [c.prototypes[0].template.n_examples for c in library] == [1, 1]
+    assert heard.stages["reading"] == (2, 2)
 
 
 def test_commands_take_each_recording(tmp_path, motions, motionary):

@@ -6,7 +6,6 @@ writes what is measured of a recording.
 
 import itertools
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.labels import RecordingsOf
+from motionary.cli.labels import RecordingsOf, select_labels
 from motionary.cli.options import (
     AsJson,
     Excel,
@@ -245,18 +244,7 @@ def cut(
         in_frames=frames,
         recordings=RecordingsOf(found.files, reading),
     )
-    if only:
-        names = {label.name for track in tracks.values() for label in track}
-        unknown = sorted(set(only) - names)
-        if unknown:
-            raise wrong(
-                "--only",
-                f"no label is called {', '.join(unknown)}; there are {', '.join(sorted(names))}",
-            )
-        tracks = {
-            name: replace(track, labels=tuple(label for label in track if label.name in only))
-            for name, track in tracks.items()
-        }
+    tracks = select_labels(tracks, only=only)
     for error in found.missing.values():
         screen.warn(str(error))
     done = cut_labels(

@@ -108,7 +108,7 @@ def convert(
         screen.warn(str(error))
     known = RecordingsOf(sources.files, ReadOptions(rate_hz=rate))
     tracks = _read_all(files, rate_hz=rate, in_frames=frames, recordings=known)
-    tracks = _select(tracks, only=options.only, track=options.track)
+    tracks = select_labels(tracks, only=options.only, track=options.track)
     tracks = {n: _check(track, known, rate) for n, track in tracks.items()}
     if not tracks:
         raise InvalidInput(f"{enumerate_names(files)}: no labels to convert; nothing is written")
@@ -214,7 +214,9 @@ class RecordingsOf(Mapping[str, "Recording"]):
         return len(self._files)
 
 
-def _select(tracks: Tracks, *, only: Sequence[str] | None, track: Sequence[str] | None) -> Tracks:
+def select_labels(
+    tracks: Tracks, *, only: Sequence[str] | None, track: Sequence[str] | None = None
+) -> Tracks:
     """Labels of some names and tiers.
 
     Raises
@@ -224,14 +226,14 @@ def _select(tracks: Tracks, *, only: Sequence[str] | None, track: Sequence[str] 
     """
     everything = [label for one in tracks.values() for label in one]
     tiers = {label.extra.get("track") or "labels" for label in everything}
-    for option, asked, there in (
-        ("--only", only, {label.name for label in everything}),
-        ("--track", track, tiers),
+    for option, asked, there, none in (
+        ("--only", only, {label.name for label in everything}, "no label is called"),
+        ("--track", track, tiers, "there is no"),
     ):
         unknown = sorted(set(asked or ()) - there)
         if unknown:
             shown = enumerate_names(sorted(there))
-            raise wrong(option, f"there is no {', '.join(unknown)}; there are {shown}")
+            raise wrong(option, f"{none} {', '.join(unknown)}; there are {shown}")
     return {
         name: replace(
             one,

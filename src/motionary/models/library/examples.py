@@ -76,12 +76,15 @@ def read_examples(
     feature_set: FeatureSet = FULL_BODY,
     jobs: int = 1,
     on_done: Callable[[NamedFile], None] | None = None,
+    listed: Sequence[tuple[str, str, Path]] | None = None,
 ) -> ReadExamples:
     """Packed features of a folder of examples, and the files that could not be read.
 
-    Examples are called by their path below the folder ("squat/one.bvh").
+    Examples are called by their path below the folder ("squat/one.bvh"). `listed` are those of
+    `list_examples`, which opens files that may hold several recordings.
     """
-    files = list_examples(folder, split=reading is None or reading.take is None)
+    split = reading is None or reading.take is None
+    files = list_examples(folder, split=split) if listed is None else listed
     result = ReadExamples()
     named = [(path.relative_to(folder).as_posix(), path) for _, _, path in files]
     packed = read_features(

@@ -207,9 +207,9 @@ def _read(
         raise InvalidInput("recordings go with labels of their times; examples are whole files")
     if isinstance(examples, str | Path):
         folder = Path(examples)
-        listed = list_examples(folder)
+        listed = list_examples(folder, split=reading.take is None)
         with monitor.stage("reading", len(listed)) as done:
-            read = read_examples(folder, jobs=jobs, on_done=done, **measured)
+            read = read_examples(folder, listed=listed, jobs=jobs, on_done=done, **measured)
         _report(read, {name for name, _, _ in listed}, monitor)
         _report_stray(folder, monitor)
         return read.classes
