@@ -11,13 +11,16 @@ import pytest
 from cli_cases import CLASSES, write_examples
 from motionary import compute_features, learn, search
 from motionary.errors import InvalidInput
+from motionary.features import load_everyday_set
 from motionary.labels import Label, LabelTrack
 from motionary.motion import Motion
 from motionary.recording import Recording
 from motionary.reporting import report_hits, report_library
 from motionary.reporting.classes import find_confusions
+from motionary.reporting.galleries import cell_of_hit
+from motionary.retrieval.index import Collection
 from motionary.retrieval.search import QueryExpansion
-from motionary.samples import synthetic_motion
+from motionary.samples import synthetic_motion, synthetic_stream
 
 HOSTILE = "</script><script>alert(1)</script>"
 
@@ -93,6 +96,23 @@ def test_a_slower_half_is_met_by_a_slower_clip(motions):
     ]
     in_step, at_one_tempo = (np.abs(one - other).mean() for one, other in (poses, evenly))
     assert in_step < 0.3 * at_one_tempo
+
+
+def test_hits_by_windows_play_their_own_part_and_say_what_is_alike():
+    stream, labels = synthetic_stream(["bow", "squat", "kick_left", "squat"], seed=3)
+    stream = stream.renamed("stream")
+    everyday = load_everyday_set()
+    start, stop = (round(at * stream.rate_hz) for at in labels[1][1:])
+    whole = compute_features(stream, feature_set=everyday)
+    example = compute_features(stream.cut(start, stop), feature_set=everyday)
+    found = search(example, Collection((whole,), everyday), limit=4)
+    # The published features met another place there.
+    assert any(hit.evidence.alignment.end / 30 > hit.end_s + 1 for hit in found)
+    for hit in found:
+        cell = cell_of_hit(1, hit, stream)
+        seconds = cell.warp[:, 1]
+        assert 0 <= seconds[0] < seconds[-1] <= cell.motion.duration_s + 1 / 30
+        assert [note.split(": ")[0] for note in cell.notes] == ["alike"]
 
 
 def test_names_stay_text_and_motions_are_asked_for(motions, result):

@@ -22,7 +22,6 @@ from motionary.reporting.galleries import (
     find_motions,
     make_gallery,
     warp_by,
-    whole_warp,
 )
 from motionary.reporting.html import Page, build_page
 from motionary.reporting.lanes import describe_features
@@ -197,11 +196,8 @@ def _examples(
     for example in prototype.examples:
         motion = _cut_example(example, at_hand.motions)
         if motion is not None and len(cells) < MOST_EXAMPLES:
-            warp = warp_by(motion_class.patterns[index].pattern, example)
-            detail = f"{example.duration_s:.2f} s"
-            cells.append(
-                Cell(example.source, detail, motion, whole_warp(motion) if warp is None else warp)
-            )
+            warp = warp_by(motion_class.patterns[index].pattern, example, motion)
+            cells.append(Cell(example.source, f"{example.duration_s:.2f} s", motion, warp))
     if cells:
         return cells, [f"{len(cells)} of the {len(prototype.examples)} that it was learned from"]
     group = {prototype.name} | {

@@ -26,6 +26,7 @@ from motionary.reporting.html import Page, build_page
 from motionary.reporting.lanes import describe_features
 from motionary.reporting.recordings import check_rate
 from motionary.retrieval.explanation import explain
+from motionary.retrieval.gains import describe_comparison
 from motionary.retrieval.index import Index
 from motionary.retrieval.search import Hit, SearchResult
 
@@ -192,11 +193,11 @@ def warp_of(alignment: Alignment, weights: Floats, *, start_frame: int) -> Float
     return np.column_stack([phases, seconds])
 
 
-def warp_by(pattern: Pattern, sequence: FeatureSequence) -> Floats | None:
-    """Where a clip meets the columns of a pattern; None where it does not fit into the clip."""
+def warp_by(pattern: Pattern, sequence: FeatureSequence, motion: Motion) -> Floats:
+    """Where a clip meets the columns of a pattern; evenly where it does not fit into the clip."""
     distance = distance_function(pattern, sequence.packed, sequence.known)
     if not np.isfinite(distance).any():
-        return None
+        return whole_warp(motion)
     (best,) = align(pattern, sequence.packed, sequence.known, [int(np.argmin(distance))])
     return warp_of(best, pattern.weights, start_frame=0)
 
@@ -226,36 +227,34 @@ def _count(n_hits: int, n_shown: int) -> str:
 
 
 def _cell_of_query(query: Motion, hits: Sequence[Hit]) -> Cell:
-    warp = None
+    warp = whole_warp(query)
     if hits:
         evidence = hits[0].evidence
         sequence = compute_features(query, feature_set=evidence.sequence.feature_set)
-        warp = warp_by(evidence.pattern, sequence)
+        warp = warp_by(evidence.pattern, sequence, query)
     detail = f"{query.duration_s:.2f} s, frames {_frames(query)}"
-    shown = whole_warp(query) if warp is None else warp
-    return Cell(query.source or "query", detail, query, shown, is_query=True)
+    return Cell(query.source or "query", detail, query, warp, is_query=True)
 
 
 def cell_of_hit(rank: int, hit: Hit, motion: Motion) -> Cell:
-    """The clip of a hit, with what failed."""
+    """The clip of a hit, with what failed, or what is like the example and what is not."""
     first = max(hit.start_frame - motion.first_frame, 0)
     stop = min(max(hit.end_frame + 1 - motion.first_frame, first + 1), motion.n_frames)
     part = motion.cut(first, stop).renamed(motion.source)
-    evidence = hit.evidence
-    warp = warp_of(
-        evidence.alignment, evidence.pattern.weights, start_frame=evidence.alignment.start
-    )
+    evidence, found = hit.evidence, hit.comparison
+    if found is None:
+        alignment = evidence.alignment
+        warp = warp_of(alignment, evidence.pattern.weights, start_frame=alignment.start)
+        notes = [f"failed: {one}" for one in explain(evidence).worst()[:_MOST_FAILED]]
+    else:
+        # What the published features met may lie beside what the windows found.
+        published = found.found.leading(evidence.sequence.feature_set)
+        warp = warp_by(evidence.pattern, published, part)
+        notes = [describe_comparison(found)]
     seen = "" if hit.known >= 1 else f", {int(100 * hit.known)} % seen"
     detail = f"{hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}{seen}"
-    failed = [f"failed: {one}" for one in explain(hit.evidence).worst()[:_MOST_FAILED]]
-    return Cell(
-        f"{rank}  {Path(hit.recording.name).name}",
-        detail,
-        part,
-        warp,
-        round(hit.start_s, 4),
-        failed,
-    )
+    title = f"{rank}  {Path(hit.recording.name).name}"
+    return Cell(title, detail, part, warp, round(hit.start_s, 4), notes)
 
 
 def _frames(motion: Motion) -> str:
@@ -296,7 +295,9 @@ def find_motions(motions: Motions) -> Mapping[str, Motion]:
     if isinstance(motions, Mapping):
         return motions
     if isinstance(motions, Index):
-        return MotionFiles(name_recordings(motions.folder))
+        reading = motions.reading
+        files = name_recordings(motions.folder, split=reading.take is None)
+        return MotionFiles(files, reading)
     if isinstance(motions, str | Path):
         return MotionFiles(name_recordings(motions))
     given = list(motions) if isinstance(motions, Iterable) else [motions]

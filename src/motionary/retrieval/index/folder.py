@@ -79,7 +79,7 @@ class Index:
         self.folder = folder
         self.place = place
         self.feature_set = feature_set
-        self._reading = reading
+        self.reading = reading
         self._manifest = Manifest(Recipe.of(feature_set, reading))
         self._shards: dict[str, Shard] = {}
         self.damage: tuple[str, ...] = ()
@@ -180,7 +180,7 @@ class Index:
         if self._manifest.written_by != __version__:
             # Another version may read files otherwise.
             seen = dict.fromkeys(seen, Seen(-1, -1, 0))
-        return find_changes(self.folder, seen, self._manifest.dependency_digest, self._reading)
+        return find_changes(self.folder, seen, self._manifest.dependency_digest, self.reading)
 
     def update(
         self,
@@ -211,7 +211,7 @@ class Index:
         files = [(name, self.folder / name) for name in changes.to_read]
         ready: list[tuple[str, FeatureSequence | Failure[NamedFile]]] = []
         items = read_features(
-            files, options=self._reading, feature_set=self.feature_set, jobs=jobs, on_done=on_done
+            files, options=self.reading, feature_set=self.feature_set, jobs=jobs, on_done=on_done
         )
         try:
             for (name, _), item in zip(files, items, strict=True):
