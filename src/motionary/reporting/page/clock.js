@@ -14,7 +14,19 @@ class Clock {
       SPEEDS.map((speed) => h("option", { value: speed, selected: speed === 1 }, `${speed}×`)));
   }
 
-  // What plays: [start, stop]; pages have `seek(s)`, `draw()` and `hz`, too.
+  // The bar at the top: which of several is shown, facts on it, colours and keys.
+  header(label, names, keys, text) {
+    const choice = h("select", { "aria-label": label, onchange: () => this.open(Number(choice.value)) },
+      names.map((name, i) => h("option", { value: i }, name)));
+    return h("header", { class: "bar" },
+      h("h1", {}, names.length > 1 ? choice : names[0]),
+      (this.facts = h("span", { class: "soft facts" })),
+      h("span", { class: "grow" }),
+      themeButton(() => this.recolour()),
+      helpButton(keys, text));
+  }
+
+  // What plays: [start, stop]; pages have `open(index)`, `seek(s)`, `draw()`, `recolour()` and `hz`.
   get span() {
     return [0, this.length];
   }

@@ -49,7 +49,8 @@ class Gallery extends Clock {
     this.above = h("section", { class: "above" });
     this.canvas = h("canvas", { class: "grid-canvas", "aria-hidden": "true" });
     this.scroller = h("main", { class: "scroller" }, this.canvas, this.above, this.grid);
-    host.append(this.header(), this.transport(), this.scroller);
+    const names = content.galleries.map((one) => one.name);
+    host.append(this.header("Class", names, GALLERY_KEYS, "Drag a body to turn all of them."), this.transport(), this.scroller);
     this.bar = h("footer", { class: "judging", hidden: true });
     host.append(this.bar);
     this.renderer = makeRenderer(this.canvas);
@@ -75,18 +76,6 @@ class Gallery extends Clock {
   // At the end all stand still for a moment, to be compared.
   get span() {
     return [0, this.length + HOLD_S * this.speed];
-  }
-
-  header() {
-    const names = content.galleries.map((one) => one.name);
-    this.choice = h("select", { "aria-label": "Class", onchange: () => this.open(Number(this.choice.value)) },
-      names.map((name, i) => h("option", { value: i }, name)));
-    return h("header", { class: "bar" },
-      h("h1", {}, names.length > 1 ? this.choice : names[0]),
-      (this.facts = h("span", { class: "soft facts" })),
-      h("span", { class: "grow" }),
-      themeButton(() => this.recolour()),
-      helpButton(GALLERY_KEYS, "Drag a body to turn all of them."));
   }
 
   transport() {

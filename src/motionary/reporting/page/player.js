@@ -35,13 +35,14 @@ class Player extends Clock {
     const view = h("section", { class: "view", "aria-label": "Body" });
     const lines = h("section", { class: "time", "aria-label": "Labels over time" });
     const why = h("div", { class: "why" }), list = h("div", { class: "labels" });
+    const names = content.recordings.map((one) => (one.other ? `${one.short} and ${one.other.clip.short}` : one.name || "motion"));
     this.readout = h("div", { class: "readout", "aria-live": "off" });
     this.notice = h("div", { class: "notice soft" });
     this.hover = h("div", { class: "hover soft", role: "status" });
     this.legend = h("ul", { class: "legend", "aria-label": "Colours" });
     view.append(this.readout, this.notice, this.legend);
     host.append(
-      this.header(),
+      this.header("Recording", names, KEYS, "On the time axis: drag to move the playhead, scroll or pinch to zoom, shift and scroll to move along."),
       h("main", { class: "work" },
         view,
         h("aside", { class: "side", "aria-label": "Labels and reasons" },
@@ -66,18 +67,6 @@ class Player extends Clock {
       time: () => this.time,
       loop: () => this.model.loop,
     });
-  }
-
-  header() {
-    const names = content.recordings.map((one) => (one.other ? `${one.short} and ${one.other.clip.short}` : one.name || "motion"));
-    this.choice = h("select", { "aria-label": "Recording", onchange: () => this.open(Number(this.choice.value)) },
-      names.map((name, i) => h("option", { value: i }, name)));
-    return h("header", { class: "bar" },
-      h("h1", {}, names.length > 1 ? this.choice : names[0]),
-      (this.facts = h("span", { class: "soft facts" })),
-      h("span", { class: "grow" }),
-      themeButton(() => this.recolour()),
-      helpButton(KEYS, "On the time axis: drag to move the playhead, scroll or pinch to zoom, shift and scroll to move along."));
   }
 
   transport() {

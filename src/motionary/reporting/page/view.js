@@ -54,7 +54,8 @@ class View {
     const floor = body.recording.floor - body.place.y;
     body.centre(pose, this.target);
     if (n > 1) this.target.x = 0;
-    this.target.y = floor + 0.5 * height;
+    // Names stand above two bodies.
+    this.target.y = floor + (n > 1 ? 0.57 : 0.5) * height;
     const away = (n > 1 ? 2.3 : 1.85) * height * Math.max(1, (0.8 * n) / Math.min(this.camera.aspect, n));
     const facing = n > 1 ? -0.3 : facingOf(body, pose);
     this.controls.target.copy(this.target);
@@ -120,7 +121,7 @@ class View {
     at.y = this.ground.height + 1.12 * body.recording.reach;
     at.project(this.camera);
     const x = ((at.x + 1) / 2) * this.host.clientWidth, y = ((1 - at.y) / 2) * this.host.clientHeight;
-    name.style.transform = `translate(${x.toFixed(0)}px, ${Math.max(y, 58).toFixed(0)}px) translate(-50%, -50%)`;
+    name.style.transform = `translate(${x.toFixed(0)}px, ${Math.max(y, 44).toFixed(0)}px) translate(-50%, -100%)`;
   }
 }
 
