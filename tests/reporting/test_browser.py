@@ -118,8 +118,8 @@ def test_a_page_plays_explains_and_corrects_without_a_network(tmp_path, browser,
     find(browser, "details.curves summary").click()
 
     find(browser, ".label-list button").click()
-    wait_for(lambda: "squat" in find(browser, "aside.side").text)
-    assert browser.find_elements("css selector", ".findings li")
+    wait_for(lambda: browser.find_elements("css selector", ".findings li"))
+    assert "squat" in find(browser, ".why").text
     loop = find(browser, "button[aria-label='Loop the chosen part']")
     wait_for(lambda: loop.get_attribute("aria-pressed") == "true")
     times = [time.sleep(0.2) or now(axis) for _ in range(10)]
