@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from motionary.errors import InvalidInput
 from motionary.rotations import (
@@ -17,6 +17,7 @@ from motionary.rotations import (
     quaternions_to_matrices,
     rotate,
     rotation_vectors_to_quaternions,
+    slerp,
     unit_vectors,
 )
 from oracles import kinematics as oracle
@@ -84,6 +85,18 @@ def test_rotation_vectors_become_quaternions():
     expected = Rotation.from_rotvec(vectors).as_matrix()
     got = quaternions_to_matrices(rotation_vectors_to_quaternions(vectors))
     np.testing.assert_allclose(got, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-5, 3.0, 170.0, 179.999])
+def test_arcs_are_those_of_scipy(degrees):
+    first = Rotation.from_rotvec([0.3, -0.2, 0.9])
+    second = first * Rotation.from_rotvec(np.radians(degrees) * np.array([0.6, 0.0, 0.8]))
+    share = np.linspace(0, 1, 7)[:, None]
+    before, after = (np.tile(one.as_quat(), (7, 1)) for one in (first, second))
+    expected = Slerp([0, 1], Rotation.concatenate([first, second]))(share[:, 0])
+    for sign in (1, -1):
+        away = Rotation.from_quat(slerp(before, sign * after, share)) * expected.inv()
+        assert away.magnitude().max() < 1e-9
 
 
 @pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])

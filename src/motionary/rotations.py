@@ -12,6 +12,8 @@ from motionary.errors import InvalidInput
 
 Floats = NDArray[np.float64]
 
+_NEARLY_EQUAL = 1e-6
+
 
 def unit_vectors(vectors: ArrayLike) -> Floats:
     """Vectors of length one; NaN where the length is zero, shape (..., 3)."""
@@ -153,6 +155,27 @@ def quaternions_to_rotation_vectors(quaternions: ArrayLike) -> Floats:
     scale = np.full(size.shape, 2.0)
     np.divide(angle, size, out=scale, where=size > 1e-12)
     return np.asarray(given[..., 1:] * scale[..., None])
+
+
+def slerp(before: Floats, after: Floats, fraction: Floats) -> Floats:
+    """Unit quaternions that lie so far on the shorter arc between others; Shoemake (1985).
+
+    Parameters
+    ----------
+    before, after : array, shape (frames, 4), in any order of components
+    fraction : array, shape (frames, 1), 0 for `before` to 1 for `after`
+    """
+    cosine = (before * after).sum(axis=1, keepdims=True)
+    after = np.where(cosine < 0, -after, after)
+    angle = np.arccos(np.abs(cosine).clip(0.0, 1.0))
+    sine = np.sin(angle)
+    first, second = 1 - fraction, fraction
+    # Of turns that are nearly equal the straight line is the arc.
+    arc = sine > _NEARLY_EQUAL
+    first = np.divide(np.sin(first * angle), sine, out=first.copy(), where=arc)
+    second = np.divide(np.sin(second * angle), sine, out=second.copy(), where=arc)
+    result: Floats = before * first + after * second
+    return result
 
 
 def continuous_signs(quaternions: Floats) -> Floats:

@@ -13,6 +13,7 @@ from motionary.rotations import (
     continuous_signs,
     multiply_quaternions,
     rotate,
+    slerp,
 )
 
 Floats = NDArray[np.float64]
@@ -62,14 +63,7 @@ def resample_orientations(orientations: Floats, at: Floats) -> Floats:
     left = np.clip(np.floor(at).astype(np.intp), 0, max(n - 2, 0))
     right = np.minimum(left + 1, n - 1)
     share = at - left
-    a, b = smooth[left], smooth[right]
-    cosine = np.clip((a * b).sum(axis=1), -1, 1)
-    b = np.where((cosine < 0)[:, None], -b, b)
-    angle = np.arccos(np.abs(cosine))
-    sine = np.where(angle > 1e-6, np.sin(angle), 1.0)
-    wa = np.where(angle > 1e-6, np.sin((1 - share) * angle) / sine, 1 - share)
-    wb = np.where(angle > 1e-6, np.sin(share * angle) / sine, share)
-    result = wa[:, None] * a + wb[:, None] * b
+    result = slerp(smooth[left], smooth[right], share[:, None])
     result /= np.linalg.norm(result, axis=1, keepdims=True)
     near = np.asarray(known[left] | (share == 1)) & (known[right] | (share == 0))
     outside = (at < 0) | (at > n - 1) | ~near

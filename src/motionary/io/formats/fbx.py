@@ -25,7 +25,7 @@ from motionary.files import open_regular
 from motionary.io.formats import blender_line
 from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
 from motionary.io.formats.npz import Array, read_npz
-from motionary.io.formats.takes import note_take
+from motionary.io.formats.takes import choose_take, note_take
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
@@ -100,7 +100,7 @@ def _read_in_child(path: Path, take: str | int | None) -> dict[str, Array]:
             lines = done.stderr.decode(errors="replace").strip().splitlines()
             reason = lines[-1] if lines else "its reader says nothing"
             if done.returncode == _NO_SUCH_TAKE:
-                raise InvalidInput(f"{path.name}: {reason}")
+                raise InvalidInput(reason)
             raise UnreadableFile(f"{path.name}: cannot be read as FBX: {reason}")
         return dict(read_npz(target))
 
@@ -181,10 +181,10 @@ def main(arguments: list[str]) -> int:
             space_conversion=ufbx.SpaceConversion.ADJUST_TRANSFORMS,
         )
         _kept.append(scene)
-        arrays = _bake(scene, (*arguments[2:], None)[0])
-    except LookupError as error:
-        sys.stderr.write(f"{error.args[0] if error.args else error}\n")
-        return _NO_SUCH_TAKE if isinstance(error, _NoSuchTakeError) else 1
+        arrays = _bake(scene, (*arguments[2:], None)[0], Path(source).name)
+    except InvalidInput as error:
+        sys.stderr.write(f"{error}\n")
+        return _NO_SUCH_TAKE
     except Exception as error:
         # Whatever it is, the parent tells it as one line.
         sys.stderr.write(f"{str(error) or type(error).__name__}\n")
@@ -193,11 +193,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-class _NoSuchTakeError(LookupError):
-    """The file has no take of this name."""
-
-
-def _bake(scene: Any, wanted: str | None) -> dict[str, Any]:
+def _bake(scene: Any, wanted: str | None, source: str) -> dict[str, Any]:
     """Names, parents and, for each frame of a take, transforms of the bones."""
     nodes = _keep(list(_keep([scene.nodes])[0]))
     above = _keep([node.parent for node in nodes])
@@ -212,7 +208,7 @@ def _bake(scene: Any, wanted: str | None) -> dict[str, Any]:
     anims = _keep([stack.anim for stack in stacks] or [scene.anim])
     takes = [str(stack.name) for stack in stacks]
     take = (
-        _choose_take(takes, wanted)
+        choose_take(takes, wanted, source)
         if wanted is not None
         else _first_that_moves(scene, chosen, anims)
     )
@@ -242,15 +238,6 @@ def _transforms(nodes: list[Any], anim: Any, at_s: float) -> list[tuple[float, .
         x, y, z, w = transform.rotation
         rows.append((*transform.translation, w, x, y, z, *transform.scale))
     return rows
-
-
-def _choose_take(takes: list[str], wanted: str) -> int:
-    if wanted in takes:
-        return takes.index(wanted)
-    if wanted.isdecimal() and 1 <= int(wanted) <= len(takes):
-        return int(wanted) - 1
-    has = ", ".join(takes[:20]) or "none"
-    raise _NoSuchTakeError(f"has no take {wanted[:40]!r}; its takes are {has}")
 
 
 def _first_that_moves(scene: Any, nodes: list[Any], anims: list[Any]) -> int:

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from motionary.io.formats.gltf_document import Document, Floats, Object
 from motionary.io.formats.times import rate_of_frame_time
+from motionary.rotations import slerp
 
 # Numbers that a channel of each kind holds for a key.
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 _INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 _LATEST_S = 1e6
-_STILL = 1e-6
 
 # Rates on whose frames the keys of reduced animations lie; what is sampled otherwise.
 _USUAL_HZ = (30.0, 24.0, 25.0, 60.0, 50.0, 100.0, 120.0, 240.0)
@@ -135,7 +135,10 @@ def sample_channel(channel: Channel, at_s: Floats, rate_hz: float) -> Floats:
     if channel.interpolation == "STEP":
         return before
     if channel.path == "rotation":
-        return _slerp(before, after, into)
+        with np.errstate(all="ignore"):
+            before = before / np.linalg.norm(before, axis=1, keepdims=True)
+            after = after / np.linalg.norm(after, axis=1, keepdims=True)
+        return slerp(before, after, into)
     return before + (after - before) * into
 
 
@@ -150,22 +153,4 @@ def _sample_cubic(
         + (3 * s**2 - 2 * s**3) * keys[right, 1]
         + span * (s**3 - s**2) * keys[right, 0]
     )
-    return result
-
-
-def _slerp(before: Floats, after: Floats, share: Floats) -> Floats:
-    """Quaternions along the shorter arc."""
-    with np.errstate(all="ignore"):
-        before = before / np.linalg.norm(before, axis=1, keepdims=True)
-        after = after / np.linalg.norm(after, axis=1, keepdims=True)
-    cosine = (before * after).sum(axis=1, keepdims=True)
-    after = np.where(cosine < 0, -after, after)
-    angle = np.arccos(np.abs(cosine).clip(0.0, 1.0))
-    sine = np.sin(angle)
-    first, second = 1 - share, share
-    # Of turns that are nearly equal the straight line is the arc.
-    arc = sine > _STILL
-    first = np.divide(np.sin(first * angle), sine, out=first.copy(), where=arc)
-    second = np.divide(np.sin(second * angle), sine, out=second.copy(), where=arc)
-    result: Floats = before * first + after * second
     return result
