@@ -65,7 +65,7 @@ class CheckOptions:
     ] = None
     labels: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Write the wrong stretches as labels, in any format."),
+        typer.Option(metavar="FILE", help="Write the wrong segments as labels, in any format."),
     ] = None
     plot: Annotated[str | None, typer.Option(metavar="PNG", help="Draw the angles over time.")] = (
         None
@@ -159,14 +159,14 @@ def orient(
 def _read_map(path: str) -> dict[str, str]:
     from motionary.io.text import read_toml
 
-    told = read_toml(Path(path))
-    wrong = [name for name, limb in told.items() if not isinstance(limb, str)]
-    if wrong or not told:
+    limbs = read_toml(Path(path))
+    wrong = [name for name, limb in limbs.items() if not isinstance(limb, str)]
+    if wrong or not limbs:
         raise InvalidInput(
             f'{Path(path).name}: needs lines such as "00B40C45" = "lthigh", got '
             f"{wrong[0] if wrong else 'none'}"
         )
-    return told
+    return limbs
 
 
 def _to_row(one: "LimbCheck", found: "TrackingCheck") -> dict[str, Any]:
@@ -217,7 +217,7 @@ def _show(found: "TrackingCheck", rows: list[dict[str, Any]]) -> None:
             f"{label.extra['worst_deg']} degrees in {label.extra['kind']} ({label.extra['sensor']})"
         )
     if not len(found.track):
-        screen.say("no stretch is tracked wrongly, as far as the sensors tell")
+        screen.say("no segment is tracked wrongly, as far as the sensors tell")
 
 
 def _cell(row: Mapping[str, Any], key: str) -> str:

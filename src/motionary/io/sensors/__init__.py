@@ -1,6 +1,6 @@
 """Recordings of inertial sensors: Xsens MTw and MVNX, OpenSense, APDM, Movella DOT, BROAD, CSV.
 
-Conventions are settled here: quaternions wxyz from sensor to a world with z up, rates in radians a
+Conventions: quaternions wxyz from sensor to a world with z up, rates in radians a
 second, specific force in m/s² (9.81 upwards at rest), fields as the file has them; NaN = not known.
 """
 

@@ -17,7 +17,7 @@ from motionary.files import open_regular
 from motionary.io.formats.mvnx import read_mvnx_sensors
 from motionary.io.formats.numbers import read_table, to_number
 from motionary.io.options import ReadOptions
-from motionary.io.sensors.recording import GRAVITY, SensorRecording, fill_packets, settle
+from motionary.io.sensors.recording import GRAVITY, SensorRecording, fill_packets, normalise_sensor
 from motionary.io.text import read_text, read_toml
 
 Floats = NDArray[np.float64]
@@ -89,7 +89,7 @@ def read_sensor_file(
         sensors = reader(path, columns)
     except InvalidInput as error:
         raise UnreadableFile(f"{path.name}: {error}") from error
-    return [settle(sensor) for sensor in sensors]
+    return [normalise_sensor(sensor) for sensor in sensors]
 
 
 def _without_copies(sensors: Sequence[SensorRecording]) -> list[SensorRecording]:

@@ -69,7 +69,7 @@ class SensorRecording:
         return replace(self, notes=self.notes + notes)
 
 
-def settle(sensor: SensorRecording) -> SensorRecording:
+def normalise_sensor(sensor: SensorRecording) -> SensorRecording:
     """The recording with unit quaternions, impossible values unknown, and notes on both.
 
     Raises
@@ -78,7 +78,7 @@ def settle(sensor: SensorRecording) -> SensorRecording:
         If quaternions are none.
     """
     notes: list[str] = []
-    turns, off = _settle_turns(sensor)
+    turns, off = _unit_turns(sensor)
     if off:
         notes.append(f"{off} orientations of another length than 1 are left out")
     gyr, fast = _without_impossible(sensor.gyr, _MOST_RATE)
@@ -95,7 +95,7 @@ def settle(sensor: SensorRecording) -> SensorRecording:
     return replace(sensor, gyr=gyr, acc=acc, orientations=turns).noted(*notes)
 
 
-def _settle_turns(sensor: SensorRecording) -> tuple[Floats | None, int]:
+def _unit_turns(sensor: SensorRecording) -> tuple[Floats | None, int]:
     """Unit quaternions, NaN where none was measured, and how many of another length were there."""
     if sensor.orientations is None:
         return None, 0

@@ -60,8 +60,10 @@ if TYPE_CHECKING:
         ReadExamples,
         cut_example,
         find_sequences,
+        fold_sides,
         list_examples,
         list_tracks,
+        mirror_sequence,
         read_examples,
         read_labelled,
     )
@@ -76,7 +78,6 @@ if TYPE_CHECKING:
         learn_beside,
         training_of,
     )
-    from motionary.models.library.sides import fold_sides, mirror_sequence
     from motionary.models.library.training import (
         Examples,
         QueriedLibrary,
@@ -170,15 +171,14 @@ __getattr__, __dir__ = lazy_names(
         "calibration": "Calibration apply_calibrations calibrate_thresholds",
         "cross_validation": "N_FOLDS",
         "examples": (
-            "ReadExamples cut_example find_sequences list_examples list_tracks read_examples "
-            "read_labelled"
+            "ReadExamples cut_example find_sequences fold_sides list_examples list_tracks "
+            "mirror_sequence read_examples read_labelled"
         ),
         "learning": "Monitor Notice StrictMonitor learn",
         "relearning": (
             "ClassEdit EditedLibrary add_examples edit_class join_classes kept_examples "
             "learn_beside training_of"
         ),
-        "sides": "fold_sides mirror_sequence",
         "training": (
             "Examples QueriedLibrary choose_queries class_of_query learn_classes learn_queries "
             "measure_background"

@@ -2,7 +2,8 @@
 
 In a folder, there is a folder per class, and the files in it are its examples; folders within
 a class folder are its prototypes. Labels give parts of recordings as examples of the classes
-that they name; a further column `person` says who moves.
+that they name; a further column `person` says who moves. What people do on either side is brought
+to one before it is averaged.
 
 Conventions: parts are cut from the features of the whole recording, at 30 Hz.
 """
@@ -36,7 +37,9 @@ from motionary.io import (
     split_files,
 )
 from motionary.labels import Label, LabelTrack, of_recording
+from motionary.matching import Pattern, distance_function
 from motionary.motion import Motion
+from motionary.packing import pack, unpack
 
 #: What recordings are measured from.
 Measurable = Motion | FeatureSequence | ArrayLike
@@ -46,6 +49,9 @@ Recordings = str | Path | Sequence[str | Path] | Mapping[str, Measurable]
 #: The further column of labels that says who moves.
 PERSON = "person"
 
+_MOST_ROUNDS = 10
+# An end of a match counts as that of the whole in this last part of a sequence.
+_LAST_PART = 4
 # What `check_kind` names: motions and features are told before.
 _ARRAYS = (Motion, FeatureSequence, np.ndarray, list)
 
@@ -311,3 +317,57 @@ def _match(
             found.append((track, name))
     result.unusable += map(InvalidInput, explain_unmatched(without, known))
     return found
+
+
+# -- sides --------------------------------------------------------------------------------
+
+
+def fold_sides(examples: Sequence[FeatureSequence]) -> list[FeatureSequence]:
+    """The examples of a class, each as it is or as its mirror image; most stay as they are.
+
+    Of a motion that people do on either side, such as a lunge, examples have little in common.
+    Each is taken as it fits the others best: starting from no change, sides are exchanged one at
+    a time until none gains.
+    """
+    flipped = [mirror_sequence(example) for example in examples]
+    n = len(examples)
+    gain = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i):
+            same = _difference(examples[i], examples[j])
+            gain[i, j] = gain[j, i] = _difference(examples[i], flipped[j]) - same
+    side = np.ones(n)
+    for _ in range(_MOST_ROUNDS):
+        before = side.copy()
+        for i in range(n):
+            vote = float((gain[i] * side).sum())
+            if vote:
+                side[i] = np.sign(vote)
+        if np.array_equal(side, before):
+            break
+    if side.sum() < 0:
+        side = -side
+    return [one if s > 0 else other for one, other, s in zip(examples, flipped, side, strict=True)]
+
+
+def mirror_sequence(sequence: FeatureSequence) -> FeatureSequence:
+    """Features of the mirror image of a recording."""
+    feature_set = sequence.feature_set
+    packed, known = (
+        pack(unpack(integers, len(feature_set))[:, feature_set.mirror_order])
+        for integers in (sequence.packed, sequence.known)
+    )
+    return replace(sequence, packed=packed, known=known)
+
+
+def _difference(first: FeatureSequence, second: FeatureSequence) -> float:
+    """Mean cost of matching each sequence as a whole in the other."""
+    return (_cost(first, second) + _cost(second, first)) / 2
+
+
+def _cost(pattern: FeatureSequence, target: FeatureSequence) -> float:
+    asked = Pattern(pattern.packed & pattern.known, pattern.known, np.ones(len(pattern)))
+    distance = distance_function(asked, target.packed, target.known)
+    last = distance[-max(1, len(target) // _LAST_PART) :]
+    # Where none fits, by its length, all that is asked for fails.
+    return min(float(last.min()), 1.0)

@@ -22,9 +22,9 @@ from motionary.models.library.editing import (
     replace_template,
     without_estimates,
 )
+from motionary.models.library.examples import fold_sides
 from motionary.models.library.learning import Monitor, Notice, StrictMonitor, calibrate
 from motionary.models.library.scoring import mix_prior
-from motionary.models.library.sides import fold_sides
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.library.training import (
     Examples,

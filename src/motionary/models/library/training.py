@@ -28,8 +28,8 @@ from motionary.models.keyframes import (
 )
 from motionary.models.library.classes import THRESHOLD, MotionClass, Prototype, TrainingOptions
 from motionary.models.library.editing import mirror_prototype
+from motionary.models.library.examples import fold_sides
 from motionary.models.library.scoring import Scoring, mix_prior, scoring_for
-from motionary.models.library.sides import fold_sides
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.query_learning import (
     RUNS,
