@@ -112,7 +112,7 @@ def test_hits_by_windows_play_their_own_part_and_say_what_is_alike():
         cell = cell_of_hit(1, hit, stream)
         seconds = cell.warp[:, 1]
         assert 0 <= seconds[0] < seconds[-1] <= cell.motion.duration_s + 1 / 30
-        assert [note.split(": ")[0] for note in cell.notes] == ["alike"]
+        assert [note.split(": ")[0] for note in cell.notes] in (["alike"], ["alike", "differs"])
 
 
 def test_names_stay_text_and_motions_are_asked_for(motions, result):

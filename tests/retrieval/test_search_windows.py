@@ -123,8 +123,8 @@ def test_quantities_say_why(world):
     assert {one.name for one in others} == {one.name for one in itself}
     assert any(one.differs > 0 for one in others)
     assert all(0 <= value <= 1 for one in others for value in one[1:])
-    assert describe_comparison(hits[0].comparison).startswith("alike: ")
-    assert "; differs: " not in describe_comparison(hits[0].comparison)
+    (line,) = describe_comparison(hits[0].comparison)
+    assert line.startswith("alike: ")
 
 
 def test_one_collection_answers_published_queries(world):

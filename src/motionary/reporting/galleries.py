@@ -39,6 +39,7 @@ MOST_CLIPS = 60
 Motions = Mapping[str, Motion] | Iterable[Motion | str | Path] | Index | str | Path
 
 _MOST_FAILED = 3
+_MOST_QUANTITIES = 2
 _MOST_KEPT = 8
 
 
@@ -250,7 +251,7 @@ def cell_of_hit(rank: int, hit: Hit, motion: Motion) -> Cell:
         # What the published features met may lie beside what the windows found.
         published = found.found.leading(evidence.sequence.feature_set)
         warp = warp_by(evidence.pattern, published, part)
-        notes = [describe_comparison(found)]
+        notes = describe_comparison(found, most=_MOST_QUANTITIES)
     seen = "" if hit.known >= 1 else f", {int(100 * hit.known)} % seen"
     detail = f"{hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}{seen}"
     title = f"{rank}  {Path(hit.recording.name).name}"

@@ -109,13 +109,15 @@ def compare_quantities(comparison: Comparison) -> tuple[QuantityMatch, ...]:
     )
 
 
-def describe_comparison(comparison: Comparison, *, most: int = 3) -> str:
-    """In which quantities an example and what it found are most alike, and least."""
+def describe_comparison(comparison: Comparison, *, most: int = 3) -> list[str]:
+    """In which quantities an example and what it found are most alike, and least; a line each."""
     quantities = compare_quantities(comparison)
-    alike = ", ".join(map(str, quantities[:most]))
-    differing = [one for one in quantities[::-1] if one.differs > _NOTABLE][:most]
-    text = f"alike: {alike}"
-    return text + (f"; differs: {', '.join(map(str, differing))}" if differing else "")
+    differing = [one for one in quantities[::-1] if one.differs > _NOTABLE]
+    return [
+        f"{what}: {', '.join(map(str, which[:most]))}"
+        for what, which in (("alike", quantities), ("differs", differing))
+        if which
+    ]
 
 
 #: Ranks this far apart are worth a word.

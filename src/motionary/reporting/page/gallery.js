@@ -113,7 +113,7 @@ class Gallery extends Clock {
     }
     this.template = gallery.template ? new Template(gallery.template, (phase) => this.seek(phase * this.length)) : null;
     if (this.template) {
-      parts.push(h("details", { class: "template", open: !gallery.judging, ontoggle: () => (this.dirty = true) },
+      parts.push(h("details", { class: "template", open: Boolean(gallery.lists), ontoggle: () => (this.dirty = true) },
         h("summary", {}, "What all have in common"), this.template.element));
     }
     return parts;

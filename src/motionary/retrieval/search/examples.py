@@ -4,7 +4,7 @@ Windows are compared with every recording, the published features with the neare
 the place where the windows fit best. Both costs are laid together.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -153,17 +153,14 @@ class ExampleMatches:
         item = self._pattern
         evidence = Evidence(item.name, item.template, item.pattern, published, path)
         part = sequence.part(place.start, place.stop)
-        hit = hit_of(evidence)
         start_s, end_s = sequence.segment(place.start, place.stop)
-        return Hit(
-            recording=hit.recording,
+        return replace(
+            hit_of(evidence),
             start_s=start_s,
             end_s=end_s,
             start_frame=sequence.recording.frame_at(start_s),
             end_frame=sequence.recording.last_frame_before(end_s),
             cost=float(self._join(place.cost, cost)),
-            known=hit.known,
-            evidence=evidence,
             comparison=Comparison(self.feedback.example, part, place.cost, cost),
         )
 

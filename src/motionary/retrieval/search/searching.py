@@ -105,28 +105,38 @@ def search(
             check_kind(number, (kinds,), name=name, remedy="give a number")
     if limit is not None and limit < 1:
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
-    expansion = expansion or QueryExpansion()
-    as_published = bool(expansion.published or preselect)
-    collection = _open(recordings, reading, jobs)
     if isinstance(query, MotionClass) and threshold is None:
         threshold = query.threshold
-    most = np.inf if threshold is None else threshold
+    found = _find(
+        query, _open(recordings, reading, jobs), expansion or QueryExpansion(), preselect,
+        most=np.inf if threshold is None else threshold, limit=limit,
+    )  # fmt: skip
+    return replace(found, query=query, searched=recordings)
+
+
+def _find(
+    query: Query,
+    collection: Collection,
+    expansion: QueryExpansion,
+    preselect: Preselection,
+    *,
+    most: float,
+    limit: int | None,
+) -> SearchResult:
+    as_published = bool(expansion.published or preselect)
     if not as_published and _is_everyday_example(query, collection):
         example = _as_feedback(query, load_everyday_set())
-        found = search_by_windows(example, collection, expansion, threshold=most, limit=limit)
-        return replace(found, query=query, searched=recordings)
+        return search_by_windows(example, collection, expansion, threshold=most, limit=limit)
     collection, asked = collection.published, _as_published(query)
     queries = queries_of(asked)
     if queries:
         hits = rank_queries(queries, collection, threshold=most, limit=limit)
         why = "" if hits else explain_absence(queries, collection)
-        found = SearchResult(tuple(hits), (), collection.failures, why, queries)
-        return replace(found, query=query, searched=recordings)
+        return SearchResult(tuple(hits), (), collection.failures, why, queries)
     patterns, templates = _patterns_of(asked, collection, expansion, preselect)
     for pattern in patterns:
         _check_pattern(pattern, collection)
-    found = _result(match(patterns, collection), templates, threshold=most, limit=limit)
-    return replace(found, query=query, searched=recordings)
+    return _result(match(patterns, collection), templates, threshold=most, limit=limit)
 
 
 def _open(recordings: Recordings, reading: ReadOptions | None, jobs: int) -> Collection:
