@@ -162,5 +162,5 @@ def test_corrections_of_other_recordings_are_told(motionary, library, tmp_path):
         "learn", "--corrections", tmp_path / "labels.csv", "--library", tmp_path / "library"
     )
     assert ran.code == 1
-    assert "gone.bvh: no recording of this name" in ran.err
+    assert "gone.bvh: there is no recording of this name" in ran.err
     assert "nothing was changed" in ran.err
