@@ -6,7 +6,6 @@ characters. pandas is imported only where a data frame is asked for.
 
 import math
 from collections.abc import Mapping, Sequence
-from html import escape
 from numbers import Integral, Real
 from typing import Any, NamedTuple
 
@@ -112,6 +111,9 @@ def _cell(value: object) -> str:
 
 
 def _escape(text: str) -> str:
+    # Imported late: names of all characters come with it, and commands write no HTML.
+    from html import escape
+
     short = text if len(text) <= _MOST_LETTERS else text[:_MOST_LETTERS] + " ..."
     return escape(printable(short))
 

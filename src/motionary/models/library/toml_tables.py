@@ -40,7 +40,10 @@ def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
     try:
         content = tomllib.loads(read_bytes(path).decode("utf-8"))
     except UnicodeDecodeError as error:
-        raise UnreadableFile(f"{path}: cannot be read ({error})") from error
+        raise UnreadableFile(
+            f"{path}: cannot be read: expected UTF-8, got other bytes from byte {error.start}; "
+            "save it as UTF-8"
+        ) from error
     # Not TOMLDecodeError alone: numbers may have more digits than Python takes.
     except ValueError as error:
         raise UnreadableFile(f"{path}: is not valid TOML: {error}") from error
