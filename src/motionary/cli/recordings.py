@@ -43,16 +43,14 @@ def find_files(paths: Iterable[str], reading: ReadOptions | None = None) -> Foun
     """
     from motionary.io import name_recordings
 
-    good: list[str] = []
     missing: dict[str, UnreadableFile] = {}
-    for path in paths:
-        try:
-            name_recordings(path, on_skip=screen.warn, split=False)
-        except UnreadableFile as error:
-            missing[path] = error
-        else:
-            good.append(path)
-    return Found(name_recordings(good, split=reading is None or reading.take is None), missing)
+    files = name_recordings(
+        list(paths),
+        on_skip=screen.warn,
+        on_missing=lambda path, error: missing.update({str(path): error}),
+        split=reading is None or reading.take is None,
+    )
+    return Found(files, missing)
 
 
 def read_recording(path: Path, reading: ReadOptions) -> "Motion":

@@ -57,6 +57,7 @@ def name_recordings(
     *,
     suffixes: Collection[str] = MOTION_SUFFIXES,
     on_skip: OnSkip | None = None,
+    on_missing: Callable[[str | Path, UnreadableFile], None] | None = None,
     split: bool = True,
 ) -> dict[str, Path]:
     """The same with their names, sorted by name.
@@ -68,14 +69,23 @@ def name_recordings(
     ----------
     split : whether files of several recordings are opened and these named one by one
     on_skip : called with the reason where a link leads to a folder that is searched already
+    on_missing : called with a path that leads to no recording, and why; then the others are
+        found, instead of an error
     """
     given = [paths] if isinstance(paths, str | Path) else list(paths)
     found: dict[Path, tuple[Path, str]] = {}
     for path in given:
-        for file, name in _find(Path(path), suffixes, on_skip):
+        try:
+            named = _find(Path(path), suffixes, on_skip)
+        except UnreadableFile as error:
+            if on_missing is None:
+                raise
+            on_missing(path, error)
+            continue
+        for file, name in named:
             found.setdefault(file.absolute(), (file, name))
-    named = dict(sorted(_tell_apart(list(found.values())).items()))
-    return split_files(named) if split else named
+    files = dict(sorted(_tell_apart(list(found.values())).items()))
+    return split_files(files) if split else files
 
 
 def split_files(files: Mapping[str, Path]) -> dict[str, Path]:
