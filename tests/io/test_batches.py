@@ -153,7 +153,7 @@ def test_a_damaged_batch_is_one_failure(tmp_path, motions):
     assert [failure.item[0] for failure in index.failures] == ["batch.npz"]
 
 
-def test_examples_in_batches_are_learned(tmp_path):
+def test_examples_in_batches_are_learned(tmp_path, motionary):
     for kind in KINDS[:2]:
         some = [synthetic_motion(kind, seed=i, rate_hz=30).cut(0, 32) for i in range(3)]
         (tmp_path / "in").mkdir(exist_ok=True)
@@ -165,6 +165,10 @@ def test_examples_in_batches_are_learned(tmp_path):
     library = mo.learn(tmp_path / "in", take=2, monitor=heard)
     assert [c.prototypes[0].template.n_examples for c in library] == [1, 1]
     assert heard.stages["reading"] == (2, 2)
+    library.save(tmp_path / "lib")
+    page = ("--report", tmp_path / "a.html", "--recordings", tmp_path / "in" / "squat")
+    ran = motionary("library", "show", tmp_path / "lib", *page, "--take", 2)
+    assert (ran.code, "names a take" in ran.err) == (0, False), ran.err
 
 
 def test_commands_take_each_recording(tmp_path, motions, motionary):

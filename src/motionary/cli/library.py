@@ -154,7 +154,7 @@ def _write_page(
 
     motions, failed = None, False
     if recordings:
-        found = find_files(recordings)
+        found = find_files(recordings, reading)
         motions, failures = split_failures(read_motions(found.files, reading))
         failed = warn_of_all(found.missing.values(), failures, given=recordings)
     names = None if name is None else [name]
