@@ -55,23 +55,19 @@ def plot_check(
         for limit in limits_deg:
             axes.axhline(limit, color=style.BLACK, lw=0.5, alpha=0.5)
         for first, stop in one.wrong:
-            axes.axvspan(
-                first / recording.rate_hz,
-                stop / recording.rate_hz,
-                color=style.VERMILLION,
-                alpha=0.35,
-            )
+            ends = first / recording.rate_hz, stop / recording.rate_hz
+            axes.axvspan(*ends, color=style.PALE_ORANGE, linewidth=0.5, zorder=0.5)
         unknown = find_runs(np.isnan(residual))
         page.hatch(axes, [(a / recording.rate_hz, b / recording.rate_hz) for a, b in unknown])
         axes.set_ylim(0, _MOST_DEG)
         axes.set_yticks([0, 30], ["0°", "30°"])
-        axes.set_ylabel(name, rotation=0, ha="right", va="center", labelpad=26)
+        axes.set_ylabel(name, rotation=0, ha="right", va="center", labelpad=6)
     page.mark_seconds(rows, recording.duration_s)
     page.add_legend(
         figure,
         [
             page.swatch("angle between limb and sensor", style.BLUE),
-            page.swatch("wrong", style.VERMILLION),
+            page.swatch("wrong", style.PALE_ORANGE),
             page.unknown_swatch("not known"),
         ],
     )

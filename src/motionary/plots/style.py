@@ -31,8 +31,9 @@ LABEL, TRUTH, THRESHOLD = VERMILLION, BLACK, VERMILLION
 
 RULE = "#999999"
 PALE = "#F3F3F3"
-#: Sky blue, thinned out.
+#: Sky blue and vermillion, thinned out.
 PALE_BLUE = "#C4E4F8"
+PALE_ORANGE = "#F4CDB0"
 FAINT = "#D0D0D0"
 TRUNK = "#333333"
 
