@@ -34,7 +34,7 @@ demo: $(VENV)/.base
 	@$(BIN)/motionary demo
 
 test: $(VENV)/.base
-	$(BIN)/python -m pytest -q -n 2
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal
 
 # What takes a second or more is shown at the end: mark it slow.
 quick: $(VENV)/.base
