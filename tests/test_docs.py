@@ -8,6 +8,7 @@ that cannot run here says why in a comment above it: `<!-- not run: why -->`.
 
 import contextlib
 import doctest
+import importlib
 import io
 import json
 import re
@@ -204,6 +205,14 @@ def test_the_reference_has_every_public_name():
     text = (DOCS / "reference.md").read_text("utf-8")
     told = set(re.findall(r"auto(?:function|class|exception):: (\w+)$", text, re.MULTILINE))
     assert set(motionary.__all__) - told == set()
+
+
+def test_modules_of_the_reference_say_what_they_have_for_others():
+    text = (DOCS / "reference.md").read_text("utf-8")
+    modules = re.findall(r"^```\{contents-of\} (\S+)$", text, re.MULTILINE)
+    assert len(modules) > 10
+    for module in map(importlib.import_module, modules):
+        assert set(module.__all__) <= set(dir(module)), module.__name__
 
 
 def test_the_files_that_pages_speak_of_are_laid_out(place):

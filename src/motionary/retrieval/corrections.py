@@ -31,6 +31,8 @@ from motionary.models.library import (
 )
 from motionary.retrieval.annotation import annotate
 
+__all__ = ["ClassCorrections", "Corrections", "learn_corrections", "split_parts"]
+
 #: Overlap from which a label is right.
 _IOU = 0.5
 _MOST_FOLDS = 5
