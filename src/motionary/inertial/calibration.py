@@ -91,11 +91,12 @@ def calibrate(
     axes = _HEADINGS if settings.world == "heading" else np.eye(4)
     chosen = _choose(measured, seen, settings.most_frames)
     products = _products(tracked[chosen], measured[chosen], axes)
-    tried = [_descend(products, start, _COARSE, settings.scale_deg) for start in _starts(products)]
-    tried.sort(key=lambda one: one[2])
+    worlds, _, costs = _descend(products, _starts(products), _COARSE, settings.scale_deg)
     # The best few, as the coarse steps cannot tell near ones apart.
-    finest = [_descend(products, start, _SCALES, settings.scale_deg) for start, _, _ in tried[:4]]
-    shares, mount, _ = min(finest, key=lambda one: one[2])
+    worlds, mounts, costs = _descend(
+        products, worlds[np.argsort(costs, kind="stable")[:4]], _SCALES, settings.scale_deg
+    )
+    shares, mount = worlds[costs.argmin()], mounts[costs.argmin()]
     # More frames than the search needs make the answer sharper.
     chosen = _choose(measured, seen, _MOST_REFINED)
     world, mount, deviation = _refine(
@@ -157,11 +158,9 @@ def match_limb(tracked: Floats, measured: Floats, *, most_frames: int = 80) -> f
     chosen = _choose(measured, seen, most_frames)
     products = _products(tracked[chosen], measured[chosen], _HEADINGS)
     scale = CalibrationSettings().scale_deg
-    world, mount, _ = min(
-        (_descend(products, start, _COARSE, scale) for start in _starts(products)),
-        key=lambda one: one[2],
-    )
-    cosines = np.abs((products @ mount) @ world)
+    worlds, mounts, costs = _descend(products, _starts(products), _COARSE, scale)
+    best = costs.argmin()
+    cosines = np.abs((products @ mounts[best]) @ worlds[best])
     away = np.degrees(2 * np.arccos(np.minimum(cosines, 1.0)))
     # Half the frames may be tracked wrongly: the better half tells where the sensor sits.
     return float(np.sqrt(np.mean(np.sort(away)[: max(len(away) // 2, 1)] ** 2)))
@@ -192,8 +191,8 @@ def _products(tracked: Floats, measured: Floats, axes: Floats) -> Floats:
     return result
 
 
-def _starts(products: Floats) -> list[Floats]:
-    """Worlds from which the search starts, as shares of the axes.
+def _starts(products: Floats) -> Floats:
+    """Worlds from which the search starts, as shares of the axes, (starts, axes).
 
     The best product of a world and a mount over all frames, and over parts of them: what is wrong
     is wrong for a while, so some parts are right.
@@ -208,23 +207,31 @@ def _starts(products: Floats) -> list[Floats]:
     if products.shape[1] == 2:
         angles = np.linspace(0, np.pi, 6, endpoint=False)
         starts += [np.array([np.cos(angle), np.sin(angle)]) for angle in angles]
-    return starts
+    return np.stack(starts)
 
 
 def _descend(
-    products: Floats, world: Floats, scales: tuple[float, ...], scale_deg: float
-) -> tuple[Floats, Floats, float]:
-    """World, mount and cost after closed means of both at each scale, in degrees."""
-    weights = np.ones(len(products))
+    products: Floats, worlds: Floats, scales: tuple[float, ...], scale_deg: float
+) -> tuple[Floats, Floats, Floats]:
+    """Worlds, mounts and costs of all starts after closed means at each scale, in degrees."""
+    n, n_axes, _ = products.shape
+    by_axis = np.ascontiguousarray(products.transpose(1, 0, 2)).reshape(n_axes, -1)
+    by_mount = np.ascontiguousarray(products.transpose(2, 0, 1)).reshape(4, -1)
+    weights = np.ones((len(worlds), n))
     for scale in scales:
-        seen = world @ products
-        mount = np.linalg.eigh((seen * weights[:, None]).T @ seen)[1][:, -1]
-        seen = products @ mount
-        world = np.linalg.eigh((seen * weights[:, None]).T @ seen)[1][:, -1]
-        cosines = np.minimum(np.abs(seen @ world), 1.0)
+        mounts = _leading((worlds @ by_axis).reshape(-1, n, 4), weights)
+        seen = (mounts @ by_mount).reshape(-1, n, n_axes)
+        worlds = _leading(seen, weights)
+        cosines = np.minimum(np.abs(seen @ worlds[:, :, None])[..., 0], 1.0)
         squares = np.degrees(2 * np.arccos(cosines)) ** 2
         weights = (scale**2 / (squares + scale**2)) ** 2
-    return world, mount, float((squares / (squares + scale_deg**2)).mean())
+    return worlds, mounts, np.asarray((squares / (squares + scale_deg**2)).mean(axis=1))
+
+
+def _leading(seen: Floats, weights: Floats) -> Floats:
+    """Of each start the unit vector with the largest weighed sum of squared products."""
+    scatter = (seen * weights[:, :, None]).transpose(0, 2, 1) @ seen
+    return np.asarray(np.linalg.eigh(scatter)[1][:, :, -1])
 
 
 # Turns about z.
