@@ -16,10 +16,12 @@ from cli_cases import write_stream
 from motionary import report
 from motionary.errors import InvalidInput
 from motionary.labels import Label, LabelTrack
-from motionary.models.library import TrainingOptions, learn_classes
+from motionary.models.library import TrainingOptions, assignment, learn_classes
 from motionary.motion import Motion
 from motionary.recording import Recording, Segment
+from motionary.reporting import html, recordings, report_comparison
 from motionary.reporting.encoding import UNIT_M, encode_positions, encode_series, encode_states
+from motionary.retrieval import annotation
 from motionary.samples import synthetic_motion, synthetic_stream
 
 HOSTILE = (
@@ -219,6 +221,67 @@ def test_labels_of_another_recording_are_refused(motion):
         report(motion, rate_hz=0.5)
     with pytest.raises(InvalidInput, match=r"\.html"):
         report(motion, "page.txt")
+
+
+def test_a_page_larger_than_browsers_open_is_refused_before_it_is_made(motion, monkeypatch):
+    monkeypatch.setattr(html, "MOST_BYTES", 30_000)
+    short = motion.cut(0, 30)
+    text = r"about 0 MB.*give fewer or shorter recordings.*--keep, rate_hz"
+    with monkeypatch.context() as without_clips:
+        without_clips.setattr(recordings, "make_clip", None)
+        with pytest.raises(InvalidInput, match=text):
+            report(tiled(motion, 20))
+    read = iter([short, tiled(motion, 20), short])
+    with pytest.raises(InvalidInput, match=text):
+        report(read)
+    assert len(list(read)) == 1
+    with pytest.raises(InvalidInput, match=text):
+        report_comparison(short, tiled(motion, 20))
+    # Labels count, too.
+    many = tuple(Label("squat", i * 1e-4, i * 1e-4 + 0.1) for i in range(5000))
+    with pytest.raises(InvalidInput, match=text):
+        report(short, labels=LabelTrack(short.recording, many))
+
+
+def tiled(motion, n):
+    """A motion that is repeated so often."""
+    return replace(motion, positions=np.tile(motion.positions, (n, 1, 1)), rotations=None)
+
+
+def count_calls(monkeypatch, module, name):
+    calls, own = [], getattr(module, name)
+
+    def counted(*args, **options):
+        calls.append(name)
+        return own(*args, **options)
+
+    monkeypatch.setattr(module, name, counted)
+    return calls
+
+
+@pytest.mark.parametrize("by_scores", [True, False])
+def test_curves_are_what_labels_were_assigned_by_computed_once(
+    motion, library, monkeypatch, by_scores
+):
+    scored = count_calls(monkeypatch, assignment, "score_patterns")
+    compared = count_calls(monkeypatch, annotation, "corpus_distance")
+    if not by_scores:
+        # A threshold of costs of its own: then costs decide.
+        library = replace(library, classes=tuple(replace(one, threshold=0.2) for one in library))
+    page = report(motion, library=library).text
+    n_patterns = sum(len(one.patterns) for one in library)
+    assert (len(scored), len(compared)) == ((1, 0) if by_scores else (0, n_patterns))
+    (recording,) = content_of(page)["recordings"]
+    curves = recording["curves"]
+    assert curves["kind"] == ("score" if by_scores else "cost")
+    steps = np.reshape(unfold(varints(block_of(page, curves["block"]))), (-1, curves["n_frames"]))
+    rows = dict(zip([one["name"] for one in curves["classes"]], steps.cumsum(axis=1), strict=True))
+    labels = recording["lanes"][0]["labels"]
+    assert labels
+    for name, start, end, cost, score, *_ in labels:
+        part = rows[name][round(start * 30) : round(end * 30)] * curves["unit"]
+        best = part.max() if by_scores else part.min()
+        assert best == pytest.approx(score if by_scores else cost, abs=curves["unit"])
 
 
 def test_the_command_writes_names_and_no_folders(motionary, tmp_path):

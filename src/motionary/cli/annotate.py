@@ -215,7 +215,7 @@ def _label(
         least = options.threshold
         note = f"least score {format_thresholds(library, options.at_most_false, given=least)}"
     else:
-        track, found = annotate_with_distances(
+        track, found, _ = annotate_with_distances(
             sequence, library, threshold=options.threshold, preselect=not options.thorough
         )
         distances = {name: distance.modified for name, distance in found.items()}

@@ -27,6 +27,8 @@ PAGE_HZ = 30.0
 
 #: Positions are kept in pieces of so many seconds, each unpacked when it is shown.
 _PIECE_S = 60.0
+#: Bytes that a coordinate of a frame takes in a page of people who move: measured.
+_BYTES_OF_VALUE = 0.8
 #: Shorter gaps are not hatched on the time axis: at its full length they could not be seen.
 _LEAST_GAP_S = 0.1
 
@@ -89,6 +91,13 @@ def make_clip(motion: Motion, *, key: str, rate_hz: float = PAGE_HZ) -> Clip:
         "gaps": _gaps(known[:, ever], page_hz),
     }
     return Clip(content, blocks)
+
+
+def estimate_bytes(motion: Motion, *, rate_hz: float) -> float:
+    """How much a motion will take in a page, before its clip is made."""
+    n_joints = len(motion.names) if motion.mapping is None else len(GENERIC_JOINTS)
+    n_frames = motion.recording.duration_s * min(rate_hz, motion.rate_hz)
+    return 3 * n_joints * n_frames * _BYTES_OF_VALUE
 
 
 def describe_recording(own: Recording) -> dict[str, Any]:

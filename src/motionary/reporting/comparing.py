@@ -21,9 +21,9 @@ from motionary.features.feature_set import Feature
 from motionary.models.templates import PairCost, align_batched
 from motionary.motion import Motion
 from motionary.recording import Segment, find_runs
-from motionary.reporting.clips import PAGE_HZ, make_clip
+from motionary.reporting.clips import PAGE_HZ, estimate_bytes, make_clip
 from motionary.reporting.encoding import Block, encode_states
-from motionary.reporting.html import Page, build_page
+from motionary.reporting.html import Page, build_page, check_bytes
 from motionary.reporting.lanes import describe_features
 from motionary.reporting.recordings import check_rate
 
@@ -89,6 +89,7 @@ def report_comparison(
     UnwritableFile
     """
     check_rate(rate_hz)
+    check_bytes(sum(estimate_bytes(one, rate_hz=rate_hz) for one in (reference, other)))
     first, second = compute_features(reference), compute_features(other)
     warp = align_recordings(first, second)
     differences = find_differences(first, second, warp)

@@ -98,19 +98,15 @@ def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: st
     style = _style()
     script = _script()
     pieces = [_element("text/plain", block.name, block.text) for block in blocks if block.text]
-    n_bytes = sum(map(len, pieces))
-    if n_bytes > MOST_BYTES:
-        raise InvalidInput(
-            f"the page would have {n_bytes / 1e6:.0f} MB, more than browsers open "
-            f"({MOST_BYTES / 1e6:.0f} MB); give fewer recordings or a lower rate"
-        )
-    policy = _POLICY.format(script=_hash(script), style=_hash(style))
     shared = {"version": __version__, "unit_m": UNIT_M, "joints": GENERIC_JOINTS}
+    data = _element("application/json", "content", _to_json({**shared, **content}))
+    check_bytes(len(data) + sum(map(len, pieces)))
+    policy = _POLICY.format(script=_hash(script), style=_hash(style))
     values = {
         "POLICY": policy,
         "TITLE": html.escape(_printable(title)),
         "STYLE": style,
-        "DATA": _element("application/json", "content", _to_json({**shared, **content})),
+        "DATA": data,
         "SCRIPT": script,
         # The script is at work while the browser still reads these.
         "BLOCKS": "\n".join(pieces),
@@ -119,6 +115,16 @@ def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: st
     parts = re.split(r"\[\[([A-Z]+)\]\]", _read("page.html"))
     text = "".join(values[part] if i % 2 else part for i, part in enumerate(parts))
     return Page(title, text)
+
+
+def check_bytes(n_bytes: float) -> None:
+    """Raise InvalidInput if a page of so many bytes is larger than browsers open."""
+    if n_bytes > MOST_BYTES:
+        raise InvalidInput(
+            f"the page would have about {n_bytes / 1e6:.0f} MB, more than the "
+            f"{MOST_BYTES / 1e6:.0f} MB that browsers open; give fewer or shorter recordings, or "
+            "keep fewer frames a second (--keep, rate_hz)"
+        )
 
 
 @cache

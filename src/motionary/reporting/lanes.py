@@ -3,6 +3,7 @@
 Conventions: curves and features at 30 Hz, as sequences have them; times in seconds.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,11 +12,10 @@ from numpy.typing import NDArray
 
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.labels import Label, LabelTrack
-from motionary.matching import distance_function
-from motionary.models.library import ClassLibrary, MotionClass, find_candidates, thresholds_for
+from motionary.models.library import Candidates, ClassLibrary, thresholds_for
 from motionary.motion import GENERIC_JOINTS
 from motionary.reporting.encoding import Block, encode_json, encode_series, encode_states
-from motionary.retrieval.annotation import default_assignment
+from motionary.retrieval.annotation import Annotation
 from motionary.retrieval.explanation import Evidence, Explanation, Finding, explain
 
 #: A curve's unit: costs and scores are kept to a thousandth.
@@ -108,26 +108,30 @@ def make_strip(sequence: FeatureSequence, *, key: str) -> tuple[dict[str, Any], 
 
 
 def make_curves(
-    sequence: FeatureSequence, library: ClassLibrary, track: LabelTrack, *, key: str
-) -> tuple[dict[str, Any], Block] | None:
+    found: Annotation, library: ClassLibrary, *, n_frames: int, key: str
+) -> tuple[dict[str, Any], Block]:
     """Curves of the classes that have most labels, or came nearest, with their thresholds.
 
     Scores where the labels were assigned by them, otherwise distance functions.
+
+    Parameters
+    ----------
+    found : labels of a recording, and what they were assigned by
+    library : of its classes
+    n_frames : of the recording, at 30 Hz
     """
-    by_scores = any(label.score is not None for label in track) or (
-        not len(track) and default_assignment(library) == "scores"
-    )
-    if by_scores:
-        curves = _score_curves(sequence, library)
+    by_scores = found.candidates is not None
+    if found.candidates is not None:
+        curves = _score_curves(found.candidates, library, n_frames)
         limits = dict(zip(library.names, thresholds_for(library).tolist(), strict=True))
         best = {name: -float(curve.max(initial=0.0)) for name, curve in curves.items()}
     else:
-        curves = {one.name: _cost_curve(sequence, one) for one in library}
+        curves = {
+            name: np.minimum(one.unmodified, _HIGHEST_COST) for name, one in found.distances.items()
+        }
         limits = {one.name: one.threshold for one in library}
         best = {name: float(curve.min(initial=np.inf)) for name, curve in curves.items()}
-    if not curves:
-        return None
-    counts = {name: sum(label.name == name for label in track) for name in curves}
+    counts = Counter(label.name for label in found.track)
     chosen = sorted(curves, key=lambda name: (-counts[name], best[name]))[:MOST_CURVES]
     rows = np.rint(np.array([curves[name] for name in chosen]) / CURVE_UNIT).astype(np.int64)
     block = Block(f"{key}-curves", encode_series(rows))
@@ -135,7 +139,7 @@ def make_curves(
         "kind": "score" if by_scores else "cost",
         "unit": CURVE_UNIT,
         "block": block.name,
-        "n_frames": len(sequence),
+        "n_frames": n_frames,
         "classes": [{"name": name, "threshold": _round(limits[name])} for name in chosen],
     }
     return content, block
@@ -169,20 +173,11 @@ def _gains(why: Explanation, number: Mapping[str, int]) -> list[list[Any]]:
     return [[number[gain.feature], _round(gain.part)] for gain in ranked if gain.part]
 
 
-def _cost_curve(sequence: FeatureSequence, motion_class: MotionClass) -> NDArray[np.float64]:
-    """Least cost over the prototypes of a match that ends in each frame."""
-    curve = np.full(len(sequence), _HIGHEST_COST)
-    for _, pattern in motion_class.patterns:
-        curve = np.minimum(curve, distance_function(pattern, sequence.packed, sequence.known))
-    return curve
-
-
 def _score_curves(
-    sequence: FeatureSequence, library: ClassLibrary
-) -> dict[str, NDArray[np.float64]]:
+    found: Candidates, library: ClassLibrary, n_frames: int
+) -> dict[str, NDArray[np.floating]]:
     """Highest score of the matches that cover each frame; 0 without one."""
-    found = find_candidates(sequence, library)
-    curves = {name: np.zeros(len(sequence)) for name in library.names}
+    curves: dict[str, NDArray[np.floating]] = {name: np.zeros(n_frames) for name in library.names}
     paths = found.paths
     for index, class_index in enumerate(found.classes.tolist()):
         part = curves[library.names[class_index]][paths.starts[index] : paths.stops[index]]

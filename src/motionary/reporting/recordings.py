@@ -11,11 +11,11 @@ from motionary.labels import Label, LabelTrack
 from motionary.models.library import ClassLibrary
 from motionary.motion import Motion
 from motionary.recording import Recording
-from motionary.reporting.clips import PAGE_HZ, describe_recording, make_clip
+from motionary.reporting.clips import PAGE_HZ, describe_recording, estimate_bytes, make_clip
 from motionary.reporting.encoding import Block
-from motionary.reporting.html import Page, build_page
+from motionary.reporting.html import Page, build_page, check_bytes
 from motionary.reporting.lanes import Lane, describe_features, make_curves, make_lanes, make_strip
-from motionary.retrieval.annotation import annotate
+from motionary.retrieval.annotation import annotate_fully
 
 #: Labels of some recordings: one track, several, or by the recordings' names.
 Tracks = LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack]
@@ -93,6 +93,10 @@ def report(
     for number, shown in enumerate(recordings):
         check_kind(shown, _KINDS, name="recordings", remedy="read files first")
         key = f"r{number}"
+        if isinstance(shown, Motion):
+            # Of a folder too large for a page one learns so at once, not when memory is full.
+            n_bytes = sum(len(block.text) for block in blocks)
+            check_bytes(n_bytes + estimate_bytes(shown, rate_hz=rate_hz))
         content, own, sequence = describe_shown(shown, feature_set, key=key, rate_hz=rate_hz)
         recording = shown if isinstance(shown, Recording) else shown.recording
         found = _lanes_of(recording, tables, used)
@@ -212,9 +216,7 @@ def _label(
     key: str,
 ) -> Lane:
     """The lane of a library; its curves go into content and blocks."""
-    track = annotate(sequence, library)
-    curves = make_curves(sequence, library, track, key=key)
-    if curves:
-        content["curves"] = curves[0]
-        blocks.append(curves[1])
-    return Lane("library", track)
+    found = annotate_fully(sequence, library)
+    content["curves"], block = make_curves(found, library, n_frames=len(sequence), key=key)
+    blocks.append(block)
+    return Lane("library", found.track)

@@ -37,16 +37,18 @@ from motionary.matching import (
 )
 from motionary.models.library import (
     THRESHOLD,
+    Candidates,
     ClassLibrary,
     MotionClass,
     Prototype,
+    find_candidates,
     load_everyday,
 )
 from motionary.motion import Motion
 from motionary.packing import count, full_mask
 from motionary.recording import Segment, find_runs
 from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, describe_nearest
-from motionary.retrieval.scored_labels import label_by_scores
+from motionary.retrieval.scored_labels import label_by_scores, limits_for
 
 Floats = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -65,25 +67,30 @@ class ClassDistance:
     owner : array, shape (frames,), index into `matches` of that match, -1 without one
     matches : every local minimum below the threshold of which enough was seen
     least : cheapest match of the recording, whatever the threshold; None if none fits
+    unmodified : array, shape (frames,), least cost of a match that ends in a frame, infinite
+        where keyframes rule the class out
     """
 
     modified: Floats
     owner: NDArray[np.intp]
     matches: tuple[Evidence, ...]
     least: Evidence | None
+    unmodified: Single
 
 
 class Annotation(NamedTuple):
-    """Labels of one recording, and the distances that they were assigned by.
+    """Labels of one recording, and what they were assigned by.
 
     Attributes
     ----------
     track : the labels
-    distances : of each class of the library, by its name
+    distances : of each class of the library, by its name; empty where scores decided
+    candidates : scored matches; None where costs decided
     """
 
     track: LabelTrack
     distances: dict[str, ClassDistance]
+    candidates: Candidates | None = None
 
 
 def annotate(
@@ -120,6 +127,23 @@ def annotate(
     InvalidInput
         If the library is empty, has another feature set, or lacks what scores need.
     """
+    return annotate_fully(
+        recording, library, assignment=assignment, threshold=threshold,
+        at_most_false_per_min=at_most_false_per_min, preselect=preselect, skip_weight=skip_weight,
+    ).track  # fmt: skip
+
+
+def annotate_fully(
+    recording: Motion | FeatureSequence,
+    library: ClassLibrary | None = None,
+    *,
+    assignment: Assignment | None = None,
+    threshold: float | None = None,
+    at_most_false_per_min: float | None = None,
+    preselect: bool = True,
+    skip_weight: float = SKIP_WEIGHT,
+) -> Annotation:
+    """Labels of one recording and what they were assigned by; otherwise as `annotate`."""
     library = load_everyday() if library is None else library
     sequence = _sequence_of(recording, library)
     if assignment is None and at_most_false_per_min is not None:
@@ -130,13 +154,14 @@ def annotate(
     if assignment == "published":
         return annotate_with_distances(
             sequence, library, threshold=threshold, preselect=preselect, skip_weight=skip_weight
-        ).track
-    labels, nearest = label_by_scores(
-        sequence, library, threshold=threshold, at_most_false_per_min=at_most_false_per_min
-    )
+        )
+    limits = limits_for(library, threshold, at_most_false_per_min)
+    candidates = find_candidates(sequence, library)
+    labels, nearest = label_by_scores(sequence, library, candidates, limits=limits)
     if not labels and not nearest:
         nearest = _cheapest(sequence, library)
-    return LabelTrack(sequence.recording, labels, unassessed(sequence), nearest)
+    track = LabelTrack(sequence.recording, labels, unassessed(sequence), nearest)
+    return Annotation(track, {}, candidates)
 
 
 def default_assignment(library: ClassLibrary) -> Assignment:
@@ -213,12 +238,14 @@ def class_distance(
     limit = motion_class.threshold if threshold is None else threshold
     matches: list[Evidence] = []
     cheapest: list[Evidence] = []
+    unmodified = np.full(len(sequence), np.inf, dtype=np.float32)
     whole = [(0, len(sequence))]
     for prototype, (template, pattern) in zip(
         motion_class.prototypes, motion_class.patterns, strict=True
     ):
         windows = _windows(prototype, sequence) if preselect and prototype.queries else whole
         distance = _distance(pattern, sequence, windows, skip_weight)
+        np.minimum(unmodified, distance, out=unmodified)
         minima = local_minima(distance, threshold=limit)
         least = [int(np.argmin(distance))] if np.isfinite(distance).any() else []
         for ends, into in ((minima, matches), (least, cheapest)):
@@ -228,7 +255,7 @@ def class_distance(
                     into.append(evidence)
     modified, owner = modify([match.alignment for match in matches], n_frames=len(sequence))
     nearest = min(cheapest, key=lambda e: e.alignment.cost, default=None)
-    return ClassDistance(modified, owner, tuple(matches), nearest)
+    return ClassDistance(modified, owner, tuple(matches), nearest, unmodified)
 
 
 def _windows(prototype: Prototype, sequence: FeatureSequence) -> list[tuple[int, int]]:

@@ -19,7 +19,6 @@ from motionary.models.library import (
     MotionClass,
     choose_candidates,
     false_rates_of,
-    find_candidates,
     join_matches,
     thresholds_for,
 )
@@ -30,12 +29,27 @@ _LEAST_DIFFERENCE = 0.05
 _MOST_LACKS = 2
 
 
+def limits_for(
+    library: ClassLibrary, threshold: float | None, at_most_false_per_min: float | None
+) -> NDArray[np.float64]:
+    """Least score of a label of each class: one for all, or by its expected false labels.
+
+    Raises
+    ------
+    InvalidInput
+        If the library has no rates of false labels where they are asked for.
+    """
+    if threshold is not None:
+        return np.full(len(library), threshold, dtype=np.float64)
+    return thresholds_for(library, at_most_false_per_min)
+
+
 def label_by_scores(
     sequence: FeatureSequence,
     library: ClassLibrary,
+    found: Candidates,
     *,
-    threshold: float | None = None,
-    at_most_false_per_min: float | None = None,
+    limits: NDArray[np.float64],
 ) -> tuple[tuple[Label, ...], str]:
     """Labels; without any, what came nearest, if a match was good enough to be scored.
 
@@ -43,18 +57,9 @@ def label_by_scores(
     ----------
     sequence : of the library's features
     library : with scores
-    threshold : of scores; by default the library's
-    at_most_false_per_min : choose the threshold by so many expected false labels a minute
-
-    Raises
-    ------
-    InvalidInput
-        If the library has no scores, or no rates of false labels where they are asked for.
+    found : scored matches in the sequence
+    limits : array, shape (classes,), least score of a label
     """
-    limits = np.full(len(library), threshold)
-    if threshold is None:
-        limits = thresholds_for(library, at_most_false_per_min)
-    found = find_candidates(sequence, library)
     chosen = choose_candidates(found, library, threshold=limits)
     matches = [(int(i), _evidence(sequence, library, found, int(i))) for i in chosen]
     matches = [(i, one) for i, one in matches if one.is_assessed]
