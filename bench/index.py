@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motionary.features import FULL_BODY, FeatureSequence
+from motionary.features import FeatureSequence, load_everyday_set
 from motionary.recording import Recording
 from motionary.retrieval.index import Index, collect
 
@@ -34,7 +34,7 @@ def main() -> None:
     if not folder:
         print("  skipped: MOTIONARY_DATA is not set, there are no recordings")
         return
-    clips = collect(Path(folder) / "hdm05").sequences
+    clips = collect(Path(folder) / "hdm05", feature_set=load_everyday_set()).sequences
     example = next(Path(folder, "hdm05").rglob("*squat1Reps_001*"))
     with tempfile.TemporaryDirectory() as place:
         report_reading(Path(folder) / "hdm05", Path(place))
@@ -64,7 +64,7 @@ def joined(clips: Sequence[FeatureSequence], n_frames: int) -> Iterator[FeatureS
         if sum(map(len, parts)) >= LENGTH:
             packed = np.concatenate([part.packed for part in parts])
             known = np.concatenate([part.known for part in parts])
-            yield FeatureSequence(packed, known, FULL_BODY, recording=Recording(rate_hz=120.0))
+            yield FeatureSequence(packed, known, clips[0].feature_set, Recording(rate_hz=120.0))
             parts = []
 
 
@@ -115,6 +115,7 @@ def report_commands(place: Path, example: Path) -> None:
     ways = {
         "keyframes": ["--query", QUERY],
         "example, fast": ["--like", str(example), "--fast"],
+        "example, published": ["--like", str(example), "--published"],
         "example": ["--like", str(example)],
     }
     for way, arguments in ways.items():

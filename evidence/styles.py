@@ -30,7 +30,7 @@ SPLIT = (
 SEED = 21
 
 WAYS = {
-    "published": "template of query expansion over the 40 published features: the default",
+    "published": "template of query expansion over the 40 published features alone",
     "windows": "windows of ranked quantities beside the published features",
     "chance": "recordings in random order",
 }

@@ -125,8 +125,9 @@ def test_the_example_is_found_in_its_own_recording(motionary, world):
 def test_the_template_is_told_in_words_above_the_hits(motionary, world):
     like = world / "examples" / "squat" / "squat 0.bvh"
     ran = motionary("search", world / "examples", "--like", like)
-    words, table = ran.out.split("\n\n")
+    words, table, comparison = ran.out.split("\n\n")
     assert words.startswith("template: ")
+    assert re.match(r"   2  alike: \w.*\n      differs: \w", comparison)
     assert re.search(r"holds +\d", words)
     assert "right and left knee bent" in words
     assert "varies" in words

@@ -279,7 +279,7 @@ def test_a_fast_search_tells_its_keyframes(motionary, world, squat):
 
 def test_what_has_grown_is_saved_and_used_again(motionary, world, squat, tmp_path):
     query, library, hits = tmp_path / "q.txt", tmp_path / "grown", tmp_path / "hits.csv"
-    like = ("search", world / "examples", "--like", squat)
+    like = ("search", world / "examples", "--like", squat, "--published")
     ran = motionary(*like, "--save-query", query, "--save-class", library, "-o", hits, "--json")
     assert ran.code == 0, ran.err
     assert parse_queries(query.read_text())
@@ -387,6 +387,25 @@ def test_what_could_not_be_read_is_told_every_time(motionary, world, squat, tmp_
         assert ran.code == 1
         assert ran.err.startswith("motionary: broken.bvh: no line MOTION found")
         assert recordings(ran)[0] == "good.bvh"
+
+
+def test_an_index_of_before_answers_as_published_and_says_so(motionary, world, squat, tmp_path):
+    place = tmp_path / "kept"
+    Index.open(world / "examples", at=place, feature_set=FULL_BODY).update()
+    like = ("search", world / "examples", "--like", squat, "--json")
+    ran = motionary(*like, "--index", place)
+    assert "an index of the 40 published features" in ran.err
+    assert ran.out == motionary(*like, "--published").out
+    assert "published features" not in motionary(*like, "--published", "--index", place).err
+
+
+def test_a_whole_recording_as_example_is_hinted_at(motionary, world):
+    take = world / "takes" / "take one.bvh"
+    ran = motionary("search", world / "takes", "--like", take, "--limit", 1, "--json")
+    assert "choose one motion by --from and --to" in ran.err
+    (hit,) = json_lines(ran.out)
+    assert (hit["recording"], hit["start_s"], hit["cost"]) == ("take one.bvh", 0, 0)
+    assert "--from" not in motionary("search", take, "--like", take, "--to", "2").err
 
 
 def test_a_folder_without_recordings_is_told(motionary, world, squat, tmp_path):

@@ -14,7 +14,7 @@ import pytest
 
 from cli_cases import write_bvh
 from motionary.errors import InvalidInput, NotAMotion, UnreadableFile, UnwritableFile
-from motionary.features import FULL_BODY_2006
+from motionary.features import FULL_BODY, FULL_BODY_2006, load_everyday_set
 from motionary.io import ReadOptions
 from motionary.retrieval.index import CACHE_VARIABLE, Index, collect
 from motionary.retrieval.index.storage import remove_shard
@@ -77,7 +77,8 @@ def test_what_is_kept_is_what_was_read(folder, place, tmp_path):
     assert len(index) == len(NAMES)
     assert index.n_frames == index.collection().n_frames
     assert index.n_bytes > 18 * index.n_frames
-    assert content(index.collection())[0] == content(collect(folder))[0]
+    everyday = collect(folder, feature_set=load_everyday_set())
+    assert content(index.collection())[0] == content(everyday)[0]
     assert_fresh(index, folder, tmp_path)
 
 
@@ -381,8 +382,17 @@ def test_the_cache_has_an_index_for_each_way_of_reading(folder, tmp_path, monkey
 
 def test_an_index_of_other_features_is_refused(folder, place):
     update(folder, place)
-    with pytest.raises(InvalidInput, match=r"index of 'full-body-40' .* asked for is"):
+    with pytest.raises(InvalidInput, match=r"index of 'everyday-448' .* asked for is"):
         Index.open(folder, at=place, feature_set=FULL_BODY_2006)
+
+
+def test_an_index_of_the_published_features_stays_one(folder, place):
+    update(folder, place, feature_set=FULL_BODY)
+    index, read = update(folder, place)
+    assert (index.feature_set, read) == (FULL_BODY, [])
+    hits = search(synthetic_motion("squat", seed=1, rate_hz=30), index)
+    assert {hit.recording.name for hit in hits} == set(NAMES)
+    assert all(hit.comparison is None for hit in hits)
 
 
 def test_an_index_read_otherwise_is_refused(folder, place):

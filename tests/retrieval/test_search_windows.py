@@ -9,6 +9,7 @@ import pytest
 from cli_cases import write_bvh
 from motionary.features import FULL_BODY, compute_features, load_everyday_set
 from motionary.models.keyframes import parse_queries
+from motionary.retrieval.explanation import explain
 from motionary.retrieval.gains import compare_quantities, describe_comparison
 from motionary.retrieval.index import Collection, Index
 from motionary.retrieval.search import QueryExpansion, RelevanceFeedback, search
@@ -127,6 +128,29 @@ def test_quantities_say_why(world):
     assert line.startswith("alike: ")
 
 
+def test_an_explanation_speaks_of_the_frames_of_the_hit(world):
+    example, _ = squat(world)
+    for hit in search(example, world[0], limit=None):
+        why = explain(hit)
+        assert (why.start_s, why.end_s, why.cost) == (hit.start_s, hit.end_s, hit.cost)
+        for finding in (*why.held, *why.failed):
+            assert hit.start_s - 1e-6 <= finding.start_s < finding.end_s <= hit.end_s + 1 / 30
+        assert why.compared == tuple(describe_comparison(hit.comparison))
+        assert str(why).endswith("; ".join(why.compared))
+
+
+def test_motions_and_files_are_measured_as_the_example_needs(world, tmp_path):
+    motions = {name: synthetic_motion(name, seed=4, rate_hz=30) for name in NAMES[:2]}
+    query = synthetic_motion("squat", seed=8)
+    found = search(query, motions)
+    assert found[0].recording.name == "squat"
+    assert all(hit.comparison for hit in found)
+    published = [compute_features(motion) for motion in motions.values()]
+    assert not any(hit.comparison for hit in search(query, published))
+    as_published = search(query, motions, expansion=QueryExpansion(published=True))
+    assert not any(hit.comparison for hit in as_published)
+
+
 def test_one_collection_answers_published_queries(world):
     collection, _ = world
     published = Collection(tuple(s.leading(FULL_BODY) for s in collection.sequences))
@@ -146,7 +170,7 @@ def test_one_index_answers_both(world, tmp_path):
     at = tmp_path / "index"
     Index.open(tmp_path / "takes", at=at, feature_set=EVERYDAY).update()
     index = Index.open(tmp_path / "takes", at=at, feature_set=EVERYDAY)
-    fresh = Index.open(tmp_path / "takes", at=tmp_path / "other")
+    fresh = Index.open(tmp_path / "takes", at=tmp_path / "other", feature_set=FULL_BODY)
     fresh.update()
     query = synthetic_motion("squat", seed=8)
     assert search(query, index)[0].recording.name == "squat.bvh"

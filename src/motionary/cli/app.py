@@ -34,7 +34,7 @@ COMMANDS = {
     "library": "library",
     "cut": "convert",
     "duplicates": "duplicates",
-    "index": "recordings",
+    "index": "info",
     "info": "info",
     "convert": "convert",
     "features": "convert",

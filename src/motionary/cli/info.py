@@ -1,4 +1,4 @@
-"""`motionary info`: what recordings hold, what is missing and what was assumed."""
+"""`motionary info`, `motionary index`: what recordings hold, and what is kept of a folder."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motionary.cli import screen
+from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.options import (
     AsJson,
     Jobs,
@@ -21,8 +21,12 @@ from motionary.cli.recordings import (
     describe_failure,
     find_files,
     is_passed_over,
+    list_missing,
     map_files,
+    open_index,
     read_recording,
+    update_index,
+    warn_of_all,
 )
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
@@ -254,3 +258,55 @@ def _where(names: Sequence[str], n_all: int) -> str:
         return f"all {n_all}"
     # Two names tell as much as one and "1 more".
     return enumerate_names(names, most=2 if len(names) <= 2 else 1)
+
+
+def index(
+    folder: Annotated[
+        str, typer.Argument(metavar="FOLDER", help="Recordings, searched to the bottom.")
+    ],
+    place: Annotated[
+        str | None,
+        typer.Option(
+            "--index",
+            metavar="PATH",
+            help="Folder to keep what was read in; by default in the cache.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    *,
+    jobs: Jobs,
+    reading: ReadOptions,
+) -> int:
+    """Read what is new or changed in a folder, and say what could not be read.
+
+    `motionary search` does the same by itself. An interrupted run is taken up where it
+    ended. What could not be read is tried again when it has changed.
+
+    motionary index recordings/ --jobs 4
+    motionary index //server/recordings --index recordings-index
+    """
+    from motionary.features import SEQUENCE_HZ, load_everyday_set
+
+    opened = open_index(folder, load_everyday_set(), at=place, reading=reading)
+    changes = opened.changes()
+    is_stopped = update_index(opened, changes, jobs=jobs)
+    failed = warn_of_all(list_missing(opened), opened.failures)
+    counts = {
+        "recordings": len(opened),
+        "words": opened.n_frames,
+        "read": opened.count_ready(changes.to_read),
+        "gone": len(changes.gone),
+        "failed": len(opened.failures),
+    }
+    if as_json:
+        screen.print_json({**counts, "place": str(opened.place)})
+    else:
+        hours = opened.n_frames / SEQUENCE_HZ / 3600
+        screen.say(
+            f"{len(opened)} recordings, {hours:.2f} hours; read {counts['read']}, "
+            f"{len(changes.gone)} gone, {len(opened.failures)} could not be read",
+            f"kept in {opened.place}",
+        )
+    if is_stopped:
+        return STOPPED_BY_KEYBOARD
+    return 1 if failed else 0

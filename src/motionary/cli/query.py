@@ -1,7 +1,6 @@
 """What a search looks for: an example, a class, or keyframes, as its options say."""
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from motionary.models.library import MotionClass
     from motionary.motion import Motion
     from motionary.recording import Recording
-    from motionary.retrieval.search import Hit, RelevanceFeedback
 
 #: Nine frames of features: below, hardly one changes, and everything is like everything.
 SHORTEST_S = 0.3
@@ -102,6 +100,15 @@ class QueryOptions:
             help="Learn from the example and its N nearest hits what may vary; 0: nothing may.",
         ),
     ]
+    published: Annotated[
+        bool,
+        typer.Option(
+            "--published",
+            help="Compare an example as published, by the 40 features alone; otherwise, and but "
+            "for --fast and --query, also by ranked quantities, which hold between people and "
+            "styles.",
+        ),
+    ] = False
     relevant: Annotated[
         str | None,
         typer.Option(
@@ -195,7 +202,7 @@ def check_query(options: QueryOptions) -> None:
     if options.query_name is not None and not _is_collection(options.query):
         raise wrong("--query-name", "goes with --query FILE.json, a collection of queries")
     for_examples = {
-        "--from": options.start, "--to": options.stop,
+        "--from": options.start, "--to": options.stop, "--published": options.published or None,
         "--relevant": options.relevant, "--irrelevant": options.irrelevant,
     }  # fmt: skip
     for option, value in for_examples.items():
@@ -203,15 +210,19 @@ def check_query(options: QueryOptions) -> None:
             raise wrong(option, "goes with --like FILE")
 
 
-def read_query(options: QueryOptions, reading: ReadOptions) -> Query:
+def read_query(options: QueryOptions, reading: ReadOptions, *, fast: bool = False) -> Query:
     """What is looked for, read from its files.
+
+    Parameters
+    ----------
+    fast : whether it is matched around keyframes, as published
 
     Raises
     ------
     BadParameter
         If the library has no such class, or keyframes are not understood.
     """
-    from motionary.features import FULL_BODY
+    from motionary.features import FULL_BODY, load_everyday_set
 
     if options.class_name is not None:
         motion_class, feature_set = _motion_class(options)
@@ -222,22 +233,28 @@ def read_query(options: QueryOptions, reading: ReadOptions) -> Query:
         name = Path(options.query or "").stem if _is_file(options.query) else "keyframes"
         return Query(keyframes, FULL_BODY, options.query_name or name)
     path = Path(options.like)
-    example = _read_example(path, options.start, options.stop, reading)
-    return Query(example.features, FULL_BODY, f"like {path.stem}", example, keyframes)
+    as_published = options.published or fast or bool(keyframes)
+    feature_set = FULL_BODY if as_published else load_everyday_set()
+    example = _read_example(path, options.start, options.stop, reading, feature_set)
+    return Query(example.features, feature_set, f"like {path.stem}", example, keyframes)
 
 
-# -- examples and what is said of their hits --------------------------------------------
+# -- examples --------------------------------------------------------------------------
 
 
 def _read_example(
-    path: Path, start: Moment | None, stop: Moment | None, reading: ReadOptions
+    path: Path,
+    start: Moment | None,
+    stop: Moment | None,
+    reading: ReadOptions,
+    feature_set: "FeatureSet",
 ) -> Example:
     """A recording from one time to another; to its ends where left out."""
     from motionary.features import SEQUENCE_HZ, compute_features
 
     motion = read_recording(path, reading).renamed(path.name)
     start_s, stop_s = _check_part(motion, start, stop)
-    whole = compute_features(motion)
+    whole = compute_features(motion, feature_set=feature_set)
     last = min(round(stop_s * SEQUENCE_HZ), len(whole))
     first = min(round(start_s * SEQUENCE_HZ), last - 1)
     return Example(whole.part(first, last), motion)
@@ -262,64 +279,6 @@ def _check_part(motion: "Motion", start: Moment | None, stop: Moment | None) -> 
             f"{stop_s - start_s:.2f} s; {inside}",
         )
     return start_s, stop_s
-
-
-class Ranks(NamedTuple):
-    """Which hits are relevant and which are not, by rank."""
-
-    relevant: list[int]
-    irrelevant: list[int]
-
-    @property
-    def most(self) -> int:
-        """The last rank of both; 0 for none."""
-        return max([0, *self.relevant, *self.irrelevant])
-
-
-def read_ranks(options: QueryOptions) -> Ranks:
-    """Which hits are right and which are wrong, by rank.
-
-    Raises
-    ------
-    BadParameter
-    """
-    ranks = Ranks(
-        _ranks("--relevant", options.relevant), _ranks("--irrelevant", options.irrelevant)
-    )
-    both = sorted(set(ranks.relevant) & set(ranks.irrelevant))
-    if both:
-        raise wrong("--relevant, --irrelevant", f"hit {both[0]} cannot be right and wrong")
-    return ranks
-
-
-def feedback_of(
-    example: "FeatureSequence", hits: "Sequence[Hit]", ranks: Ranks
-) -> "RelevanceFeedback":
-    """An example with what is said of its hits.
-
-    Raises
-    ------
-    BadParameter
-        If there are not so many hits.
-    """
-    from motionary.retrieval.search import RelevanceFeedback
-
-    if ranks.most > len(hits):
-        raise wrong(
-            "--relevant, --irrelevant",
-            f"there is no hit {ranks.most}: the search has {len(hits)}",
-        )
-    relevant, irrelevant = (tuple(hits[rank - 1] for rank in some) for some in ranks)
-    return RelevanceFeedback(example, relevant, irrelevant)
-
-
-def _ranks(option: str, given: str | None) -> list[int]:
-    if given is None:
-        return []
-    parts = [part.strip() for part in given.split(",")]
-    if not all(part.isascii() and part.isdigit() and int(part) > 0 for part in parts):
-        raise wrong(option, f"needs ranks of hits, such as 1,2,5, got {given!r}")
-    return sorted({int(part) for part in parts})
 
 
 # -- classes and keyframes --------------------------------------------------------------

@@ -1,7 +1,4 @@
-"""Recordings that a command works on: found by path, read, or opened by the index of a folder.
-
-Also `motionary index`, which keeps a folder's features so that searches of it answer at once.
-"""
+"""Recordings that a command works on: found by path, read, or opened by the index of a folder."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import typer
 
-from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.options import AsJson, Jobs
+from motionary.cli import screen
 from motionary.errors import NotAFile, NotAMotion, NotHuman, UnreadableFile, UnwritableFile
 from motionary.io.options import ReadOptions
 
@@ -231,16 +227,14 @@ class Opener:
         index, is_stopped = self._update(folders[0], options.index)
         if index is None:
             return self._read(paths)
-        collection = index.collection()
+        collection = self._features_in(index)
         failed = warn_of_all(list_missing(index), collection.failures)
         files = _FilesOf(index.folder, collection)
         return Opened(collection, files, not (failed or is_stopped), is_stopped)
 
     def _update(self, folder: str, at: str | None) -> "tuple[Index | None, bool]":
         """The index of a folder, up to date; None where the cache cannot be written."""
-        from motionary.retrieval.index import Index
-
-        index = Index.open(folder, at=at, reading=self.reading, feature_set=self.feature_set)
+        index = open_index(folder, self.feature_set, at=at, reading=self.reading)
         try:
             return index, update_index(index, index.changes(), jobs=self.jobs)
         except UnwritableFile as error:
@@ -248,6 +242,12 @@ class Opener:
                 raise
             screen.warn(f"nothing is kept for the next time: {error}")
             return None, False
+
+    def _features_in(self, index: "Index") -> "Features":
+        """What an index holds, over the set that is asked for if it leads the index's own."""
+        collection = index.collection()
+        published = collection.published
+        return published if published.feature_set == self.feature_set else collection
 
     def _read(self, paths: Sequence[str]) -> Opened:
         found = find_files(paths, self.reading)
@@ -280,7 +280,7 @@ class Opener:
             index, is_stopped = self._update(folder, None)
             if index is None:
                 return self._read(paths)
-            collection = index.collection()
+            collection = self._features_in(index)
             inside = ((name, (index.folder / name).absolute()) for name in _names(collection))
             collections.append(collection)
             # Of a recording that lies in two of the folders only the first counts.
@@ -319,6 +319,22 @@ def _names(collection: "Features") -> list[str]:
     return read + failed
 
 
+def open_index(
+    folder: str, feature_set: "FeatureSet", *, at: str | None, reading: ReadOptions
+) -> "Index":
+    """The index that answers over a feature set; warns of one that holds too few features."""
+    from motionary.retrieval.index import Index
+
+    chosen = Index.choose_set(folder, feature_set, at=at, reading=reading)
+    if len(chosen) < len(feature_set):
+        screen.warn(
+            f"{at}: an index of the {len(chosen)} published features, so examples are compared "
+            "as published; to compare them between people and styles, remove it or name another "
+            "place: it is then made anew"
+        )
+    return Index.open(folder, at=at, reading=reading, feature_set=chosen)
+
+
 def list_missing(index: "Index") -> list[UnreadableFile]:
     """Why a folder has no recordings, if it has none."""
     if len(index) or index.failures:
@@ -342,56 +358,3 @@ def update_index(index: "Index", changes: "Changes", *, jobs: int) -> bool:
         )
         return True
     return False
-
-
-def index(
-    folder: Annotated[
-        str, typer.Argument(metavar="FOLDER", help="Recordings, searched to the bottom.")
-    ],
-    place: Annotated[
-        str | None,
-        typer.Option(
-            "--index",
-            metavar="PATH",
-            help="Folder to keep what was read in; by default in the cache.",
-        ),
-    ] = None,
-    as_json: AsJson = False,
-    *,
-    jobs: Jobs,
-    reading: ReadOptions,
-) -> int:
-    """Read what is new or changed in a folder, and say what could not be read.
-
-    `motionary search` does the same by itself. An interrupted run is taken up where it
-    ended. What could not be read is tried again when it has changed.
-
-    motionary index recordings/ --jobs 4
-    motionary index //server/recordings --index recordings-index
-    """
-    from motionary.features import SEQUENCE_HZ
-    from motionary.retrieval.index import Index
-
-    opened = Index.open(folder, at=place, reading=reading)
-    changes = opened.changes()
-    is_stopped = update_index(opened, changes, jobs=jobs)
-    failed = warn_of_all(list_missing(opened), opened.failures)
-    counts = {
-        "recordings": len(opened),
-        "words": opened.n_frames,
-        "read": opened.count_ready(changes.to_read),
-        "gone": len(changes.gone),
-        "failed": len(opened.failures),
-    }
-    if as_json:
-        screen.print_json({**counts, "place": str(opened.place)})
-    else:
-        hours = opened.n_frames / SEQUENCE_HZ / 3600
-        screen.say(
-            f"{len(opened)} recordings, {hours:.2f} hours; read {counts['read']}, "
-            f"{len(changes.gone)} gone, {len(opened.failures)} could not be read",
-            f"kept in {opened.place}",
-        )
-    if is_stopped:
-        return STOPPED_BY_KEYBOARD
-    return 1 if failed else 0

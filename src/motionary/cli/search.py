@@ -11,6 +11,7 @@ import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.convert import cut_labels
+from motionary.cli.hits import Ranks, feedback_of, read_ranks, say_hits, say_json
 from motionary.cli.options import (
     AsJson,
     Jobs,
@@ -27,11 +28,8 @@ from motionary.cli.options import (
 from motionary.cli.query import (
     Query,
     QueryOptions,
-    Ranks,
     check_query,
-    feedback_of,
     read_query,
-    read_ranks,
 )
 from motionary.cli.recordings import IndexOptions, Opened, Opener, read_recording
 from motionary.io.options import ReadOptions
@@ -41,11 +39,10 @@ if TYPE_CHECKING:
     from motionary.labels import LabelTrack
     from motionary.models.library import MotionClass
     from motionary.motion import Floats, Motion
-    from motionary.retrieval.index import Collection
     from motionary.retrieval.search import Hit, QueryExpansion, SearchResult
 
-_KEYS = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
-_COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">known")
+#: Longer examples hold several motions, as a rule.
+_LONG_S = 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,9 +128,11 @@ def search(
 ) -> int:
     """Find more motions like an example, all of a class, or wherever keyframes are shown.
 
-    An example needs no training: a template is learned from it and its nearest hits. What
-    the template fixes and what it leaves open stands above the hits. A cost of 0 agrees with
-    it everywhere. What was read of a folder is kept for the next search.
+    An example needs no training: it is compared window by window, by quantities ranked in
+    everyday motion, so that other people and styles are found; and by a template that is learned
+    from it and its nearest hits. What the template fixes and leaves open stands above the hits,
+    below them in which quantities the first ones are alike. A cost of 0 agrees everywhere. What
+    was read of a folder is kept for the next search.
 
     motionary search recordings/ --like take.bvh --from 1.2 --to 3.4 --sheet hits.png
     motionary search recordings/ --like take.bvh --report hits.html
@@ -148,10 +147,12 @@ def search(
     _check_use(options, results)
     results.check(as_json=as_json)
     ranks = read_ranks(options)
-    query = read_query(options, reading)
+    query = read_query(options, reading, fast=bool(which.fast))
+    if query.example and query.example.features.duration_s > _LONG_S:
+        _hint_at_parts(query.example.features.duration_s, options)
     opener = Opener(reading=reading, feature_set=query.feature_set, jobs=jobs)
     opened = opener.open(folder, index)
-    expansion = QueryExpansion(hits=options.expand)
+    expansion = QueryExpansion(hits=options.expand, published=options.published)
     find = partial(
         search_for,
         recordings=opened.collection,
@@ -169,10 +170,10 @@ def search(
         judged = _command_of(folder, given), first, ranks
         _write_page(results.report, result, query, opened.files, judged, reading=reading)
     if as_json:
-        _say_json(result)
+        say_json(result)
     elif not results.takes_stdout:
         expanded = expansion if query.example else None
-        _say(result, opened.collection, expanded, has_feedback=ranks.most > 0)
+        say_hits(result, opened.collection, expanded, has_feedback=ranks.most > 0)
     is_cut = not results.cut or cut_labels(
         tracks, opened.files, results.cut, reading=reading, jobs=jobs, replace=results.force
     )
@@ -185,6 +186,14 @@ def _command_of(folder: Sequence[str], options: Sequence[str]) -> str:
     """The command that searches so again, as it is typed in a shell."""
     names = (Path(path).name or path for path in folder)
     return shlex.join(["motionary", "search", *names, *options])
+
+
+def _hint_at_parts(duration_s: float, options: QueryOptions) -> None:
+    if options.start is None and options.stop is None:
+        screen.warn(
+            f"the whole file is the example, {duration_s:.0f} s in parts of 2 s: recordings are "
+            "found that hold most of them; choose one motion by --from and --to"
+        )
 
 
 def _find(
@@ -245,7 +254,7 @@ def _save(
     reading: ReadOptions,
 ) -> None:
     """Write and draw the hits and what they were found with."""
-    collection = opened.collection
+    collection = opened.collection.published
     if results.sheet:
         _draw_sheet(results.sheet, result, query, opened.files, reading)
     if results.template:
@@ -337,61 +346,3 @@ def _write_page(
         result, MotionFiles(files, reading), path, query=example, judging=judging, title=query.name
     )
     screen.say_size(path)
-
-
-def _say_json(result: "SearchResult") -> None:
-    for hit in result:
-        screen.print_json(
-            {"recording": hit.recording.name} | {key: getattr(hit, key) for key in _KEYS}
-        )
-    if not result:
-        screen.warn(result.nearest)
-
-
-def _say(
-    result: "SearchResult",
-    collection: "Collection",
-    expansion: "QueryExpansion | None",
-    *,
-    has_feedback: bool,
-) -> None:
-    if expansion:
-        from motionary.retrieval.explanation import describe_template
-
-        lines = describe_template(
-            result.templates[0], tolerance=expansion.tolerance, feature_set=collection.feature_set
-        )
-        if expansion.hits and result.templates[0].n_examples == 1 and not has_feedback:
-            lines.append("  nothing was near enough to learn from what may vary")
-        screen.say(*lines, *_keyframe_lines(result, collection), "")
-    rows = [
-        (
-            str(rank),
-            hit.recording.name,
-            f"{hit.start_s:.2f}",
-            f"{hit.end_s:.2f}",
-            f"{hit.start_frame}–{hit.end_frame}",
-            f"{hit.cost:.3f}",
-            screen.percent(hit.known),
-        )
-        for rank, hit in enumerate(result, start=1)
-    ]
-    if rows:
-        screen.print_table(_COLUMNS, rows)
-    else:
-        screen.say(result.nearest)
-
-
-def _keyframe_lines(result: "SearchResult", collection: "Collection") -> list[str]:
-    """Keyframes around which was matched, in the words that a person writes them with."""
-    if not result.queries:
-        return []
-    from motionary.models.keyframes import format_queries
-
-    text = format_queries(result.queries, vocabulary=collection.feature_set)
-    told = [line for line in text.splitlines() if not line.startswith("features: ")]
-    fraction = 100 * result.fraction_matched
-    return [
-        f"  matched in {fraction:.0f} % of the frames, around keyframes:",
-        *(f"    {x}" for x in told),
-    ]

@@ -248,7 +248,6 @@ def cell_of_hit(rank: int, hit: Hit, motion: Motion) -> Cell:
         warp = warp_of(alignment, evidence.pattern.weights, start_frame=alignment.start)
         notes = [f"failed: {one}" for one in explain(evidence).worst()[:_MOST_FAILED]]
     else:
-        # What the published features met may lie beside what the windows found.
         published = found.found.leading(evidence.sequence.feature_set)
         warp = warp_by(evidence.pattern, published, part)
         notes = describe_comparison(found, most=_MOST_QUANTITIES)

@@ -5,7 +5,7 @@ or not to hold.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -17,7 +17,7 @@ from motionary.matching import Alignment, CellRatios, Pattern
 from motionary.models.templates import MotionTemplate, QuantisedTemplate, quantise
 from motionary.packing import unpack
 from motionary.recording import find_runs
-from motionary.retrieval.gains import Gain, find_gains
+from motionary.retrieval.gains import Gain, describe_comparison, find_gains
 
 Bools = NDArray[np.bool_]
 
@@ -106,12 +106,14 @@ class Explanation:
 
     Attributes
     ----------
-    name, recording, start_s, end_s, cost : of the match
+    name, recording, start_s, end_s, cost : of the label or hit
     held, failed : what the class asks for and the recording shows, or does not
     unknown : phrases of features that the class asks for and that were not seen
     fraction_held : fraction of the seen cells that held
     score : of the match, if it was scored
     gains : part of each feature in the score, in the order of the features
+    compared : of a hit found by ranked quantities, in which it is like the example, and in which
+        not
     """
 
     name: str
@@ -125,6 +127,7 @@ class Explanation:
     fraction_held: float
     score: float | None = None
     gains: tuple[Gain, ...] = ()
+    compared: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Explanation({str(self)!r})"
@@ -143,6 +146,7 @@ class Explanation:
         if self.score is not None:
             most = sorted(self.gains, key=lambda g: -abs(g.part))[:_MOST_PHRASES]
             parts.append(f"score {self.score:.1f}, of it " + ", ".join(map(str, most)))
+        parts.extend(self.compared)
         return "; ".join(parts)
 
     def worst(self) -> list[Finding]:
@@ -180,7 +184,7 @@ def explain(match: Explainable | Evidence) -> Explanation:
     gains: tuple[Gain, ...] = ()
     if evidence.ratios is not None:
         gains = find_gains(evidence.ratios, evidence.alignment, evidence.sequence)
-    return Explanation(
+    explanation = Explanation(
         name=evidence.name,
         recording=evidence.sequence.source,
         start_s=evidence.sequence.seconds(evidence.alignment.start),
@@ -193,6 +197,12 @@ def explain(match: Explainable | Evidence) -> Explanation:
         score=None if evidence.ratios is None else sum(gain.part for gain in gains),
         gains=gains,
     )
+    comparison = getattr(match, "comparison", None)
+    if comparison is None:
+        return explanation
+    # The published features may meet a part of what the windows found.
+    where = {key: getattr(match, key) for key in ("start_s", "end_s", "cost")}
+    return replace(explanation, **where, compared=tuple(describe_comparison(comparison)))
 
 
 def describe_nearest(evidence: Evidence, *, what: str, threshold: float | None) -> str:

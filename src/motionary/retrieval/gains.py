@@ -81,9 +81,13 @@ class QuantityMatch(NamedTuple):
 
     def __str__(self) -> str:
         here, there = (_LEVELS[round(rank * (len(_LEVELS) - 1))] for rank in self[1:3])
-        return f"{self.name} ({here})" if here == there else f"{self.name} ({here}, here {there})"
+        if here != there:
+            return f"{self.name} ({here}, here {there})"
+        return f"{self.name} ({here}{', at other moments' if self.differs > _NOTABLE else ''})"
 
 
+#: Ranks this far apart are worth a word.
+_NOTABLE = 0.15
 _LEVELS = ("lowest", "low", "middle", "high", "highest")
 _MOMENTS = 20
 
@@ -118,10 +122,6 @@ def describe_comparison(comparison: Comparison, *, most: int = 3) -> list[str]:
         for what, which in (("alike", quantities), ("differs", differing))
         if which
     ]
-
-
-#: Ranks this far apart are worth a word.
-_NOTABLE = 0.15
 
 
 def _ranks(sequence: FeatureSequence) -> Floats:

@@ -124,7 +124,7 @@ class Collection:
         if not isinstance(self.sequences, _Sequences):
             sequences = tuple(s.leading(FULL_BODY) for s in self.sequences)
             return Collection(sequences, FULL_BODY, self.failures)
-        shards = [part.shard.leading(FULL_BODY) for part in self.parts]
+        shards = [part.shard.leading(FULL_BODY) for part in self.sequences.parts]
         return Collection.of_shards(shards, FULL_BODY, self.failures)
 
     @cached_property

@@ -25,7 +25,14 @@ from motionary.errors import (
     UnreadableFile,
     check_path,
 )
-from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, NamedFile, read_features
+from motionary.features import (
+    FULL_BODY,
+    FeatureSequence,
+    FeatureSet,
+    NamedFile,
+    load_everyday_set,
+    read_features,
+)
 from motionary.files import LEFT_ALONE_S
 from motionary.io import ReadOptions
 from motionary.retrieval.index.changes import Changes, Seen, find_changes
@@ -94,7 +101,7 @@ class Index:
         *,
         at: str | Path | None = None,
         reading: ReadOptions | None = None,
-        feature_set: FeatureSet = FULL_BODY,
+        feature_set: FeatureSet | None = None,
     ) -> Self:
         """The index of a folder as it is; nothing is read from the recordings yet.
 
@@ -104,7 +111,8 @@ class Index:
         at : folder of the index; by default one in the user's cache for this folder,
             feature set and reading
         reading : what the files do not say themselves
-        feature_set : features to measure
+        feature_set : features to measure; by default those of `load_everyday_set`, or of the
+            index at `at` if it holds the published ones alone
 
         Raises
         ------
@@ -116,9 +124,10 @@ class Index:
         """
         reading = reading or ReadOptions()
         path = check_path(folder, remedy="give the name of a folder")
-        recipe = Recipe.of(feature_set, reading)
+        chosen = feature_set or cls.choose_set(path, load_everyday_set(), at=at, reading=reading)
+        recipe = Recipe.of(chosen, reading)
         place = cache_place(path, recipe) if at is None else Path(at)
-        index = cls(path, place, feature_set=feature_set, reading=reading)
+        index = cls(path, place, feature_set=chosen, reading=reading)
         try:
             index._load()
         except DamagedIndex as error:
@@ -127,6 +136,37 @@ class Index:
             if at is not None:
                 raise
         return index
+
+    @staticmethod
+    def choose_set(
+        folder: str | Path,
+        wanted: FeatureSet,
+        *,
+        at: str | Path | None = None,
+        reading: ReadOptions | None = None,
+    ) -> FeatureSet:
+        """Features of the index that answers: the everyday set holds the published ones, too.
+
+        An index of the published ones that is named answers by these; one in the cache stays
+        until a search needs the others.
+
+        Parameters
+        ----------
+        wanted : set that is asked for
+        folder, at, reading : as of `open`
+        """
+        if wanted not in (FULL_BODY, load_everyday_set()):
+            return wanted
+        for feature_set in (load_everyday_set(), FULL_BODY)[: 1 if at is None else 2]:
+            recipe = Recipe.of(feature_set, reading or ReadOptions())
+            place = cache_place(Path(folder), recipe) if at is None else Path(at)
+            try:
+                manifest = read_manifest(place)
+            except (UnreadableFile, InvalidInput):
+                continue
+            if manifest is not None and manifest.recipe.feature_set == feature_set.name:
+                return feature_set
+        return wanted
 
     def __len__(self) -> int:
         return sum(len(shard) for shard in self._shards.values())

@@ -22,7 +22,8 @@ from motionary.retrieval.search.similar import (
     WindowMatches,
     WindowSettings,
     find_equal,
-    published_match,
+    published_cost,
+    published_path,
     regions_of,
     travels,
     windows_of,
@@ -145,12 +146,15 @@ class ExampleMatches:
         sequence = self.collection.sequences[place.number]
         published = sequence.leading(FULL_BODY)
         length = max(len(self.feedback.example), len(self._pattern.pattern))
-        around = max(place.start - length, 0), min(place.stop + length, len(sequence))
-        cost, path = published_match(self._pattern.pattern, published, around)
+        around = published.part(
+            max(place.start - length, 0), min(place.stop + length, len(sequence))
+        )
+        item = self._pattern
+        cost = published_cost(item.pattern, around)
         equal = find_equal(self.feedback.example, sequence, place)
         if equal is not None:
             place, cost = equal, 0.0
-        item = self._pattern
+        path = published_path(item.pattern, published, place)
         evidence = Evidence(item.name, item.template, item.pattern, published, path)
         part = sequence.part(place.start, place.stop)
         start_s, end_s = sequence.segment(place.start, place.stop)

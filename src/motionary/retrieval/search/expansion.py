@@ -199,6 +199,8 @@ def _learn(example: FeatureSequence, hits: Sequence[FeatureSequence]) -> MotionT
 def _features_of(hit: Hit | FeatureSequence) -> FeatureSequence:
     if isinstance(hit, FeatureSequence):
         return hit
+    if hit.comparison is not None:
+        return hit.comparison.found.leading(hit.evidence.sequence.feature_set)
     found = hit.evidence
     return found.sequence.part(found.alignment.start, found.alignment.end + 1)
 

@@ -7,7 +7,7 @@ By example: between people and styles by windows of ranked quantities, see `simi
 published, by the template of query expansion, see `expansion`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
@@ -79,9 +79,9 @@ def search(
         get), an index, or a collection of them
     threshold : largest cost; by default the class's own, otherwise none
     limit : most hits; None for all
-    expansion : how an example is compared: between people and styles by windows where what is
-        searched is over the set of `load_everyday_set`; as published where this says so, where
-        `preselect` is given, and over other sets
+    expansion : how an example is compared: between people and styles by windows over the set of
+        `load_everyday_set`, which files and motions are measured over; as published where this
+        says so, where `preselect` is given, and where features or an index are over other sets
     preselect : where to match: by default around the keyframes of a class that has some,
         otherwise everywhere; False: everywhere; True: around keyframes, derived from the
         template where none are given, which is faster and misses some hits; or around hits
@@ -107,8 +107,12 @@ def search(
         raise InvalidInput(f"limit must be at least 1, or None for all hits, got {limit}")
     if isinstance(query, MotionClass) and threshold is None:
         threshold = query.threshold
+    expansion = expansion or QueryExpansion()
+    as_published = bool(expansion.published or preselect)
+    feature_set = FULL_BODY if as_published else _set_of(query, recordings)
+    collection = _open(recordings, feature_set, reading, jobs)
     found = _find(
-        query, _open(recordings, reading, jobs), expansion or QueryExpansion(), preselect,
+        query, collection, expansion, preselect,
         most=np.inf if threshold is None else threshold, limit=limit,
     )  # fmt: skip
     return replace(found, query=query, searched=recordings)
@@ -139,12 +143,33 @@ def _find(
     return _result(match(patterns, collection), templates, threshold=most, limit=limit)
 
 
-def _open(recordings: Recordings, reading: ReadOptions | None, jobs: int) -> Collection:
+def _open(
+    recordings: Recordings, feature_set: FeatureSet, reading: ReadOptions | None, jobs: int
+) -> Collection:
     if isinstance(recordings, Index):
         return recordings.collection()
     if isinstance(recordings, Collection):
         return recordings
-    return collect(recordings, reading=reading, jobs=jobs)
+    return collect(recordings, reading=reading, feature_set=feature_set, jobs=jobs)
+
+
+def _set_of(query: Query, recordings: Recordings) -> FeatureSet:
+    """Features to measure in recordings that are searched for a query, unless as published."""
+    given: Iterable[Any] = ()
+    if isinstance(recordings, Mapping):
+        given = recordings.values()
+    elif isinstance(recordings, Sequence) and not isinstance(recordings, str):
+        given = recordings
+    measured = [one for one in (_example_of(query), *given) if isinstance(one, FeatureSequence)]
+    is_example = isinstance(_example_of(query), Motion | FeatureSequence)
+    everyday = load_everyday_set()
+    return (
+        everyday if is_example and all(o.feature_set == everyday for o in measured) else FULL_BODY
+    )
+
+
+def _example_of(query: Any) -> Any:
+    return query.example if isinstance(query, RelevanceFeedback) else query
 
 
 def class_of_result(
@@ -202,7 +227,7 @@ def _is_everyday_example(query: Any, collection: Collection) -> bool:
     """Whether an example, and what is searched, are over the everyday set."""
     if collection.feature_set != load_everyday_set():
         return False
-    example = query.example if isinstance(query, RelevanceFeedback) else query
+    example = _example_of(query)
     if isinstance(example, FeatureSequence):
         return example.feature_set == load_everyday_set()
     return isinstance(example, Motion)

@@ -220,24 +220,28 @@ class WindowMatches:
         return Place(number, start, min(stop, n_frames), cost)
 
 
-def published_match(
-    pattern: Pattern, sequence: FeatureSequence, region: tuple[int, int]
-) -> tuple[float, Alignment]:
-    """Cost of the published template within a region, at most 1, and its path there.
+def published_cost(pattern: Pattern, sequence: FeatureSequence) -> float:
+    """Cost of the published template where it fits best in a sequence, at most 1."""
+    distance = distance_function(pattern, sequence.packed, sequence.known)
+    return min(float(distance.min(initial=np.inf)), 1.0)
+
+
+def published_path(pattern: Pattern, sequence: FeatureSequence, place: Place) -> Alignment:
+    """How the published template meets the frames of a place.
 
     Where no path fits, as what is played at less than half the tempo, columns meet frames
     evenly.
     """
-    start, stop = region
+    start, stop = place.start, place.stop
     packed, known = sequence.packed[start:stop], sequence.known[start:stop]
     distance = distance_function(pattern, packed, known)
     end = int(np.argmin(distance))
     if np.isfinite(distance[end]):
         (path,) = align(pattern, packed, known, [end])
-        return min(float(distance[end]), 1.0), path.shifted(start)
+        return path.shifted(start)
     columns = np.arange(len(pattern))
     frames = np.linspace(start, stop - 1, len(pattern)).round().astype(np.intp)
-    return 1.0, Alignment(start, stop - 1, 1.0, np.column_stack([columns, frames]))
+    return Alignment(start, stop - 1, 1.0, np.column_stack([columns, frames]))
 
 
 def find_equal(example: FeatureSequence, sequence: FeatureSequence, place: Place) -> Place | None:
