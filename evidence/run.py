@@ -17,10 +17,10 @@ SCRIPTS = (
     "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
     "query_learning_generations", "query_learning_speed", "exercises", "everyday", "inertial",
-    "body", "stream_decisions", "corrections", "styles",
+    "body", "stream_decisions", "corrections", "styles", "kills",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("kills", "everyday_classes")
+FURTHER = ("everyday_classes",)
 
 
 def main(arguments: list[str]) -> int:

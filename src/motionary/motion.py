@@ -7,6 +7,7 @@ NaN = not seen.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from numbers import Integral
 from typing import Any, NamedTuple, Self
 
@@ -255,8 +256,8 @@ class Motion(Shown):
                 if list(weights.values()) == [1.0]:
                     result[:, g] = self.positions[:, index[next(iter(weights))]]
                 else:
-                    terms = [w * self.positions[:, index[name]] for name, w in weights.items()]
-                    result[:, g] = np.sum(terms, axis=0)
+                    terms = (w * self.positions[:, index[name]] for name, w in weights.items())
+                    result[:, g] = reduce(np.add, terms)
                 normal = self.mapping.normals.get(joint)
                 if normal is not None:
                     result[:, g] += self._step_away(normal, index)

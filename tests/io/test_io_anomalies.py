@@ -132,6 +132,8 @@ def test_a_foot_on_the_floor_is_no_held_point():
     motion = bare("walk")
     places = motion.positions.copy()
     feet = [GENERIC_JOINTS.index(joint) for joint in ("rankle", "rtoes")]
+    # It goes on from where it stood.
+    places[80:, feet] -= places[79, feet] - places[20, feet]
     places[20:80, feet] = places[20, feet]
     notes = find_anomalies(replace(motion, positions=places))
     assert not [note for note in notes if note.startswith(("rtoes", "rankle"))], notes
@@ -161,3 +163,14 @@ def test_a_point_that_is_at_the_origin_rightly_stays(kind):
         places[:] = 0
     assert (~places.any(axis=2)).any()
     assert not find_zeros(places).any()
+
+
+def test_a_point_that_is_held_while_little_moves_goes_on_with_a_step():
+    motion = bare("squat")
+    places = np.round(motion.positions[:1] + np.zeros((120, 1, 1)), 4)
+    sways = 0.012 * np.sin(np.arange(120) / 25)[:, None]
+    places[:, :, 2] = np.round(places[:, :, 2] + sways, 4)
+    assert find_anomalies(at_rate(motion, places, 120)) == []
+    places[30:70, WRISTS[0]] = places[30, WRISTS[0]]
+    (note,) = find_anomalies(at_rate(motion, places, 120))
+    assert re.match(r"lwrist is held in the same place from .* 0\.57 s", note), note

@@ -4,6 +4,7 @@ Exported clips are often kept in place: the hips stay above one point and the fe
 the floor. How fast the body or a foot moves is unknown there.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +31,9 @@ _FLOOR = 0.06
 _LOOKED_AT = 2000
 _FEW = 200
 _AT_HZ = 30.0
-_FEET = list(GENERIC_JOINTS.index(j) for j in ("lankle", "rankle", "ltoes", "rtoes"))
+_FEET_NAMES = ("lankle", "rankle", "ltoes", "rtoes")
+_HIPS_AND_LEGS = ("root", "lhip", "lknee", "rhip", "rknee", *_FEET_NAMES)
+_FEET = list(GENERIC_JOINTS.index(joint) for joint in _FEET_NAMES)
 
 
 def check_quality(motion: Motion) -> Motion:
@@ -42,8 +45,7 @@ def check_quality(motion: Motion) -> Motion:
         notes.append(f"the {which} like a rest pose")
     notes += find_anomalies(motion, first_frame=n_rest)
     if motion.mapping is not None:
-        some = np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW)
-        notes += _find_bones_without_length(_body(motion, some))
+        notes += _find_bones_without_length(_body(motion, _some_frames(motion)))
     in_place = is_in_place(motion)
     if in_place:
         notes.append(
@@ -87,7 +89,9 @@ def is_in_place(motion: Motion) -> bool:
     if motion.mapping is None or motion.n_frames < 2 * step + 1:
         return False
     first = np.arange(0, motion.n_frames - step, max(1, motion.n_frames // _LOOKED_AT))
-    now = _body(motion, first)
+    if _goes_far(motion, first):
+        return False
+    now = _body(motion, first, _HIPS_AND_LEGS)
     leg, root = _leg(now), now[:, GENERIC_JOINTS.index("root")][:, [0, 2]]
     root = root[np.isfinite(root).all(axis=1)]
     if not leg > 0 or not len(root):
@@ -95,15 +99,45 @@ def is_in_place(motion: Motion) -> bool:
     sways = float(np.ptp(root, axis=0).max()) / leg
     if sways > _ON_THE_SPOT:
         return False
-    slides = _sliding(now, _body(motion, first + step), leg) * motion.rate_hz / step
+    slides = _sliding(now, _body(motion, first + step, _FEET_NAMES), leg) * motion.rate_hz / step
     if not len(slides):
         return False
     median, most = np.percentile(slides, (50, 95))
     return bool(median > _SLIDES or (sways < _PINNED and most > _STIRS))
 
 
-def _body(motion: Motion, frames: NDArray[np.intp]) -> Floats:
-    some = replace(motion, positions=motion.positions[frames], rotations=None)
+def _goes_far(motion: Motion, frames: NDArray[np.intp]) -> bool:
+    """Whether the hips clearly leave the spot: most do, and then feet need not be looked at."""
+    leg = _leg(_body(motion, _some_frames(motion), _HIPS_AND_LEGS))
+    root = _body(motion, frames, ("root",))[:, GENERIC_JOINTS.index("root")][:, [0, 2]]
+    root = root[np.isfinite(root).all(axis=1)]
+    return bool(len(root) and np.ptp(root, axis=0).max() > 2 * _ON_THE_SPOT * leg)
+
+
+def _some_frames(motion: Motion) -> NDArray[np.intp]:
+    return np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW)
+
+
+def _body(
+    motion: Motion, frames: NDArray[np.intp], joints: Sequence[str] = GENERIC_JOINTS
+) -> Floats:
+    """Some frames of the generic joints, shape (frames, 24, 3); NaN where none are asked for."""
+    mapping = motion.mapping
+    if mapping is None:
+        return np.full((len(frames), len(GENERIC_JOINTS), 3), np.nan)
+    weights = {joint: mapping.weights[joint] for joint in joints if joint in mapping.weights}
+    normals = {joint: step for joint, step in mapping.normals.items() if joint in weights}
+    used = {name for of in weights.values() for name in of}
+    used |= {name for step in normals.values() for name in (step.a, step.b, step.c)}
+    columns = np.array([i for i, name in enumerate(motion.names) if name in used], dtype=np.intp)
+    some = replace(
+        motion,
+        names=tuple(motion.names[i] for i in columns),
+        positions=motion.positions[np.ix_(frames, columns)],
+        mapping=replace(mapping, weights=weights, normals=normals),
+        skeleton=None,
+        rotations=None,
+    )
     return some.generic_positions()
 
 

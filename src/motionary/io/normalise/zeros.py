@@ -29,7 +29,9 @@ def find_zeros(positions: Floats) -> Mask:
     ----------
     positions : array, shape (frames, joints, 3), in any unit and axes
     """
-    at_origin: Mask = np.logical_not(positions.any(axis=2))
+    at_origin: Mask = positions[:, :, 0] == 0
+    if at_origin.any():
+        at_origin &= (positions[:, :, 1] == 0) & (positions[:, :, 2] == 0)
     if not at_origin.any():
         return at_origin
     whole: Mask = np.all(at_origin, axis=1)
