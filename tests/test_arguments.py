@@ -1,10 +1,18 @@
 """Arguments of the wrong kind: what was expected, what came, what to do."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 import motionary as mo
-from motionary.errors import InvalidInput, WrongKind
+from motionary.errors import (
+    InvalidInput,
+    NotAMotion,
+    SeveralRecordings,
+    UnreadableFile,
+    WrongKind,
+)
 from motionary.models.library import open_library
 from motionary.retrieval.index import collect
 from motionary.samples import synthetic_motion
@@ -103,3 +111,32 @@ def test_what_is_large_shows_itself_in_a_line():
         assert len(repr(one)) < 400
         assert repr(one).startswith(f"{type(one).__name__}(")
     assert len(repr(mo.explain(best))) < 2000
+
+
+@pytest.mark.parametrize(
+    ("error", "text", "after"),
+    [
+        (UnreadableFile("is empty", file="a.bvh"), "a.bvh: is empty", ": is empty"),
+        (
+            NotAMotion("odd\nword", file="a.bvh", place="line 3"),
+            "a.bvh, line 3: odd word",
+            ", line 3: odd word",
+        ),
+        (InvalidInput("is bad", file="b.asf"), "b.asf: is bad", ": b.asf: is bad"),
+        (InvalidInput("is bad", key="rate"), "is bad", ": is bad"),
+    ],
+)
+def test_errors_join_file_place_and_problem(error, text, after):
+    assert str(error) == text
+    assert error.text_after("there/a.bvh") == after
+    # Errors come back from other processes.
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), again.__dict__, str(again)) == (type(error), error.__dict__, text)
+
+
+def test_an_error_on_several_recordings_comes_back_from_another_process():
+    error = SeveralRecordings("b.npy", ["1", "2"])
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert str(error).startswith("b.npy: holds 2 recordings (1, 2)")
+    assert (again.file, again.takes) == ("b.npy", ("1", "2"))

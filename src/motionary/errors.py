@@ -7,7 +7,8 @@ a program must tell apart has a class of its own.
 import re
 from collections.abc import Sequence
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePath
+from typing import NotRequired, TypedDict
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 # Longer than any text of our own; what is longer quotes a file.
@@ -19,17 +20,44 @@ _CALLED = {
 }  # fmt: skip
 
 
+class Where(TypedDict):
+    """A place in a file, as errors take it: `raise UnreadableFile(text, **where)`."""
+
+    file: str | PurePath
+    place: NotRequired[str]
+
+
 class MotionaryError(Exception):
     """Parent of all errors that motionary raises on purpose.
 
-    Its text is one line of bearable length, whatever it quotes of a file.
+    Its text is one line of bearable length, whatever it quotes of a file: the file and the
+    place, if they are known, then what is wrong.
+
+    Attributes
+    ----------
+    file : the file that is at fault, as the reader calls it; empty where there is none
+    place : where in the file, as far as it is known: a line, a row, a section
     """
 
+    def __init__(self, *args: object, file: str | PurePath = "", place: str = "") -> None:
+        super().__init__(*args)
+        self.file, self.place = str(file), place
+
     def __str__(self) -> str:
-        text = _CONTROL.sub(" ", super().__str__())
-        if len(text) <= _LONGEST:
-            return text
-        return f"{text[: _LONGEST - _KEPT_AT_END]} ... {text[-_KEPT_AT_END:]}"
+        where = ", ".join(part for part in (self.file, self.place) if part)
+        return _shorten(f"{where}: {self.problem}" if where else self.problem)
+
+    @property
+    def problem(self) -> str:
+        """What is wrong, without the file and the place."""
+        return _shorten(super().__str__())
+
+    def text_after(self, *files: str | PurePath) -> str:
+        """The text as it follows the name of a file that is one of these: ", line 3: ..."."""
+        names = {name for file in files for name in (str(file), PurePath(file).name)}
+        if self.file not in names:
+            return f": {self}"
+        return f"{', ' if self.place else ''}{self.place}: {self.problem}"
 
 
 class InvalidInput(MotionaryError, ValueError):
@@ -38,12 +66,13 @@ class InvalidInput(MotionaryError, ValueError):
     Attributes
     ----------
     key : which value is wrong, by its name in the file; empty where there is none
-    place : where in the file, as far as it is known: a line, a row, a section
     """
 
-    def __init__(self, *args: object, key: str = "", place: str = "") -> None:
-        super().__init__(*args)
-        self.key, self.place = key, place
+    def __init__(
+        self, *args: object, key: str = "", file: str | PurePath = "", place: str = ""
+    ) -> None:
+        super().__init__(*args, file=file, place=place)
+        self.key = key
 
 
 class WrongKind(InvalidInput, TypeError):
@@ -70,14 +99,14 @@ class SeveralRecordings(InvalidInput):
         shown = [take[:30] for take in takes]
         some = ", ".join(shown[:4]) + (f", ... {shown[-1]}" if len(takes) > 4 else "")
         super().__init__(
-            f"{source}: holds {len(takes)} recordings ({some}); name one with --take "
-            f"{shown[0]} (take=...) or as {source}#1, or make a file of each: motionary convert "
-            "FILE -o FOLDER --to .npz"
+            f"holds {len(takes)} recordings ({some}); name one with --take {shown[0]} (take=...) "
+            f"or as {source}#1, or make a file of each: motionary convert FILE -o FOLDER --to .npz",
+            file=source,
         )
         self.takes = tuple(takes)
 
-    def __reduce__(self) -> tuple[type[InvalidInput], tuple[object, ...]]:
-        return InvalidInput, self.args
+    def __reduce__(self) -> tuple[type[InvalidInput], tuple[object, ...], dict[str, object]]:
+        return InvalidInput, self.args, self.__dict__
 
 
 class UnreadableFile(MotionaryError, OSError):
@@ -98,6 +127,13 @@ class UnwritableFile(MotionaryError, OSError):
 
 class ProgramFault(MotionaryError, RuntimeError):
     """Something went wrong in the program, not by its input, while one of many was done."""
+
+
+def _shorten(text: str) -> str:
+    text = _CONTROL.sub(" ", text)
+    if len(text) <= _LONGEST:
+        return text
+    return f"{text[: _LONGEST - _KEPT_AT_END]} ... {text[-_KEPT_AT_END:]}"
 
 
 def check_kind(

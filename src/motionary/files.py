@@ -61,7 +61,7 @@ def open_regular(path: str | Path) -> BinaryIO:
         raise
     except OSError as error:
         reason = error.strerror or str(error)
-        raise UnreadableFile(f"{path}: cannot be read: {reason}") from error
+        raise UnreadableFile(f"cannot be read: {reason}", file=path) from error
     try:
         _check_regular(path, os.fstat(file.fileno()))
     except NotAFile:
@@ -77,7 +77,7 @@ def read_bytes(path: str | Path) -> bytes:
             return file.read()
         except OSError as error:
             reason = error.strerror or str(error)
-            raise UnreadableFile(f"{path}: cannot be read: {reason}") from error
+            raise UnreadableFile(f"cannot be read: {reason}", file=path) from error
 
 
 def most_unpacked(n_bytes: int) -> int:
@@ -93,7 +93,7 @@ def _check_regular(path: str | Path, status: os.stat_result) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
         remedy = "name a file in it" if kind == "a folder" else "store its content in a file"
-        raise NotAFile(f"{path}: is no regular file but {kind}; {remedy}")
+        raise NotAFile(f"is no regular file but {kind}; {remedy}", file=path)
 
 
 def check_table_name(path: str | Path) -> None:
@@ -222,7 +222,7 @@ def _as_unwritable(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         raise UnwritableFile(
-            f"{path}: cannot be written: {reason}; choose a folder that you may write to"
+            f"cannot be written: {reason}; choose a folder that you may write to", file=path
         ) from error
 
 

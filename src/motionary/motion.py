@@ -247,7 +247,7 @@ class Motion(Shown):
                 "pass skeleton= with a known name"
             )
             error = UnknownSkeleton if unmapped.is_human else NotHuman
-            raise error(f"{self.source or 'motion'}: no features: {unmapped.reason}")
+            raise error(f"no features: {unmapped.reason}", file=self.source or "motion")
         index = {name: i for i, name in enumerate(self.names)}
         result = np.full((self.n_frames, len(GENERIC_JOINTS), 3), np.nan)
         for g, joint in enumerate(GENERIC_JOINTS):

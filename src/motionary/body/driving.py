@@ -109,9 +109,10 @@ def pose_from_motion(body: Body, motion: Motion, *, lengths: Lengths = "adapted"
     unseen = np.flatnonzero(np.isnan(driver.joints[:, legs]).any(axis=(1, 2)))
     if len(unseen):
         raise InvalidInput(
-            f"{motion.source or 'motion'}: the body needs hips, knees and ankles in every frame; "
+            "the body needs hips, knees and ankles in every frame; "
             f"frame {unseen[0] + motion.first_frame} and {len(unseen) - 1} more lack one; fill "
-            "gaps (fill_gaps_s=) or cut them off"
+            "gaps (fill_gaps_s=) or cut them off",
+            file=motion.source or "motion",
         )
     turned, known = _turn_bones(body, driver)
     stretches, scale = None, 1.0

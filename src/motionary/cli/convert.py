@@ -140,7 +140,7 @@ def _targets(
     sources = {_identity(file_of(path)) for path in files.values()} - {None}
     for target in targets.values():
         if _identity(target) in sources:
-            raise UnwritableFile(f"{target}: would replace a recording; write to another folder")
+            raise UnwritableFile("would replace a recording; write to another folder", file=target)
         check_target(str(target), replace=replace)
     return targets
 

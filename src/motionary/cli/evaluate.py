@@ -104,8 +104,8 @@ def _read_table(path: Path) -> dict[str, str]:
     rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
     if not rows or rows[0] != _RENAME_COLUMNS or any(len(row) != 2 for row in rows):
         raise UnreadableFile(
-            f"{path}: expected a table with the columns {','.join(_RENAME_COLUMNS)} and two "
-            "cells a row"
+            f"expected a table with the columns {','.join(_RENAME_COLUMNS)} and two cells a row",
+            file=path,
         )
     return dict((row[0], row[1]) for row in rows[1:])
 

@@ -163,8 +163,8 @@ def _read_map(path: str) -> dict[str, str]:
     wrong = [name for name, limb in limbs.items() if not isinstance(limb, str)]
     if wrong or not limbs:
         raise InvalidInput(
-            f'{Path(path).name}: needs lines such as "00B40C45" = "lthigh", got '
-            f"{wrong[0] if wrong else 'none'}"
+            f'needs lines such as "00B40C45" = "lthigh", got {wrong[0] if wrong else "none"}',
+            file=Path(path).name,
         )
     return limbs
 

@@ -161,7 +161,7 @@ def _features(motion: "Motion") -> tuple[int, float, str]:
     try:
         known = compute_features(motion).known_features
     except InvalidInput as error:
-        return 0, 0.0, str(error).removeprefix(f"{motion.source}: ")
+        return 0, 0.0, error.problem
     return int(known.any(axis=0).sum()), float(known.mean()), ""
 
 
@@ -174,11 +174,12 @@ def _save_mapping(files: Mapping[str, Path], path: str, reading: ReadOptions) ->
         first = first or motion
         if motion.names != first.names:
             raise InvalidInput(
-                f"{path}: a mapping is written of recordings of one rig, and {name} has another "
-                "one; name one recording"
+                f"a mapping is written of recordings of one rig, and {name} has another "
+                "one; name one recording",
+                file=path,
             )
     if first is None:
-        raise InvalidInput(f"{path}: no recording whose joints could be written down")
+        raise InvalidInput("no recording whose joints could be written down", file=path)
     save_skeleton(first, path)
 
 

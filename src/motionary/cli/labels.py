@@ -111,7 +111,7 @@ def convert(
     tracks = select_labels(tracks, only=options.only, track=options.track)
     tracks = {n: _check(track, known, rate) for n, track in tracks.items()}
     if not tracks:
-        raise InvalidInput(f"{enumerate_names(files)}: no labels to convert; nothing is written")
+        raise InvalidInput("no labels to convert; nothing is written", file=enumerate_names(files))
     if form.needs_recording and not sources.files:
         raise wrong("--recordings", f"{form.title} needs the recordings that are labelled")
     targets = _targets(tracks, options, form) if not is_file else {options.output: tracks}
@@ -190,7 +190,7 @@ def _expand(files: Sequence[str]) -> Iterator[Path]:
         # Shells of Windows leave patterns to programs.
         found = [path] if path.exists() else sorted(path.parent.glob(path.name))
         if not found:
-            raise UnreadableFile(f"{path}: no such file")
+            raise UnreadableFile("no such file", file=path)
         yield from found
 
 

@@ -292,7 +292,7 @@ def learn(
         monitor=monitor,
     )
     if not library:
-        raise InvalidInput(f"{examples}: no class could be learned; nothing was written")
+        raise InvalidInput("no class could be learned; nothing was written", file=examples)
     library.save(output)
     for motion_class in library if options.plot else ():
         _draw_class(options.plot or "", motion_class, library)

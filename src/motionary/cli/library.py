@@ -337,7 +337,7 @@ def edit(
         if changes.text is None:
             raise
         where = "stdin" if changes.text == "-" else changes.text
-        raise InvalidInput(f"{where}: {error}") from error
+        raise InvalidInput(str(error), file=where) from error
     edited.library.save(folder)
     if edited.name not in edited.library.names:
         screen.say(f"{name}: removed")

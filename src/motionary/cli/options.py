@@ -219,7 +219,7 @@ def check_target(path: str | None, *, is_folder: bool = False, replace: bool = T
         return
     place = Path(path).absolute()
     if not replace and (place / LIBRARY_FILE if is_folder else place).is_file():
-        raise UnwritableFile(f"{path}: exists; say --force to replace it, or name another place")
+        raise UnwritableFile("exists; say --force to replace it, or name another place", file=path)
     above = next(p for p in place.parents if p.exists())
     problem = ""
     if not above.is_dir():
@@ -231,14 +231,14 @@ def check_target(path: str | None, *, is_folder: bool = False, replace: bool = T
     elif place.exists() and is_protected(place):
         problem = "it is write-protected"
     if problem:
-        raise UnwritableFile(f"{path}: cannot be written: {problem}; choose another place")
+        raise UnwritableFile(f"cannot be written: {problem}; choose another place", file=path)
 
 
 def check_library(path: str, *, replace: bool) -> None:
     """Fail before the work where a library cannot be written, as `check_target`."""
     check_target(path, is_folder=True, replace=replace)
     if not Path(path, LIBRARY_FILE).exists() and holds_others(Path(path), LIBRARY_FILE):
-        raise UnwritableFile(f"{path}: holds files but no library; give a new or empty folder")
+        raise UnwritableFile("holds files but no library; give a new or empty folder", file=path)
 
 
 # -- groups of options ------------------------------------------------------------------

@@ -148,12 +148,7 @@ def is_passed_over(failure: "Failure[NamedFile]", given: Collection[str]) -> boo
 
 def describe_failure(failure: "Failure[NamedFile]") -> str:
     """Why a recording could not be read, under its name whatever the error calls its file."""
-    text = str(failure.error)
-    for path in _paths_of(failure):
-        for called in (str(path), path.name):
-            if text.startswith(called):
-                return failure.item[0] + text.removeprefix(called)
-    return f"{failure.item[0]}: {text}"
+    return failure.item[0] + failure.error.text_after(*_paths_of(failure))
 
 
 def _paths_of(failure: "Failure[NamedFile]") -> tuple[Path, Path]:

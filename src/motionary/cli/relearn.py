@@ -156,7 +156,7 @@ def learn_corrected(
     for error in found.unusable:
         screen.warn(str(error))
     if not found.pairs:
-        raise InvalidInput(f"{table}: none of its recordings could be read; nothing was changed")
+        raise InvalidInput("none of its recordings could be read; nothing was changed", file=table)
     corrections = learn_corrections(library, found.pairs)
     if corrections.n_changed:
         corrections.library.save(target)

@@ -91,7 +91,7 @@ def _read_track(path: str, motion: "Motion") -> "LabelTrack":
     if len(found) != 1:
         problem = "several may be meant" if found else f"has no labels of {name}"
         there = enumerate_names(sorted(found or tracks))
-        raise InvalidInput(f"{path}: {problem}; has labels of {there}")
+        raise InvalidInput(f"{problem}; has labels of {there}", file=path)
     return of_recording(tracks[found[0]], motion.recording)
 
 

@@ -74,7 +74,7 @@ def _check_folder(output: str, *, replace: bool) -> None:
     check_target(output, is_folder=True)
     if not replace and _of_former_runs(output):
         raise UnwritableFile(
-            f"{output}: holds synthetic recordings of a former run; --force replaces them"
+            "holds synthetic recordings of a former run; --force replaces them", file=output
         )
 
 

@@ -147,8 +147,9 @@ class FeatureSequence(Tabular):
         """The sequence over a set that this one begins with."""
         if self.feature_set.ids[: len(feature_set)] != feature_set.ids:
             raise InvalidInput(
-                f"{self.source}: {self.feature_set.name!r} does not begin with the features of "
-                f"{feature_set.name!r}"
+                f"{self.feature_set.name!r} does not begin with the features of "
+                f"{feature_set.name!r}",
+                file=self.source,
             )
         mask = full_mask(1, len(feature_set))[0]
         packed, known = (each[:, : len(mask)] & mask for each in (self.packed, self.known))
@@ -162,8 +163,8 @@ class FeatureSequence(Tabular):
         """Frames start to stop (half-open) as a sequence; times then count from `start`."""
         if not 0 <= start < stop <= len(self):
             raise InvalidInput(
-                f"{self.source}: a part needs 0 <= start < stop <= {len(self)} frames, "
-                f"got {start} to {stop}"
+                f"a part needs 0 <= start < stop <= {len(self)} frames, got {start} to {stop}",
+                file=self.source,
             )
         rate_hz = self.recording.rate_hz
         first = round(start / SEQUENCE_HZ * rate_hz)
@@ -215,8 +216,9 @@ def compute_features(
         )
     if motion.rate_hz < _LEAST_HZ:
         raise InvalidInput(
-            f"{motion.source or 'motion'}: features need at least {_LEAST_HZ:g} frames per "
-            f"second, got {motion.rate_hz:g}; check the rate of the recording"
+            f"features need at least {_LEAST_HZ:g} frames per "
+            f"second, got {motion.rate_hz:g}; check the rate of the recording",
+            file=motion.source or "motion",
         )
     positions = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=MEASURE_HZ)
     features, known = feature_matrix(positions, feature_set)

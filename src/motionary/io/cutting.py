@@ -159,10 +159,11 @@ def cut_file(
     if form is None or not form.cut:
         known = ", ".join(form.suffix for form in FORMATS if form.cut)
         raise UnreadableFile(
-            f"{path}: clips can be cut out of {known}, not out of {path.suffix!r}; convert it first"
+            f"clips can be cut out of {known}, not out of {path.suffix!r}; convert it first",
+            file=path,
         )
     if out.exists() and out.samefile(path):
-        raise UnwritableFile(f"{out}: would replace the recording; write to another folder")
+        raise UnwritableFile("would replace the recording; write to another folder", file=out)
     if not form.is_text:
         clip: bytes = load_function(form.cut)(path, first_frame, last_frame, take)
         with write_atomically(out) as beside:
@@ -229,7 +230,9 @@ def _end_with(clip: Clip, end_s: float, *, replace: bool) -> Clip:
         return clip
     target = clip.target.with_name(clip.target.name.replace(before, after, 1))
     if target.exists() and not replace:
-        raise UnwritableFile(f"{target}: exists; say --force to replace it, or name another place")
+        raise UnwritableFile(
+            "exists; say --force to replace it, or name another place", file=target
+        )
     return clip._replace(label=label, target=target)
 
 
@@ -255,8 +258,9 @@ def _frames(path: Path, label: Label, options: ReadOptions) -> _Part:
     stop = min(round(label.end_s * motion.rate_hz), motion.n_frames)
     if first >= stop:
         raise InvalidInput(
-            f"{path.name}: lasts {motion.duration_s:.2f} s, asked for is {label.start_s:.2f} to "
-            f"{label.end_s:.2f} s"
+            f"lasts {motion.duration_s:.2f} s, asked for is {label.start_s:.2f} to "
+            f"{label.end_s:.2f} s",
+            file=path.name,
         )
     number = motion.first_frame
     return _Part(number + first, number + stop - 1, motion.duration_s)

@@ -145,7 +145,7 @@ def scan_folder(
             pass
     except OSError as error:
         reason = error.strerror or str(error)
-        raise UnreadableFile(f"{folder}: cannot be searched: {reason}") from error
+        raise UnreadableFile(f"cannot be searched: {reason}", file=folder) from error
     cut = len(str(folder).rstrip(os.sep)) + 1
     found = (
         (entry.path[cut:].replace(os.sep, "/"), entry)
@@ -219,15 +219,15 @@ def _find(path: Path, suffixes: Collection[str], on_skip: OnSkip | None) -> list
         files = sorted(Path(entry.path) for entry in _entries(path, suffixes, on_skip))
         if not files:
             known = ", ".join(sorted(suffixes))
-            raise UnreadableFile(f"{path}: no recordings in this folder; looked for {known}")
+            raise UnreadableFile(f"no recordings in this folder; looked for {known}", file=path)
         return [(file, recording_name(file, folder=path)) for file in files]
     if split_take(path)[0].exists():
         return [(path, path.name)]
     if not glob.has_magic(str(path)):
-        raise UnreadableFile(f"{path}: no such file or folder")
+        raise UnreadableFile("no such file or folder", file=path)
     files = [file for file in _match(path) if file.is_file() and _is_recording(file.name, suffixes)]
     if not files:
-        raise UnreadableFile(f"{path}: no recording has a name like this")
+        raise UnreadableFile("no recording has a name like this", file=path)
     return [(file, file.name) for file in files]
 
 

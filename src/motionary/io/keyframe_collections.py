@@ -52,10 +52,10 @@ def read_query_collections(path: str | Path) -> dict[str, dict[str, QueryRecord]
     try:
         content = json.loads(read_text(path))
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"{path}: is no JSON file: {explain_json(error)}") from None
+        raise UnreadableFile(f"is no JSON file: {explain_json(error)}", file=path) from None
     if not _is_object(content) or not all(_is_object(part) for part in content.values()):
         raise UnreadableFile(
-            f"{path}: needs an object of collections, each an object of queries by name"
+            "needs an object of collections, each an object of queries by name", file=path
         )
     return {
         collection: {
@@ -95,7 +95,7 @@ def read_query_record(path: str | Path, name: str | None = None) -> QueryRecord:
 
 def _read_record(path: Path, name: str, entry: Any) -> QueryRecord:
     def refuse(problem: str) -> UnreadableFile:
-        return UnreadableFile(f"{path}: query {name!r}: {problem}")
+        return UnreadableFile(f"query {name!r}: {problem}", file=path)
 
     if not _is_object(entry):
         raise refuse("needs to be an object")

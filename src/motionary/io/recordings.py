@@ -79,7 +79,9 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
     path, take = split_take(path)
     if take:
         if options.take is not None:
-            raise InvalidInput(f"{path.name}{TAKE_MARK}{take}: names a take; leave out take=")
+            raise InvalidInput(
+                "names a take; leave out take=", file=f"{path.name}{TAKE_MARK}{take}"
+            )
         motion = read(path, options, take=take)
         return motion.renamed(f"{motion.source}{TAKE_MARK}{take}")
     form = find_format(path)
@@ -90,7 +92,7 @@ def read(path: str | Path, options: ReadOptions | None = None, **fields: Any) ->
             # What is not there, or is no file, is told first.
             open_regular(path).close()
             problem = f"unknown format {path.suffix!r}; known are {known}"
-        raise UnreadableFile(f"{path}: {problem}")
+        raise UnreadableFile(problem, file=path)
     _check_options(options, form, path)
     table = options.skeleton_table()
     content: FileContent = load_function(form.read)(path, options)
@@ -157,8 +159,8 @@ def write(
     form = find_format(path)
     if form is None or not form.write:
         raise InvalidInput(
-            f"{path.name}: motions are written as {', '.join(WRITTEN_SUFFIXES)}, got "
-            f"{format_suffix(path)!r}"
+            f"motions are written as {', '.join(WRITTEN_SUFFIXES)}, got {format_suffix(path)!r}",
+            file=path.name,
         )
     given = {"asf": asf, "unit": unit}
     load_function(form.write)(motion, path, **{name: given[name] for name in form.write_takes})
@@ -181,7 +183,7 @@ def _check_options(options: ReadOptions, form: Format, path: Path) -> None:
     """Refuse what would be passed over in silence."""
     for option, reason in _REFUSALS.items():
         if option not in form.takes and getattr(options, option) not in (None, False):
-            raise InvalidInput(f"{path.name}: this format {reason}")
+            raise InvalidInput(f"this format {reason}", file=path.name)
 
 
 def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
@@ -226,8 +228,9 @@ def _note_mapping(motion: Motion, table: SkeletonTable | None) -> Motion:
         names = set(motion.names)
         if not any(names.issuperset(source) for source in motion.mapping.weights.values()):
             raise InvalidInput(
-                f"{motion.source}: has none of the joints of skeleton {table.name}; its joints "
-                f"are {', '.join(motion.names[:6])}, ..."
+                f"has none of the joints of skeleton {table.name}; its joints "
+                f"are {', '.join(motion.names[:6])}, ...",
+                file=motion.source,
             )
         if table.name not in known_mappings():
             motion = replace(motion, notes=(*motion.notes, *_misnamed(table, motion.names)))

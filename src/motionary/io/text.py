@@ -115,7 +115,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(read_text(path))
     # Not TOMLDecodeError alone: numbers may have more digits than Python takes.
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"{path.name}: is no TOML: {str(error)[:200]}") from error
+        raise UnreadableFile(f"is no TOML: {str(error)[:200]}", file=path.name) from error
 
 
 def _unpack(content: bytes, name: str) -> bytes:
@@ -136,15 +136,16 @@ def _unpack(content: bytes, name: str) -> bytes:
                 finished = False
             if size > most:
                 raise UnreadableFile(
-                    f"{name}: unpacks to more than {most >> 20} MB, as no text of a motion does; "
-                    "unpack it first (gunzip) if it is yours"
+                    f"unpacks to more than {most >> 20} MB, as no text of a motion does; "
+                    "unpack it first (gunzip) if it is yours",
+                    file=name,
                 )
             if not piece and not content and not finished:
                 break
     except zlib.error:
-        raise UnreadableFile(f"{name}: is packed (gzip) and damaged") from None
+        raise UnreadableFile("is packed (gzip) and damaged", file=name) from None
     if not pieces or not finished:
-        raise UnreadableFile(f"{name}: is packed (gzip) and cut off; get the whole file")
+        raise UnreadableFile("is packed (gzip) and cut off; get the whole file", file=name)
     return b"".join(pieces)
 
 

@@ -87,8 +87,9 @@ def render(
     stop_s = motion.duration_s if stop_s is None else min(stop_s, motion.duration_s)
     if not 0 <= start_s < stop_s:
         raise InvalidInput(
-            f"{motion.source or 'motion'}: a part needs 0 <= start_s < stop_s, in a motion of "
-            f"{motion.duration_s:.2f} s, got {start_s:g} to {stop_s:g}"
+            "a part needs 0 <= start_s < stop_s, in a motion of "
+            f"{motion.duration_s:.2f} s, got {start_s:g} to {stop_s:g}",
+            file=motion.source or "motion",
         )
     suffix = Path(path).suffix.lower()
     hundredths = max(round(100 / pictures_per_s), 2)
@@ -96,9 +97,10 @@ def render(
     times = start_s + np.arange(0.0, stop_s - start_s - 1e-9, 1 / rate_hz)
     if suffix == ".gif" and len(times) > MOST_PICTURES:
         raise InvalidInput(
-            f"{motion.source or 'motion'}: a GIF of {stop_s - start_s:.0f} s would be too large "
+            f"a GIF of {stop_s - start_s:.0f} s would be too large "
             f"for most programs; choose {MOST_PICTURES / rate_hz:.0f} s at most (--from, --to), "
-            "fewer pictures a second, or write .mp4"
+            "fewer pictures a second, or write .mp4",
+            file=motion.source or "motion",
         )
     images = _draw_all(motion, track, times, stop_s=stop_s, dpi=dpi)
     with write_atomically(path) as beside:
@@ -118,13 +120,14 @@ def check_moving(path: str | Path) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in MOVING:
         raise InvalidInput(
-            f"{Path(path).name}: moving pictures are written as {', '.join(MOVING)}, got "
-            f"{Path(path).suffix!r}; give the file one of these suffixes"
+            f"moving pictures are written as {', '.join(MOVING)}, got "
+            f"{Path(path).suffix!r}; give the file one of these suffixes",
+            file=Path(path).name,
         )
     if suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise InvalidInput(
-            f"{Path(path).name}: MP4 needs the program ffmpeg, which is not there; install it, or "
-            "write .gif"
+            "MP4 needs the program ffmpeg, which is not there; install it, or write .gif",
+            file=Path(path).name,
         )
 
 
@@ -305,4 +308,4 @@ def _write_mp4(images: Iterator[Image], path: Path, *, rate_hz: float) -> None:
         _, said = process.communicate()
     if process.returncode:
         reason = said.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no reason"]
-        raise UnwritableFile(f"{path.name}: ffmpeg could not write it: {reason[0][:200]}")
+        raise UnwritableFile(f"ffmpeg could not write it: {reason[0][:200]}", file=path.name)

@@ -199,8 +199,9 @@ def save(figure: "Figure", path: str | Path) -> None:
     kind = Path(path).suffix.lower().lstrip(".")
     if kind not in _METADATA:
         raise InvalidInput(
-            f"{Path(path).name}: pictures are written as .png, .svg or .pdf, got "
-            f"{Path(path).suffix!r}; give the file one of these suffixes"
+            "pictures are written as .png, .svg or .pdf, got "
+            f"{Path(path).suffix!r}; give the file one of these suffixes",
+            file=Path(path).name,
         )
     from matplotlib import rc_context
 

@@ -67,7 +67,7 @@ class Page:
         """
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InvalidInput(
-                f"{Path(path).name}: pages are written as .html; give it that suffix"
+                "pages are written as .html; give it that suffix", file=Path(path).name
             )
         with write_atomically(path) as beside:
             beside.write_text(self.text, encoding="utf-8", newline="\n")

@@ -160,9 +160,10 @@ def _check_within(track: LabelTrack, recording: Recording, table: str) -> None:
     if late:
         label: Label = max(late, key=lambda one: one.end_s)
         raise InvalidInput(
-            f"{table}: {label.name!r} ends at {label.end_s:.2f} s, but "
+            f"{label.name!r} ends at {label.end_s:.2f} s, but "
             f"{recording.name or 'motion'} has {recording.duration_s:.2f} s; give the labels of "
-            "this recording"
+            "this recording",
+            file=table,
         )
 
 

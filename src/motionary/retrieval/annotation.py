@@ -337,8 +337,9 @@ def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> 
         return compute_features(recording, feature_set=library.feature_set)
     if recording.feature_set.name != library.feature_set.name:
         raise InvalidInput(
-            f"{recording.source}: features of {recording.feature_set.name!r}, but the library "
-            f"uses {library.feature_set.name!r}; compute them with feature_set="
+            f"features of {recording.feature_set.name!r}, but the library "
+            f"uses {library.feature_set.name!r}; compute them with feature_set=",
+            file=recording.source,
         )
     return recording
 

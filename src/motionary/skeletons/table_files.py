@@ -176,11 +176,11 @@ def parse_table(name: str, text: str, *, source: str = "") -> SkeletonTable:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(f"{source}: is no TOML: {error}") from error
+        raise InvalidInput(f"is no TOML: {error}", file=source) from error
     unknown = sorted(set(content) - set(_KEYS))
     if unknown or not isinstance(content.get("joints"), dict):
         got = f"got {unknown[0]!r}" if unknown else "[joints] is not there"
-        raise InvalidInput(f"{source}: a skeleton has {', '.join(_KEYS)}; {got}")
+        raise InvalidInput(f"a skeleton has {', '.join(_KEYS)}; {got}", file=source)
     try:
         return SkeletonTable(
             name,
@@ -197,7 +197,7 @@ def parse_table(name: str, text: str, *, source: str = "") -> SkeletonTable:
             tuple(content.get("needs", ())),
         )
     except (TypeError, ValueError, KeyError) as error:
-        raise InvalidInput(f"{source}: {error}") from error
+        raise InvalidInput(str(error), file=source) from error
 
 
 def format_table(mapping: JointMapping, *, about: str, names: tuple[str, ...] = ()) -> str:

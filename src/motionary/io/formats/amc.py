@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io.formats.asf import AcclaimSkeleton, Bone, find_asf, read_asf
 from motionary.io.formats.content import FileContent, place_joints
 from motionary.io.formats.numbers import check_frames, end_alike, read_frames, to_number
@@ -98,7 +98,7 @@ def _find_body(text: str, name: str) -> _Body:
             break
         degrees = _KEYWORDS.get(word.lower(), degrees)
         place += len(line) + 1
-    raise UnreadableFile(f"{name}: no frame number found; expected an Acclaim motion (AMC)")
+    raise UnreadableFile("no frame number found; expected an Acclaim motion (AMC)", file=name)
 
 
 def _read_layout(body: _Body, name: str) -> _Layout:
@@ -109,9 +109,11 @@ def _read_layout(body: _Body, name: str) -> _Layout:
         names.append(words[0])
         counts.append(len(words) - 1)
     if not names:
-        raise UnreadableFile(f"{name}, line {body.line}: the first frame is empty")
+        raise UnreadableFile("the first frame is empty", file=name, place=f"line {body.line}")
     if len(set(names)) != len(names):
-        raise UnreadableFile(f"{name}, line {body.line}: a bone occurs twice in the first frame")
+        raise UnreadableFile(
+            "a bone occurs twice in the first frame", file=name, place=f"line {body.line}"
+        )
     return _Layout(tuple(names), tuple(counts))
 
 
@@ -145,17 +147,18 @@ def _read_lines(body: _Body, layout: _Layout, name: str) -> Floats:
     left: set[str] = set()
     for number, line in enumerate(body.text.split("\n"), start=body.line):
         words = line.split()
-        where = f"{name}, line {number}"
+        where = Where(file=name, place=f"line {number}")
         if len(words) == 1:
             rows.append(_start_frame(words[0], rows, left, where, 1 + sum(layout.counts)))
             left = set(layout.names)
         elif words:
             if words[0] not in left:
-                raise UnreadableFile(f"{where}: {_why_unexpected(words[0], counts)}")
+                raise UnreadableFile(_why_unexpected(words[0], counts), **where)
             if len(words) - 1 != counts[words[0]]:
                 raise UnreadableFile(
-                    f"{where}: {words[0]} has {len(words) - 1} values, "
-                    f"{counts[words[0]]} in the first frame"
+                    f"{words[0]} has {len(words) - 1} values, "
+                    f"{counts[words[0]]} in the first frame",
+                    **where,
                 )
             start = starts[words[0]]
             rows[-1][start : start + len(words) - 1] = [
@@ -163,19 +166,19 @@ def _read_lines(body: _Body, layout: _Layout, name: str) -> Floats:
             ]
             left.remove(words[0])
     if left:
-        raise UnreadableFile(f"{name}: the last frame ends without {_some(left)}; cut off?")
+        raise UnreadableFile(f"the last frame ends without {_some(left)}; cut off?", file=name)
     return np.array(rows)
 
 
 def _start_frame(
-    word: str, rows: list[list[float]], left: set[str], where: str, width: int
+    word: str, rows: list[list[float]], left: set[str], where: Where, width: int
 ) -> list[float]:
     number = to_number(word, where)
     if left:
-        raise UnreadableFile(f"{where}: frame {rows[-1][0]:.0f} has no values for {_some(left)}")
+        raise UnreadableFile(f"frame {rows[-1][0]:.0f} has no values for {_some(left)}", **where)
     if rows and number != rows[-1][0] + 1:
         raise UnreadableFile(
-            f"{where}: frame {rows[-1][0] + 1:.0f} is missing, the file goes on with {word}"
+            f"frame {rows[-1][0] + 1:.0f} is missing, the file goes on with {word}", **where
         )
     return [number] + [0.0] * (width - 1)
 
@@ -236,12 +239,13 @@ def _match(layout: _Layout, skeleton: AcclaimSkeleton, name: str) -> dict[str, d
     place = 0
     for bone_name, count in zip(layout.names, layout.counts, strict=True):
         if bone_name not in columns:
-            raise UnreadableFile(f"{name}: bone {bone_name!r} is not in {skeleton.name}")
+            raise UnreadableFile(f"bone {bone_name!r} is not in {skeleton.name}", file=name)
         bone = skeleton.root if bone_name == "root" else skeleton.bones[bone_name]
         if len(bone.dof) != count:
             raise UnreadableFile(
-                f"{name}: {bone_name} has {count} values, "
-                f"{skeleton.name} expects {len(bone.dof)} ({' '.join(bone.dof)})"
+                f"{bone_name} has {count} values, "
+                f"{skeleton.name} expects {len(bone.dof)} ({' '.join(bone.dof)})",
+                file=name,
             )
         columns[bone_name] = {dof: place + i for i, dof in enumerate(bone.dof)}
         place += count
@@ -296,19 +300,22 @@ def _check(motion: Motion, skeleton: AcclaimSkeleton) -> Floats:
     name = motion.source or "motion"
     if motion.skeleton is None or motion.rotations is None:
         raise InvalidInput(
-            f"{name}: AMC holds the turns of an Acclaim skeleton, and this motion has places of "
-            "points only; write .trc, .c3d or .npz"
+            "AMC holds the turns of an Acclaim skeleton, and this motion has places of "
+            "points only; write .trc, .c3d or .npz",
+            file=name,
         )
     expected = skeleton.to_skeleton()
     if not motion.skeleton.ends or motion.names != expected.names:
         raise InvalidInput(
-            f"{name}: has not the bones of {skeleton.name}; name its own skeleton with --asf "
-            "(asf=...), or write .bvh"
+            f"has not the bones of {skeleton.name}; name its own skeleton with --asf "
+            "(asf=...), or write .bvh",
+            file=name,
         )
     if np.abs(motion.skeleton.offsets - expected.offsets).max() > _SAME_M:
         raise InvalidInput(
-            f"{name}: its bones are not as long as those of {skeleton.name}; name its own "
-            "skeleton with --asf (asf=...)"
+            f"its bones are not as long as those of {skeleton.name}; name its own "
+            "skeleton with --asf (asf=...)",
+            file=name,
         )
     return motion.rotations
 
@@ -325,8 +332,8 @@ def _values(skeleton: AcclaimSkeleton, bone: Bone, turns: Floats, motion: Motion
     angles = _angles(inner, order, missing)
     if missing and np.abs(angles[:, missing]).max() > _SAME_RADIANS:
         raise InvalidInput(
-            f"{motion.source or 'motion'}: {bone.name} turns about an axis that it has not in "
-            f"{skeleton.name}"
+            f"{bone.name} turns about an axis that it has not in {skeleton.name}",
+            file=motion.source or "motion",
         )
     values = {
         f"r{letter.lower()}": angles[:, i] / skeleton.radians for i, letter in enumerate(order)
@@ -369,7 +376,7 @@ def cut_amc(lines: list[str], first: int, last: int, name: str) -> list[str]:
     """Lines of a clip, numbered from 1; frames as the file counts them, both included."""
     starts = [i for i, line in enumerate(lines) if line.strip().isdecimal()]
     if not starts:
-        raise UnreadableFile(f"{name}: no frame number found; expected an Acclaim motion (AMC)")
+        raise UnreadableFile("no frame number found; expected an Acclaim motion (AMC)", file=name)
     number = int(lines[starts[0]])
     check_frames(first, last, first_number=number, n_frames=len(starts), name=name)
     starts.append(len(lines))
@@ -377,7 +384,7 @@ def cut_amc(lines: list[str], first: int, last: int, name: str) -> list[str]:
     for count, place in enumerate(range(first - number, last - number + 1), start=1):
         start, stop = starts[place], starts[place + 1]
         if int(lines[start]) != number + place:
-            raise UnreadableFile(f"{name}: frame {number + place} is missing")
+            raise UnreadableFile(f"frame {number + place} is missing", file=name)
         clip.append(re.sub(r"\d+", str(count), lines[start], count=1))
         clip += lines[start + 1 : stop]
     return end_alike(clip, lines[starts[0]])

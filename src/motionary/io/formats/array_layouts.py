@@ -60,9 +60,10 @@ def split_array(array: Array, source: str) -> Layout:
         if array.ndim in (3, 4) and array.shape[-2] == 3:
             return _split_transposed(array)
     raise NotAMotion(
-        f"{source}: holds no motion; expected joint positions (frames, joints, 3), (joints, 3, "
+        "holds no motion; expected joint positions (frames, joints, 3), (joints, 3, "
         f"frames), a batch of them, or 263, 251 or {MOTION_X} numbers a frame (HumanML3D, "
-        f"Motion-X), got an array of shape {array.shape} and type {array.dtype}"
+        f"Motion-X), got an array of shape {array.shape} and type {array.dtype}",
+        file=source,
     )
 
 
@@ -126,7 +127,8 @@ def _check_thighs(positions: Floats, source: str) -> None:
     mean = np.nanmean(lengths)
     if not mean > 0 or np.nanstd(lengths, axis=0).max() > _STEADY * mean:
         raise NotAMotion(
-            f"{source}: holds no motion; "
+            "holds no motion; "
             "its bones change their length, as where numbers of HumanML3D "
-            "were normalised: multiply by Std.npy and add Mean.npy first"
+            "were normalised: multiply by Std.npy and add Mean.npy first",
+            file=source,
         )

@@ -139,7 +139,7 @@ def read_layout(
 
 def _read_motion_x(numbers: Array, source: str, options: ReadOptions) -> FileContent:
     if options.skeleton is not None:
-        raise InvalidInput(f"{source}: has an SMPL body; leave out skeleton=")
+        raise InvalidInput("has an SMPL body; leave out skeleton=", file=source)
     arrays = {"global_orient": numbers[:, :3], "body_pose": numbers[:, 3:66]}
     arrays["transl"] = numbers[:, 309:312]
     rate = MOTION_X_HZ if options.rate_hz is None else options.rate_hz
@@ -152,9 +152,10 @@ def _split_results(results: dict[str, Any], source: str) -> Layout:
     motion = results.get("motion")
     if not isinstance(motion, np.ndarray):
         raise NotAMotion(
-            f"{source}: holds no motion; "
+            "holds no motion; "
             "expected a dict with motion (motions, joints, 3, frames), got "
-            f"{', '.join(sorted(results))[:80]}"
+            f"{', '.join(sorted(results))[:80]}",
+            file=source,
         )
     layout = split_array(motion, source)
     lengths = np.asarray(results.get("lengths", ()))
@@ -190,8 +191,9 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
     key = next((key for key in POSITIONS if key in arrays), None)
     if key is None:
         raise NotAMotion(
-            f"{path.name}: holds no motion; expected poses and trans (AMASS) or positions "
-            f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}"
+            "holds no motion; expected poses and trans (AMASS) or positions "
+            f"(frames, joints, 3), got {', '.join(sorted(arrays)) or 'no arrays'}",
+            file=path.name,
         )
     layout = recall(
         path, lambda: split_array(arrays[key], path.name), count=lambda layout: len(layout.motions)
@@ -210,7 +212,7 @@ def array_content(
         If there is no rate.
     """
     if rate_hz is None:
-        raise InvalidInput(f"{source}: an array holds no frame rate; {RATE_HINT}")
+        raise InvalidInput(f"an array holds no frame rate; {RATE_HINT}", file=source)
     return FileContent(
         names=joints.names,
         positions=positions,
@@ -234,14 +236,15 @@ def check_positions(array: Array, source: str) -> Floats:
         array = array[0]
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
         raise NotAMotion(
-            f"{source}: holds no motion; "
+            "holds no motion; "
             "expected joint positions (frames, joints, 3), got an array of "
-            f"shape {array.shape} and type {array.dtype}"
+            f"shape {array.shape} and type {array.dtype}",
+            file=source,
         )
     positions = array.astype(np.float64)
     positions[~np.isfinite(positions).all(axis=2)] = np.nan
     if (np.abs(positions) > FARTHEST).any():
-        raise UnreadableFile(f"{source}: has impossibly large numbers")
+        raise UnreadableFile("has impossibly large numbers", file=source)
     return positions
 
 
@@ -286,7 +289,7 @@ def name_joints(
     n_joints = positions.shape[1]
     if names is not None:
         if len(names) != n_joints:
-            raise InvalidInput(f"{source}: has {len(names)} names for {n_joints} joints")
+            raise InvalidInput(f"has {len(names)} names for {n_joints} joints", file=source)
         return Joints(number_doubles(names), None, ())
     if skeleton is not None:
         mapping = skeleton.resolve(())
@@ -306,8 +309,9 @@ def _guess_order(positions: Floats, source: str) -> Joints:
     if not fitting:
         counts = ", ".join(f"{len(m.order)} ({m.name})" for m in known if m.order)
         raise InvalidInput(
-            f"{source}: an array of {positions.shape[1]} joints without names; known orders have "
-            f"{counts}; save names beside the positions in a .npz file"
+            f"an array of {positions.shape[1]} joints without names; known orders have "
+            f"{counts}; save names beside the positions in a .npz file",
+            file=source,
         )
     some = positions[:: 1 + len(positions) // _LOOKED_AT]
     best = min(fitting, key=lambda mapping: _unsteadiness(some, mapping))

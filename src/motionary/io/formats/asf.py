@@ -160,8 +160,9 @@ def find_asf(path: Path, *, listing: Callable[[Path], Mapping[str, Path]] = list
         if place == places[0] and len(found) == 1:
             return next(iter(found.values()))
     raise UnreadableFile(
-        f"{path}: no skeleton found; looked for {', '.join(stem + '.asf' for stem in stems)} "
-        "in its folder and two above; name the skeleton with --asf FILE (asf=...)"
+        f"no skeleton found; looked for {', '.join(stem + '.asf' for stem in stems)} "
+        "in its folder and two above; name the skeleton with --asf FILE (asf=...)",
+        file=path,
     )
 
 
@@ -173,7 +174,7 @@ class _Reader:
         self.line = 0
 
     def fail(self, problem: str) -> NoReturn:
-        raise UnreadableFile(f"{self.skeleton.name}, line {self.line}: {problem}")
+        raise UnreadableFile(problem, file=self.skeleton.name, place=f"line {self.line}")
 
     def read(self, text: str) -> AcclaimSkeleton:
         section = ""
@@ -273,11 +274,11 @@ class _Reader:
     def check(self) -> None:
         skeleton = self.skeleton
         if not skeleton.bones:
-            raise UnreadableFile(f"{skeleton.name}: no bones; expected an Acclaim skeleton (ASF)")
+            raise UnreadableFile("no bones; expected an Acclaim skeleton (ASF)", file=skeleton.name)
         placed = [child for children in skeleton.children.values() for child in children]
         if len(set(placed)) != len(placed) or ROOT in placed:
-            raise UnreadableFile(f"{skeleton.name}: a bone occurs twice in the hierarchy")
+            raise UnreadableFile("a bone occurs twice in the hierarchy", file=skeleton.name)
         missing = set(skeleton.bones) - {bone.name for bone, _ in skeleton.in_order()}
         if missing:
             names = ", ".join(sorted(missing))
-            raise UnreadableFile(f"{skeleton.name}: the hierarchy does not reach {names}")
+            raise UnreadableFile(f"the hierarchy does not reach {names}", file=skeleton.name)

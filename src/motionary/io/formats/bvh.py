@@ -74,7 +74,7 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     text = read_text(path)
     start = _MOTION.search(text)
     if start is None:
-        raise UnreadableFile(f"{path.name}: no line MOTION found; expected a BVH file")
+        raise UnreadableFile("no line MOTION found; expected a BVH file", file=path.name)
     nodes, notes = _HierarchyReader(path.name).read(text[: start.start()])
     table = _read_header(text, start.end(), path.name)
     # Hours of text are let go as soon as they are numbers, and numbers when they are turns.
@@ -103,7 +103,7 @@ class _HierarchyReader:
         self.open: list[int] = []
 
     def fail(self, problem: str) -> NoReturn:
-        raise UnreadableFile(f"{self.name}, line {self.line}: {problem}")
+        raise UnreadableFile(problem, file=self.name, place=f"line {self.line}")
 
     def read(self, text: str) -> tuple[list[_Node], list[str]]:
         """Joints, parents first and End Sites without length left out, and notes."""
@@ -209,7 +209,9 @@ def _read_header(text: str, start: int, name: str) -> _Table:
     frame_time = _FRAME_TIME.match(text, frames.end()) if frames else None
     if frames is None or frame_time is None:
         line = text.count("\n", 0, start) + 2
-        raise UnreadableFile(f"{name}, line {line}: expected 'Frames: N' and 'Frame Time: seconds'")
+        raise UnreadableFile(
+            "expected 'Frames: N' and 'Frame Time: seconds'", file=name, place=f"line {line}"
+        )
     end = frame_time.end()
     line = text.count("\n", 0, end) + 1
     return _Table(frames.group(1), frame_time.group(1), text[end:], line)
@@ -217,22 +219,25 @@ def _read_header(text: str, start: int, name: str) -> _Table:
 
 def _read_values(table: _Table, n_channels: int, name: str) -> Floats:
     if not n_channels:
-        raise UnreadableFile(f"{name}: no joint has channels, so nothing moves")
+        raise UnreadableFile("no joint has channels, so nothing moves", file=name)
     values = read_table(table.text, n_channels, source=name, line=table.line)
     if not len(values):
-        raise UnreadableFile(f"{name}: expected {n_channels} numbers per frame, got 0 in all")
+        raise UnreadableFile(f"expected {n_channels} numbers per frame, got 0 in all", file=name)
     return values
 
 
 def _compare_length(table: _Table, n_frames: int, name: str) -> list[str]:
     """Notes on a wrong number of frames; a file that was cut off is an error."""
     if not table.n_frames.isdecimal():
-        raise UnreadableFile(f"{name}: 'Frames:' needs a whole number, got {table.n_frames[:40]!r}")
+        raise UnreadableFile(
+            f"'Frames:' needs a whole number, got {table.n_frames[:40]!r}", file=name
+        )
     promised = int(table.n_frames[:20])
     if promised > n_frames:
         raise UnreadableFile(
-            f"{name}: 'Frames:' promises {promised} frames, the file ends after {n_frames}; "
-            "get the whole file, or correct the number to read what is there"
+            f"'Frames:' promises {promised} frames, the file ends after {n_frames}; "
+            "get the whole file, or correct the number to read what is there",
+            file=name,
         )
     if promised < n_frames:
         return [f"'Frames:' promises {promised} frames, all {n_frames} in the file were read"]
@@ -245,7 +250,8 @@ def _rate(table: _Table, name: str) -> tuple[float, list[str]]:
     rate = rate_of_frame_time(time_s)
     if math.isnan(rate):
         raise UnreadableFile(
-            f"{name}: 'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; {RATE_HINT}"
+            f"'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; {RATE_HINT}",
+            file=name,
         )
     usual = _usual_rate(table.frame_time, time_s, rate)
     if usual is None:

@@ -76,11 +76,12 @@ def _build(motion: Motion) -> list[_Node]:
     skeleton, rotations = motion.skeleton, motion.rotations
     if skeleton is None or rotations is None:
         raise InvalidInput(
-            f"{motion.source or 'motion'}: BVH holds the turns of a rig, and this motion has "
-            "places of points only; write .trc, .c3d or .npz"
+            "BVH holds the turns of a rig, and this motion has "
+            "places of points only; write .trc, .c3d or .npz",
+            file=motion.source or "motion",
         )
     if np.isnan(motion.positions).any():
-        raise InvalidInput(f"{motion.source or 'motion'}: BVH holds no gaps; fill or cut them")
+        raise InvalidInput("BVH holds no gaps; fill or cut them", file=motion.source or "motion")
     bad = [n for n in motion.names if not n or n != " ".join(n.split()) or set(n) & set("{}")]
     if bad:
         raise InvalidInput(f"names of BVH joints are without braces and blank ends, got {bad[0]!r}")
@@ -134,7 +135,7 @@ def _build_ends(motion: Motion) -> list[_Node]:
 
 def _rig(motion: Motion) -> tuple[Skeleton, Floats]:
     if motion.skeleton is None or motion.rotations is None:
-        raise InvalidInput("motion: has no rig")
+        raise InvalidInput("has no rig", file="motion")
     return motion.skeleton, motion.rotations
 
 
@@ -177,15 +178,16 @@ def cut_bvh(lines: list[str], first: int, last: int, name: str) -> list[str]:
     count = find_line(lines, r"Frames\s*:\s*\d+", motion + 1)
     time = find_line(lines, r"Frame\s+Time\s*:\s*\S+", count + 1)
     if len(lines) in (motion, count, time):
-        raise UnreadableFile(f"{name}: no MOTION with 'Frames:' and 'Frame Time:' found")
+        raise UnreadableFile("no MOTION with 'Frames:' and 'Frame Time:' found", file=name)
     frames = [line for line in lines[time + 1 :] if line.strip()]
     check_frames(first, last, first_number=0, n_frames=len(frames), name=name)
     chosen = frames[first : last + 1]
     n_channels = sum(map(int, _CHANNELS.findall("".join(lines[:motion]))))
     if any(len(line.split()) != n_channels for line in chosen):
         raise UnreadableFile(
-            f"{name}: a frame does not stand on one line of {n_channels} numbers, so that it "
-            "cannot be cut out"
+            f"a frame does not stand on one line of {n_channels} numbers, so that it "
+            "cannot be cut out",
+            file=name,
         )
     header = lines[: time + 1]
     header[count] = _COUNT.sub(rf"\g<1>{len(chosen)}", header[count])

@@ -80,7 +80,7 @@ def read_c3d(path: Path, options: ReadOptions) -> FileContent:
     except OSError as error:
         if isinstance(error, UnreadableFile):
             raise
-        raise UnreadableFile(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise UnreadableFile(f"cannot be read: {error.strerror or error}", file=path) from error
     return content
 
 
@@ -115,15 +115,16 @@ def _read_places(file: BinaryIO, head: Head, name: str, *, trust: bool) -> _Plac
     if not any(counts):
         if head.count("ROTATION", "USED", 0):
             return _Places(*read_segments(file, head, name))
-        raise UnreadableFile(f"{name}: holds no points (analog signals only?)")
+        raise UnreadableFile("holds no points (analog signals only?)", file=name)
     layout, notes = find_layout(file, head, name)
     kept, names, left_out = _choose_points(head, layout.n_points, name)
     positions, distrusted = _read_points(file, head, layout, kept, trust=trust)
     seen = ~np.isnan(positions).all(axis=(0, 2))
     if distrusted.any() and not seen.any():
         raise UnreadableFile(
-            f"{name}: every point is marked unseen (residual -1), though places are there; "
-            "--trust-points (trust_points=True) reads them"
+            "every point is marked unseen (residual -1), though places are there; "
+            "--trust-points (trust_points=True) reads them",
+            file=name,
         )
     marked = [names[i] for i in np.flatnonzero(distrusted & ~seen)]
     if marked:
@@ -149,11 +150,12 @@ def _choose_points(head: Head, n_points: int, name: str) -> tuple[list[int], lis
     if not kept and values:
         some = ", ".join(labels[i] for i in sorted(values)[:3])
         raise UnreadableFile(
-            f"{name}: holds angles, forces, moments or powers ({some}"
-            f"{', ...' if len(values) > 3 else ''}) and no places; export its markers"
+            f"holds angles, forces, moments or powers ({some}"
+            f"{', ...' if len(values) > 3 else ''}) and no places; export its markers",
+            file=name,
         )
     if not kept:
-        raise UnreadableFile(f"{name}: none of its {n_points} points has a name")
+        raise UnreadableFile(f"none of its {n_points} points has a name", file=name)
     notes = []
     if values:
         some = ", ".join(labels[i] for i in sorted(values)[:3])
@@ -222,7 +224,7 @@ def _rate(head: Head, name: str) -> float:
     rate = head.number("POINT", "RATE", 0.0)
     rate = rate if rate > 0 else head.header.rate_hz
     if not 0 < rate < MOST_RATE_HZ:
-        raise UnreadableFile(f"{name}: says {rate:g} frames per second; {RATE_HINT}")
+        raise UnreadableFile(f"says {rate:g} frames per second; {RATE_HINT}", file=name)
     # 32-bit floats: 59.94 is written as 59.9399986.
     return float(np.format_float_positional(np.float32(rate)))
 
@@ -249,8 +251,9 @@ def _read_events(head: Head, first_frame: int, rate_hz: float, name: str) -> tup
     before = (first_frame - 1) / rate_hz
     if len(times) % 2 and labels:
         raise UnreadableFile(
-            f"{name}: EVENT:TIMES has {len(times)} numbers; expected minutes and seconds of each "
-            "event; remove the group EVENT or correct it"
+            f"EVENT:TIMES has {len(times)} numbers; expected minutes and seconds of each "
+            "event; remove the group EVENT or correct it",
+            file=name,
         )
     if len(labels) and len(times) >= 2 * len(labels):
         # Minutes and seconds of the first event, of the second ...: flat in that sequence.

@@ -53,8 +53,9 @@ def copy_with_events(source: Path, target: Path, events: Sequence[tuple[str, flo
     end = start + n_blocks * BLOCK
     if start != BLOCK or not n_blocks or end > (head.header.data_block - 1) * BLOCK:
         raise UnreadableFile(
-            f"{source.name}: the parameters are not where events can be added (header, "
-            "parameters, frames); export the file anew"
+            "the parameters are not where events can be added (header, "
+            "parameters, frames); export the file anew",
+            file=source.name,
         )
     records = list(_split(content[start + 4 : end], head.machine, source.name))
     number = _number_of_group(records)
@@ -64,7 +65,7 @@ def copy_with_events(source: Path, target: Path, events: Sequence[tuple[str, flo
     grown = max(-(-size // BLOCK), n_blocks)
     if grown > _MOST_BLOCKS:
         raise InvalidInput(
-            f"{source.name}: its parameters have no room for {len(events)} more events"
+            f"its parameters have no room for {len(events)} more events", file=source.name
         )
     shift = grown - n_blocks
     parameters = b"".join(_moved(raw, shift, head.machine) for raw in kept) + block + b"\0\0"
@@ -87,7 +88,7 @@ def _split(content: bytes, machine: Machine, name: str) -> Iterator[_Raw]:
             (offset,) = struct.unpack_from(f"{machine.order}h", content, link)
             stop = link + (offset if offset > 0 else _length(content, link + 2, number))
         except (struct.error, IndexError):
-            raise UnreadableFile(f"{name}: the parameters are damaged") from None
+            raise UnreadableFile("the parameters are damaged", file=name) from None
         body = content[link + 2 : stop]
         linked = struct.pack(f"{machine.order}h", 2 + len(body))
         yield _Raw(decode(content[at + 2 : link]).upper(), number, content[at:link] + linked + body)

@@ -137,17 +137,19 @@ def parse_head(content: bytes, name: str) -> Head:
         If this is no C3D file or its parameters are damaged.
     """
     if len(content) < 2 or content[1] != KEY or not content[0]:
-        raise UnreadableFile(f"{name}: expected a C3D file, its first bytes are others")
+        raise UnreadableFile("expected a C3D file, its first bytes are others", file=name)
     if len(content) < 2 * BLOCK:
         raise UnreadableFile(
-            f"{name}: a C3D file has at least {2 * BLOCK} bytes, this one ends after {len(content)}"
+            f"a C3D file has at least {2 * BLOCK} bytes, this one ends after {len(content)}",
+            file=name,
         )
     start = (content[0] - 1) * BLOCK
     processor = content[start + 3] if start + 4 <= len(content) else 0
     if processor not in (_INTEL, _DEC, _MIPS):
         raise UnreadableFile(
-            f"{name}: the parameters name no known processor (84, 85 or 86), got {processor}; "
-            "is the file damaged?"
+            f"the parameters name no known processor (84, 85 or 86), got {processor}; "
+            "is the file damaged?",
+            file=name,
         )
     machine = Machine(">" if processor == _MIPS else "<", dec=processor == _DEC)
     header = _parse_header(content[:BLOCK], machine)
@@ -155,7 +157,7 @@ def parse_head(content: bytes, name: str) -> Head:
     try:
         groups = _collect(_parse_records(content[:end], start + 4, machine))
     except (struct.error, IndexError, ValueError):
-        raise UnreadableFile(f"{name}: the parameters are damaged") from None
+        raise UnreadableFile("the parameters are damaged", file=name) from None
     return Head(machine, header, groups, end_block=content[0] + content[start + 2])
 
 

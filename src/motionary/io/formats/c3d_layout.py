@@ -56,10 +56,10 @@ def find_layout(file: BinaryIO, head: Head, name: str) -> tuple[Layout, list[str
     if len(head.numbers("TRIAL", "ACTUAL_START_FIELD")):
         first = head.count("TRIAL", "ACTUAL_START_FIELD", first)
     if not np.isfinite(scale) or scale == 0:
-        raise UnreadableFile(f"{name}: the header says no scale of the points")
+        raise UnreadableFile("the header says no scale of the points", file=name)
     stated = [Layout(*counts, scale, first, 0) for counts in _statements(head)]
     if not stated:
-        raise UnreadableFile(f"{name}: the header says no place of the frames")
+        raise UnreadableFile("the header says no place of the frames", file=name)
     usual = stated[0]
     fitting = list(_fitting(stated, head, size))
     chosen = _smoothest(file, head, fitting, usual) if fitting else None
@@ -69,9 +69,10 @@ def find_layout(file: BinaryIO, head: Head, name: str) -> tuple[Layout, list[str
     n_frames, notes = _count_frames(head, there, usual.frame)
     if not 0 < n_frames <= there:
         raise UnreadableFile(
-            f"{name}: promises {n_frames} frames, the file ends after {there} (by POINT:USED of "
+            f"promises {n_frames} frames, the file ends after {there} (by POINT:USED of "
             f"{usual.n_points} points and {usual.n_analog} analog values a frame); get the whole "
-            "file"
+            "file",
+            file=name,
         )
     return usual._replace(n_frames=n_frames), notes
 

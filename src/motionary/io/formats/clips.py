@@ -43,8 +43,8 @@ def cut_c3d(path: Path, first: int, last: int, take: str | int | None = None) ->
         head = parse_head(file.read(_LONGEST_HEAD), path.name)
         if head.count("ROTATION", "USED", 0):
             raise UnreadableFile(
-                f"{path.name}: holds rotations, which clips cannot be cut out of; convert it to "
-                ".npz first"
+                "holds rotations, which clips cannot be cut out of; convert it to .npz first",
+                file=path.name,
             )
         layout, _ = find_layout(file, head, path.name)
         check_frames(
@@ -80,7 +80,7 @@ def cut_npz(path: Path, first: int, last: int, take: str | int | None = None) ->
         key = source.turns[0] if source else None
     if key is None:
         raise UnreadableFile(
-            f"{path.name}: no clips can be cut out of it; convert it to a .npz of motionary first"
+            "no clips can be cut out of it; convert it to a .npz of motionary first", file=path.name
         )
     n_frames = len(arrays[key])
     number = int(arrays["first_frame"]) if own else 0

@@ -70,15 +70,15 @@ class FileContent:
 
     def __post_init__(self) -> None:
         if not len(self.positions):
-            raise UnreadableFile(f"{self.source}: holds no frames")
+            raise UnreadableFile("holds no frames", file=self.source)
         if not 0 < self.rate_hz <= _MOST_GIVEN_HZ:
             raise UnreadableFile(
-                f"{self.source}: says {self.rate_hz:g} frames a second; {RATE_HINT}"
+                f"says {self.rate_hz:g} frames a second; {RATE_HINT}", file=self.source
             )
         # Comparing with NaN is False: what is not seen is not too far away.
         far = self.rotations is None and (np.abs(self.positions) > FARTHEST).any()
         if far:
-            raise UnreadableFile(f"{self.source}: has impossibly large numbers")
+            raise UnreadableFile("has impossibly large numbers", file=self.source)
 
 
 def place_joints(
@@ -121,7 +121,9 @@ def place_joints(
     if not (positions.max() < FARTHEST and positions.min() > -FARTHEST):
         possible = np.abs(positions).max(axis=(1, 2)) < FARTHEST
         frame = 1 + int(np.flatnonzero(~possible)[0])
-        raise UnreadableFile(f"{source}: frame {frame} from the start has impossibly large numbers")
+        raise UnreadableFile(
+            f"frame {frame} from the start has impossibly large numbers", file=source
+        )
     return positions
 
 

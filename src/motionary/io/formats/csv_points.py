@@ -81,7 +81,7 @@ def read_csv(path: Path, options: ReadOptions) -> FileContent:
         gaps=("", *UNKNOWN_NUMBERS),
     )
     if not len(values):
-        raise UnreadableFile(f"{path.name}: holds no frames")
+        raise UnreadableFile("holds no frames", file=path.name)
     places = values[:, columns.places]
     places[(places == 0).all(axis=2) | np.isnan(places).any(axis=2)] = np.nan
     names = number_doubles(columns.names)
@@ -99,7 +99,7 @@ def read_csv(path: Path, options: ReadOptions) -> FileContent:
     else:
         rate = columns.rate_hz if options.rate_hz is None else options.rate_hz
         if not rate > 0:
-            raise InvalidInput(f"{path.name}: a table without times has no rate; {RATE_HINT}")
+            raise InvalidInput(f"a table without times has no rate; {RATE_HINT}", file=path.name)
     return FileContent(
         names=names,
         positions=places,
@@ -122,7 +122,7 @@ def _find_columns(head: Sequence[Sequence[str]], name: str) -> _Columns:
     for number, row in enumerate(cells):
         if any(row):
             return _of_plain(row, number, name)
-    raise UnreadableFile(f"{name}: holds no rows")
+    raise UnreadableFile("holds no rows", file=name)
 
 
 def _of_motive(cells: list[list[str]], number: int, name: str) -> _Columns:
@@ -134,8 +134,9 @@ def _of_motive(cells: list[list[str]], number: int, name: str) -> _Columns:
     kinds, names = rows.get("type"), rows.get("name")
     if what is None or kinds is None or names is None:
         raise UnreadableFile(
-            f"{name}: expected Motive's rows Type, Name and Position above Frame, Time; export "
-            "with header information"
+            "expected Motive's rows Type, Name and Position above Frame, Time; export "
+            "with header information",
+            file=name,
         )
     groups: dict[tuple[str, str], list[int]] = {}
     for i, title in enumerate(titles):
@@ -145,7 +146,7 @@ def _of_motive(cells: list[list[str]], number: int, name: str) -> _Columns:
     kind = next((kind for kind in _KINDS if kind in there), "")
     chosen = {n: p for (k, n), p in groups.items() if k == kind and len(p) == 3}
     if not chosen:
-        raise UnreadableFile(f"{name}: no positions of bones, rigid bodies or markers found")
+        raise UnreadableFile("no positions of bones, rigid bodies or markers found", file=name)
     rate = head.get("Export Frame Rate") or head.get("Capture Frame Rate") or ""
     return _Columns(
         [title.rpartition(":")[2] for title in chosen],
@@ -163,7 +164,7 @@ def _of_nexus(cells: list[list[str]], number: int, name: str) -> _Columns:
     titles, names = cells[number], cells[number - 1]
     starts = [i for i, title in enumerate(names) if title and 1 < i < len(titles) - 2]
     if not starts:
-        raise UnreadableFile(f"{name}: names no markers in the line before Frame, Sub Frame")
+        raise UnreadableFile("names no markers in the line before Frame, Sub Frame", file=name)
     units = cells[number + 1] if number + 1 < len(cells) else []
     rate = next((row[0] for row in cells[:number] if row and parse_number(row[0]) > 0), "")
     return _Columns(
@@ -186,8 +187,9 @@ def _of_plain(row: list[str], number: int, name: str) -> _Columns:
     points = {point: axes for point, axes in found.items() if len(axes) == 3}
     if not points:
         raise UnreadableFile(
-            f"{name}: expected a table of points with columns such as hip_x, hip_y, hip_z, got "
-            f"{', '.join(row)[:80]!r}; angles and labels are no places"
+            "expected a table of points with columns such as hip_x, hip_y, hip_z, got "
+            f"{', '.join(row)[:80]!r}; angles and labels are no places",
+            file=name,
         )
     lower = [title.lower() for title in row]
     time = next((i for i, title in enumerate(lower) if title in _TIMES), None)

@@ -66,8 +66,9 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
     open_regular(path).close()
     if importlib.util.find_spec("ufbx") is None:
         raise UnreadableFile(
-            f"{path.name}: FBX needs ufbx: pip install 'motionary[fbx]'; or convert the file with "
-            f"Blender: {blender_line(path)}"
+            "FBX needs ufbx: pip install 'motionary[fbx]'; or convert the file with "
+            f"Blender: {blender_line(path)}",
+            file=path.name,
         )
     arrays = _read_in_child(path, options.take)
     is_given = options.unit is not None or options.up is not None
@@ -93,15 +94,15 @@ def _read_in_child(path: Path, take: str | int | None) -> dict[str, Array]:
                 command, capture_output=True, timeout=_PATIENCE_S, check=False, cwd=folder, env=env
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise UnreadableFile(f"{path.name}: its reader did not finish: {error}") from error
+            raise UnreadableFile(f"its reader did not finish: {error}", file=path.name) from error
         if done.returncode < 0:
-            raise UnreadableFile(f"{path.name}: the reader of FBX crashed on it; is it damaged?")
+            raise UnreadableFile("the reader of FBX crashed on it; is it damaged?", file=path.name)
         if done.returncode or not target.is_file():
             lines = done.stderr.decode(errors="replace").strip().splitlines()
             reason = lines[-1] if lines else "its reader says nothing"
             if done.returncode == _NO_SUCH_TAKE:
-                raise InvalidInput(reason)
-            raise UnreadableFile(f"{path.name}: cannot be read as FBX: {reason}")
+                raise InvalidInput(reason, file=path.name)
+            raise UnreadableFile(f"cannot be read as FBX: {reason}", file=path.name)
         return dict(read_npz(target))
 
 
@@ -110,16 +111,16 @@ def _to_content(
 ) -> FileContent:
     names = tuple(number_doubles([str(name) for name in arrays["names"].tolist()]))
     if not names:
-        raise UnreadableFile(f"{source}: holds no bones")
+        raise UnreadableFile("holds no bones", file=source)
     turns = np.array(arrays["turns"], dtype=np.float64)
     finite = np.isfinite(turns).all() and (np.linalg.norm(turns, axis=-1) > 0.5).all()
     parents = arrays["parents"].astype(np.intp)
     if not finite:
-        raise UnreadableFile(f"{source}: its bones have impossible turns")
+        raise UnreadableFile("its bones have impossible turns", file=source)
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     positions = _place(arrays, parents, turns)
     if not (np.abs(positions) < _FARTHEST_M).all():
-        raise UnreadableFile(f"{source}: has impossibly large numbers")
+        raise UnreadableFile("has impossibly large numbers", file=source)
     skeleton = Skeleton(names, parents, rest_offsets(positions[0], turns[0], parents))
     return FileContent(
         names=names,
@@ -183,7 +184,7 @@ def main(arguments: list[str]) -> int:
         _kept.append(scene)
         arrays = _bake(scene, (*arguments[2:], None)[0], Path(source).name)
     except InvalidInput as error:
-        sys.stderr.write(f"{error}\n")
+        sys.stderr.write(f"{error.problem}\n")
         return _NO_SUCH_TAKE
     except Exception as error:
         # Whatever it is, the parent tells it as one line.

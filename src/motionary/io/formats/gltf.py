@@ -128,7 +128,7 @@ def _find_joints(
         wanted = _animated(document, animations, len(nodes))
         wanted |= {i for i, is_shown in enumerate(shown) if wanted and not is_shown}
     if not wanted:
-        raise NotAMotion(f"{document.name}: holds no motion; expected a skin or an animation")
+        raise NotAMotion("holds no motion; expected a skin or an animation", file=document.name)
     for node in order:
         if parents[node] in wanted and not shown[node]:
             wanted.add(node)

@@ -52,9 +52,9 @@ class Document:
             root = json.loads(text.decode("utf-8-sig"))
         except (ValueError, RecursionError) as error:
             reason = f"is no glTF, whose text is JSON: {explain_json(error)}"
-            raise UnreadableFile(f"{self.name}: {reason}") from None
+            raise UnreadableFile(reason, file=self.name) from None
         if not isinstance(root, dict) or not isinstance(root.get("asset"), dict):
-            raise NotAMotion(f"{self.name}: holds no glTF; expected an object with an asset")
+            raise NotAMotion("holds no glTF; expected an object with an asset", file=self.name)
         version = str(root["asset"].get("version", ""))
         if not version.startswith("2."):
             self.fail(f"is glTF {version[:20] or 'of no version'}, expected 2.0; export it again")
@@ -66,7 +66,7 @@ class Document:
 
     def fail(self, problem: str) -> NoReturn:
         """Raise `UnreadableFile` of this file."""
-        raise UnreadableFile(f"{self.name}: {problem}")
+        raise UnreadableFile(problem, file=self.name)
 
     def _unpack(self, content: bytes) -> bytes:
         """JSON of a GLB file; its binary chunk is kept."""
@@ -238,7 +238,6 @@ class Document:
         try:
             beside = read_bytes(place)
         except UnreadableFile as error:
-            reason = str(error).removeprefix(f"{place}: ")
-            self.fail(f"its buffer {name[:60]!r} {reason}; put the file beside it")
+            self.fail(f"its buffer {name[:60]!r} {error.problem}; put the file beside it")
         self.size += len(beside)
         return beside

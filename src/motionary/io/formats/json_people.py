@@ -55,12 +55,13 @@ def find_people(frames: Sequence[Any], source: str) -> dict[str, Person]:
             person.frames.setdefault(number, points)
             if len(people) > _MOST_PEOPLE:
                 raise UnreadableFile(
-                    f"{source}: holds more than {_MOST_PEOPLE} people; are their ids those of a "
-                    "frame? leave ids out, or save one file for each person"
+                    f"holds more than {_MOST_PEOPLE} people; are their ids those of a "
+                    "frame? leave ids out, or save one file for each person",
+                    file=source,
                 )
     if not people:
         raise NotAMotion(
-            f"{source}: holds no motion; none of {len(frames)} frames has points with x, y and z"
+            f"holds no motion; none of {len(frames)} frames has points with x, y and z", file=source
         )
     return people
 
@@ -139,7 +140,7 @@ def _place(point: Any, source: str) -> tuple[float, float, float]:
     if point is None:
         return (np.nan,) * 3
     if not isinstance(point, list) or not all(n is None or is_number(n) for n in point):
-        raise UnreadableFile(f"{source}: expected a point [x, y, z], got {str(point)[:60]}")
+        raise UnreadableFile(f"expected a point [x, y, z], got {str(point)[:60]}", file=source)
     if len(point) < 3:
         refuse_flat(source)
     x, y, z = (np.nan if number is None else number for number in point[:3])
@@ -158,7 +159,9 @@ def fill_positions(
         for key in points:
             columns.setdefault(key, len(columns))
     if 24 * n_frames * len(columns) > most_unpacked(size):
-        raise UnreadableFile(f"{source}: has {len(columns)} names of points in {n_frames} frames")
+        raise UnreadableFile(
+            f"has {len(columns)} names of points in {n_frames} frames", file=source
+        )
     positions = np.full((n_frames, len(columns), 3), np.nan)
     for number, points in person.frames.items():
         for key, point in points.items():
@@ -173,9 +176,10 @@ def fill_positions(
 def refuse_flat(source: str) -> NoReturn:
     """Say what to do about keypoints of an image."""
     raise NotAMotion(
-        f"{source}: holds keypoints of an image, in two dimensions, and features need places in "
+        "holds keypoints of an image, in two dimensions, and features need places in "
         "space; lift them (MotionBERT, VideoPose3D, MMPose), or take a tracker's 3-D output: "
-        "pose_world_landmarks of MediaPipe"
+        "pose_world_landmarks of MediaPipe",
+        file=source,
     )
 
 

@@ -86,7 +86,7 @@ def read_json(path: Path, options: ReadOptions) -> FileContent:
         person = loaded.people[takes[choose_take(takes, options.take, path.name)]]
         keys, positions = fill_positions(person, len(loaded.frames), loaded.size, path.name)
     except RecursionError as error:
-        raise UnreadableFile(f"{path.name}: {explain_json(error)}") from None
+        raise UnreadableFile(explain_json(error), file=path.name) from None
     refuse_image(positions, person.key, path.name)
     head = loaded.head
     names, mapping = head.names or None, None
@@ -130,14 +130,14 @@ def _load(path: Path) -> _Loaded:
         size = file.seek(0, 2)
     if size > _MOST_BYTES:
         raise UnreadableFile(
-            f"{path.name}: {size >> 20} MB of JSON are more than is read; save positions and "
-            "names as .npz"
+            f"{size >> 20} MB of JSON are more than is read; save positions and names as .npz",
+            file=path.name,
         )
     text = read_text(path)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"{path.name}: is no JSON: {explain_json(error)}") from None
+        raise UnreadableFile(f"is no JSON: {explain_json(error)}", file=path.name) from None
     frames, head = _find_frames(content, path.name), _Head(content)
     if _is_array(frames):
         return _Loaded([], head, {}, _split_numbers(frames, path.name), len(text))
@@ -199,8 +199,9 @@ def _find_frames(content: Any, source: str) -> list[Any]:
             # By number, or by the name of an image.
             return list(value.values())
     raise NotAMotion(
-        f"{source}: holds no motion; expected keypoints in three dimensions: "
-        '{"fps": 30, "frames": [{"joints": {"hip": [x, y, z]}}]}, or lists with "names"'
+        "holds no motion; expected keypoints in three dimensions: "
+        '{"fps": 30, "frames": [{"joints": {"hip": [x, y, z]}}]}, or lists with "names"',
+        file=source,
     )
 
 
@@ -218,8 +219,9 @@ def _split_numbers(frames: list[Any], source: str) -> Layout:
         array = np.array(frames, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise UnreadableFile(
-            f"{source}: frames differ in their number of points; give points names, or null to "
-            "those that were not seen"
+            "frames differ in their number of points; give points names, or null to "
+            "those that were not seen",
+            file=source,
         ) from None
     if array.shape[-1] == 2:
         refuse_flat(source)
@@ -261,7 +263,7 @@ def _time(
         times = (numbers - numbers[0]) / given
     if times is None or len(times) < 2:
         if given is None:
-            raise InvalidInput(f"{source}: says neither times nor a rate; {RATE_HINT}")
+            raise InvalidInput(f"says neither times nor a rate; {RATE_HINT}", file=source)
         return _Timed(positions, given, first, ())
     timed = time_frames(
         positions, times, options=options, source=source, stated_hz=stated_hz or np.nan

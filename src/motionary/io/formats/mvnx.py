@@ -107,8 +107,9 @@ def read_mvnx(path: Path, options: ReadOptions) -> FileContent:
     places = subject.table("position", 3 * n, path.name)
     if places is None or not n:
         raise NotAMotion(
-            f"{path.name}: holds no motion; expected frames with <position> of segments; export "
-            "MVNX with segment positions"
+            "holds no motion; expected frames with <position> of segments; export "
+            "MVNX with segment positions",
+            file=path.name,
         )
     turns = subject.table("orientation", 4 * n, path.name)
     positions = places.reshape(-1, n, 3)
@@ -147,7 +148,9 @@ def read_mvnx_sensors(path: Path, options: ReadOptions) -> Sensors:
     n = len(subject.sensors)
     turns = subject.table(names[0], 4 * n, path.name)
     if turns is None or not n:
-        raise UnreadableFile(f"{path.name}: holds no data of sensors; export MVNX with sensor data")
+        raise UnreadableFile(
+            "holds no data of sensors; export MVNX with sensor data", file=path.name
+        )
     free = subject.table(names[1], 3 * n, path.name)
     sensed = subject.table(names[2], 3 * n, path.name) if free is None else free
     orientations = turns.reshape(-1, n, 4)
@@ -174,7 +177,7 @@ def _choose(path: Path, wanted: tuple[str, ...], options: ReadOptions) -> _Subje
     wanted = () if options.take == EVERY else wanted
     subjects = [s for s in _Reader(path.name, wanted).read(path) if s.times_s]
     if not subjects:
-        raise NotAMotion(f"{path.name}: holds no frames of motion; expected an MVNX file")
+        raise NotAMotion("holds no frames of motion; expected an MVNX file", file=path.name)
     labels = number_doubles([subject.label or "subject" for subject in subjects])
     return subjects[choose_take(labels, options.take, path.name)]
 
@@ -202,14 +205,15 @@ class _Reader:
                     self.parser.Parse(piece)
                 self.parser.Parse(b"", True)
             except expat.ExpatError as error:
-                line = f"line {error.lineno}: {expat.ErrorString(error.code)}"
-                raise UnreadableFile(f"{self.name}, {line}; is the file whole?") from None
+                problem = f"{expat.ErrorString(error.code)}; is the file whole?"
+                place = f"line {error.lineno}"
+                raise UnreadableFile(problem, file=self.name, place=place) from None
             except LookupError as error:
-                raise UnreadableFile(f"{self.name}: {error}; save it as UTF-8") from None
+                raise UnreadableFile(f"{error}; save it as UTF-8", file=self.name) from None
         return self.subjects
 
     def fail(self, problem: str) -> NoReturn:
-        raise UnreadableFile(f"{self.name}, line {self.parser.CurrentLineNumber}: {problem}")
+        raise UnreadableFile(problem, file=self.name, place=f"line {self.parser.CurrentLineNumber}")
 
     def refuse_types(self, *_: object) -> None:
         self.fail("has a document type, as no MVNX file does; remove it")

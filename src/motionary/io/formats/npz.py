@@ -192,9 +192,9 @@ def _unreadable(path: Path, error: Exception) -> UnreadableFile:
     if isinstance(error, UnreadableFile):
         return error
     if isinstance(error, OSError) and error.strerror:
-        return UnreadableFile(f"{path}: cannot be read: {error.strerror}")
+        return UnreadableFile(f"cannot be read: {error.strerror}", file=path)
     reason = str(error).splitlines()[0][:100] if str(error) else type(error).__name__
-    return UnreadableFile(f"{path.name}: damaged, or no file of arrays: {reason}")
+    return UnreadableFile(f"damaged, or no file of arrays: {reason}", file=path.name)
 
 
 def is_own(arrays: Mapping[str, Array]) -> bool:
@@ -212,7 +212,7 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
     """
     try:
         if int(arrays["motionary_motion"]) > _FORMAT:
-            raise UnreadableFile(f"{source}: was written by a newer version; update motionary")
+            raise UnreadableFile("was written by a newer version; update motionary", file=source)
         names = tuple(str(name) for name in arrays["names"].tolist())
         # Of a file's own numbers, -0.0 and all, none is touched.
         positions = np.array(arrays["positions"], dtype=np.float64)
@@ -245,7 +245,7 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
     except UnreadableFile:
         raise
     except (KeyError, ValueError, TypeError, OverflowError) as error:
-        raise UnreadableFile(f"{source}: is no whole motion: {error}") from error
+        raise UnreadableFile(f"is no whole motion: {error}", file=source) from error
 
 
 def _mapping(arrays: Mapping[str, Array], names: tuple[str, ...]) -> JointMapping | None:

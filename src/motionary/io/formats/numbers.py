@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io.formats import words as numpy_words
 from motionary.io.formats.words import BLANK, MARGIN, NEWLINE, Bytes, Floats, Places, Words
 
@@ -99,15 +99,15 @@ def _read_lines(
         cells = content.split(separator)
         while len(cells) > width and not cells[-1].strip():
             cells.pop()
-        where = f"{source}, line {number}"
+        where = Where(file=source, place=f"line {number}")
         row = _to_row(cells, where, gaps)
         if len(row) > width or (len(row) < width and "" not in gaps):
-            raise UnreadableFile(f"{where}: a frame has {width} numbers, this one {len(row)}")
+            raise UnreadableFile(f"a frame has {width} numbers, this one {len(row)}", **where)
         rows.append(row + [math.nan] * (width - len(row)))
     return np.array(rows).reshape(-1, width)
 
 
-def _to_row(cells: list[str], where: str, gaps: Collection[str]) -> list[float]:
+def _to_row(cells: list[str], where: Where, gaps: Collection[str]) -> list[float]:
     try:
         # Most cells that are no numbers are empty.
         row = [float(cell) if cell else math.nan for cell in cells]
@@ -119,7 +119,7 @@ def _to_row(cells: list[str], where: str, gaps: Collection[str]) -> list[float]:
     return [to_number(cell, where, gaps=gaps) for cell in cells]
 
 
-def to_number(word: str, where: str, *, gaps: Collection[str] = ()) -> float:
+def to_number(word: str, where: Where, *, gaps: Collection[str] = ()) -> float:
     """The number that a word is.
 
     Raises
@@ -131,7 +131,7 @@ def to_number(word: str, where: str, *, gaps: Collection[str] = ()) -> float:
     if math.isnan(value) and word.strip().lower().lstrip("+-") not in gaps:
         comma = _DECIMAL_COMMA.fullmatch(word.strip())
         why = ", which has a decimal comma; export with decimal points" if comma else ""
-        raise UnreadableFile(f"{where}: expected a number, got {word[:40]!r}{why}")
+        raise UnreadableFile(f"expected a number, got {word[:40]!r}{why}", **where)
     return value
 
 
@@ -364,7 +364,8 @@ def check_frames(first: int, last: int, *, first_number: int, n_frames: int, nam
     last_number = first_number + n_frames - 1
     if not first_number <= first <= last <= last_number:
         raise InvalidInput(
-            f"{name}: has frames {first_number} to {last_number}, asked for are {first} to {last}"
+            f"has frames {first_number} to {last_number}, asked for are {first} to {last}",
+            file=name,
         )
 
 

@@ -56,7 +56,7 @@ def read_opensim(path: Path, options: ReadOptions) -> FileContent:
     if table.header.get("datatype", "double").lower() == "vec3":
         names = table.titles[1:]
         if not names:
-            raise UnreadableFile(f"{path.name}: has a column of times and no points")
+            raise UnreadableFile("has a column of times and no points", file=path.name)
         values = _read_rows(table, table.text.replace(",", " "), 1 + 3 * len(names), path.name)
         places = values[:, 1:].reshape(-1, len(names), 3)
     else:
@@ -65,7 +65,7 @@ def read_opensim(path: Path, options: ReadOptions) -> FileContent:
         places = values[:, columns]
     places[np.isnan(places).any(axis=2)] = np.nan
     if options.rate_hz is None and np.isnan(values[:, 0]).any():
-        raise UnreadableFile(f"{path.name}: its times give no frame rate; {RATE_HINT}")
+        raise UnreadableFile(f"its times give no frame rate; {RATE_HINT}", file=path.name)
     timed = time_frames(places, values[:, 0], options=options, source=path.name)
     return FileContent(
         names=number_doubles(names),
@@ -83,14 +83,16 @@ def _read_table(text: str, name: str) -> _Table:
     ends = (i for i, line in enumerate(lines[:_MOST_HEADER]) if line.strip().lower() == _END)
     end = next(ends, None)
     if end is None:
-        raise UnreadableFile(f"{name}: expected a table of OpenSim, found no line {_END!r}")
+        raise UnreadableFile(f"expected a table of OpenSim, found no line {_END!r}", file=name)
     for line in lines[:end]:
         key, _, value = line.partition("=")
         header[key.strip().lower()] = value.strip()
     start = next((i for i in range(end + 1, len(lines)) if lines[i].strip()), end)
     titles = lines[start].split()
     if titles[0].lower() != "time":
-        raise UnreadableFile(f"{name}, line {start + 1}: expected columns that begin with time")
+        raise UnreadableFile(
+            "expected columns that begin with time", file=name, place=f"line {start + 1}"
+        )
     return _Table(header, titles, "\n".join(lines[start + 1 :]), start + 2)
 
 
@@ -104,9 +106,10 @@ def _find_points(titles: list[str], name: str) -> tuple[list[str], NDArray[np.in
     ]
     if not names:
         raise UnreadableFile(
-            f"{name}: holds joint angles or other values ({', '.join(titles[1:4])}, ...), and no "
+            f"holds joint angles or other values ({', '.join(titles[1:4])}, ...), and no "
             "places of points: without the model nobody knows where joints are; export markers as "
-            ".trc, or run OpenSim's body kinematics and read its *_pos_global.sto"
+            ".trc, or run OpenSim's body kinematics and read its *_pos_global.sto",
+            file=name,
         )
     columns = [[index[f"{n}_{axis}"] for axis in "XYZ"] for n in names]
     return names, np.array(columns, dtype=np.intp)
@@ -119,7 +122,8 @@ def _read_rows(table: _Table, text: str, width: int, name: str) -> Floats:
     promised = table.header.get("nrows", "")
     if promised.isdecimal() and int(promised[:20]) > len(rows):
         raise UnreadableFile(
-            f"{name}: promises {promised[:20]} rows, the file ends after {len(rows)}; get the "
-            "whole file, or correct the number to read what is there"
+            f"promises {promised[:20]} rows, the file ends after {len(rows)}; get the "
+            "whole file, or correct the number to read what is there",
+            file=name,
         )
     return rows

@@ -51,12 +51,13 @@ def read_pickle(path: Path, options: ReadOptions) -> FileContent:
     key = next((key for key in _KEYPOINTS if key in content), None)
     if key is None and not is_aist and find_source(content) is None:
         raise NotAMotion(
-            f"{path.name}: holds no motion; "
+            "holds no motion; "
             "expected keypoints3d or smpl_poses and smpl_trans (AIST++) "
-            f"or turns and places of a body, got {', '.join(sorted(content))[:80] or 'no arrays'}"
+            f"or turns and places of a body, got {', '.join(sorted(content))[:80] or 'no arrays'}",
+            file=path.name,
         )
     if key is None and options.skeleton is not None:
-        raise InvalidInput(f"{path.name}: has an SMPL body; leave out skeleton=")
+        raise InvalidInput("has an SMPL body; leave out skeleton=", file=path.name)
     if key is None and not is_aist:
         rate = find_rate(content) if options.rate_hz is None else options.rate_hz
         return read_smpl_arrays(content, path.name, rate_hz=rate, options=options)
@@ -104,9 +105,9 @@ def _load(path: Path) -> dict[str, Any]:
         loaded = read_pickled(read_bytes(path))
     except PickleRefusedError as error:
         raise UnreadableFile(
-            f"{path.name}: pickle is damaged, or holds more than arrays of NumPy, which is not "
-            f"loaded: {error}"
+            f"pickle is damaged, or holds more than arrays of NumPy, which is not loaded: {error}",
+            file=path.name,
         ) from error
     if not isinstance(loaded, dict):
-        raise NotAMotion(f"{path.name}: holds no motion; expected a dict of arrays")
+        raise NotAMotion("holds no motion; expected a dict of arrays", file=path.name)
     return plain_dict(loaded)

@@ -131,10 +131,10 @@ def read_smpl_arrays(
         If there is no rate.
     """
     if rate_hz is None:
-        raise InvalidInput(f"{source}: holds no frame rate; {RATE_HINT}")
+        raise InvalidInput(f"holds no frame rate; {RATE_HINT}", file=source)
     found = find_source(arrays)
     if found is None:
-        raise UnreadableFile(f"{source}: expected poses and trans, got {', '.join(arrays)}")
+        raise UnreadableFile(f"expected poses and trans, got {', '.join(arrays)}", file=source)
     turns = [arrays[name] for name in found.turns]
     root = arrays[found.root[0]] if found.root else np.zeros((len(turns[0]), 3))
     pose = check_pose(turns, root, source)
@@ -170,21 +170,22 @@ def check_pose(parts: Sequence[Array], trans: Array, source: str) -> Pose:
     fits = all(part.ndim in (2, 3, 4) and len(part) == n_frames for part in parts)
     if not fits or not n_frames:
         raise UnreadableFile(
-            f"{source}: expected poses (frames, {3 * N_BODY} or more) and trans (frames, 3) of the "
-            f"same frames, got {shapes}"
+            f"expected poses (frames, {3 * N_BODY} or more) and trans (frames, 3) of the "
+            f"same frames, got {shapes}",
+            file=source,
         )
     if any(array.dtype.kind not in "fiu" for array in (*parts, trans)):
-        raise UnreadableFile(f"{source}: poses and trans must be numbers")
+        raise UnreadableFile("poses and trans must be numbers", file=source)
     sizes = {_numbers_per_joint(part) for part in parts}
     numbers = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
     numbers, root = numbers.astype(np.float64), trans.astype(np.float64)
     if numbers.shape[1] < 3 * N_BODY:
         raise UnreadableFile(
-            f"{source}: expected poses (frames, {3 * N_BODY} or more), got {shapes}"
+            f"expected poses (frames, {3 * N_BODY} or more), got {shapes}", file=source
         )
     # NaN compares as False.
     if not ((np.abs(numbers) < _MOST).all() and (np.abs(root) < _MOST).all()):
-        raise UnreadableFile(f"{source}: poses and trans must be finite, and of possible size")
+        raise UnreadableFile("poses and trans must be finite, and of possible size", file=source)
     turns = read_turns(numbers, sizes.pop() if len(sizes) == 1 else None, N_BODY, source)
     return Pose(turns.quaternions, root, turns.notes)
 
@@ -271,10 +272,10 @@ def read_body_model(path: str | Path, betas: Floats) -> Skeleton:
         joints = (model["J_regressor"] @ vertices)[:N_BODY].astype(np.float64)
     except (KeyError, ValueError, IndexError) as error:
         raise UnreadableFile(
-            f"{path.name}: is no body model; expected v_template, shapedirs and J_regressor"
+            "is no body model; expected v_template, shapedirs and J_regressor", file=path.name
         ) from error
     if joints.shape != (N_BODY, 3) or not np.isfinite(joints).all():
-        raise UnreadableFile(f"{path.name}: the body model gives no {N_BODY} joints")
+        raise UnreadableFile(f"the body model gives no {N_BODY} joints", file=path.name)
     skeleton = average_skeleton()
     offsets = skeleton.offsets.copy()
     for joint in range(N_BODY):

@@ -58,9 +58,10 @@ def read_turns(numbers: Floats, per_joint: int | None, n_joints: int, source: st
             return kind.read(wanted)
     shape = numbers.shape if per_joint is None else (len(numbers), "joints", per_joint)
     raise UnreadableFile(
-        f"{source}: turns of shape {shape} of {n_joints} joints or more are neither rotation "
+        f"turns of shape {shape} of {n_joints} joints or more are neither rotation "
         f"vectors (3 numbers a joint), nor matrices (9), two of their columns (6) or unit "
-        "quaternions (4)"
+        "quaternions (4)",
+        file=source,
     )
 
 

@@ -48,7 +48,7 @@ def choose_take(names: Sequence[str], take: str | int | None, source: str) -> in
         return int(take) - 1
     some = ", ".join(name[:30] for name in names[:8]) + (", ..." if len(names) > 8 else "")
     raise InvalidInput(
-        f"{source}: has no take {str(take)[:40]!r}; it has {some} ({len(names)} in all)"
+        f"has no take {str(take)[:40]!r}; it has {some} ({len(names)} in all)", file=source
     )
 
 

@@ -90,7 +90,7 @@ def _agree(
     if not 0 < stated_hz < MOST_RATE_HZ:
         if not 0 < timed < MOST_RATE_HZ:
             raise UnreadableFile(
-                f"{source}: says no rate, and its times give no frame rate; {RATE_HINT}"
+                f"says no rate, and its times give no frame rate; {RATE_HINT}", file=source
             )
         whole = float(round(timed))
         return (whole if abs(whole / timed - 1) < _SAME_RATE else round(timed, 6)), ()
@@ -98,8 +98,9 @@ def _agree(
         return stated_hz, ()
     if abs(timed / stated_hz - 1) > _OTHER_RATE:
         raise InvalidInput(
-            f"{source}: says {stated_hz:g} frames per second, its times {timed:.4g}; pass the "
-            "right one with --rate (rate_hz=...)"
+            f"says {stated_hz:g} frames per second, its times {timed:.4g}; pass the "
+            "right one with --rate (rate_hz=...)",
+            file=source,
         )
     note = (
         f"the header says {stated_hz:g} frames per second, the times {timed:.5g}: the times count"
@@ -124,9 +125,10 @@ def _refuse_backward(times: Floats, source: str) -> None:
     if len(back):
         i = int(back[0])
         raise UnreadableFile(
-            f"{source}: time runs backward after frame {i + 1} of the table, from {times[i]:g} to "
+            f"time runs backward after frame {i + 1} of the table, from {times[i]:g} to "
             f"{times[i + 1]:g} s; put its frames in order, or pass --rate (rate_hz=...) to read "
-            "them as they stand"
+            "them as they stand",
+            file=source,
         )
 
 
@@ -160,14 +162,15 @@ def _say_unevenness(times: Floats, rate: float) -> str:
 def _resample(positions: Floats, times: Floats, rate: float, source: str) -> Floats:
     """Positions at even times; NaN where no frame is near on both sides."""
     if np.isnan(times).any():
-        raise UnreadableFile(f"{source}: some frames have no time, so they cannot be put evenly")
+        raise UnreadableFile("some frames have no time, so they cannot be put evenly", file=source)
     steps, kept = np.unique((times - times[0]) * rate, return_index=True)
     _refuse_backward(times, source)
     n_frames = int(np.floor(steps[-1] + 0.5)) + 1
     if n_frames > _MOST_FILLED * len(times):
         raise UnreadableFile(
-            f"{source}: its times reach over {steps[-1] / rate:g} s, {n_frames} frames of which "
-            f"{len(times)} are there; correct the times"
+            f"its times reach over {steps[-1] / rate:g} s, {n_frames} frames of which "
+            f"{len(times)} are there; correct the times",
+            file=source,
         )
     if len(steps) < 2:
         return positions[kept]

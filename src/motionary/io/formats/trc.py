@@ -82,7 +82,7 @@ def read_trc(path: Path, options: ReadOptions) -> FileContent:
         if name and not name.rpartition(":")[2].startswith("*")
     ]
     if not kept:
-        raise UnreadableFile(f"{path.name}: no marker has a name")
+        raise UnreadableFile("no marker has a name", file=path.name)
     names = number_doubles([head.names[i] for i in kept])
     places = table[:, _COLUMNS_BEFORE:].reshape(len(table), -1, 3)[:, kept]
     places[(places == 0).all(axis=2) | np.isnan(places).any(axis=2)] = np.nan
@@ -116,7 +116,7 @@ def read_trc(path: Path, options: ReadOptions) -> FileContent:
 def _read_head(text: str, name: str) -> _Head:
     lines = text.split("\n", 8)
     if len(lines) < 5 or not lines[0].strip().startswith(_TITLE):
-        raise UnreadableFile(f"{name}: expected a TRC file, which begins with {_TITLE}")
+        raise UnreadableFile(f"expected a TRC file, which begins with {_TITLE}", file=name)
     separator = next((mark for mark in "\t," if mark in lines[3]), None)
     keys, cells = lines[1].split(separator), lines[2].split(separator)
     if len(keys) < 2:
@@ -124,7 +124,9 @@ def _read_head(text: str, name: str) -> _Head:
     values = {k.strip(): c.strip() for k, c in zip(keys, cells, strict=False)}
     titles = [cell.strip() for cell in lines[3].split(separator)]
     if len(titles) < 3 or not titles[0].lower().startswith("frame"):
-        raise UnreadableFile(f"{name}, line 4: expected Frame#, Time and names of markers")
+        raise UnreadableFile(
+            "expected Frame#, Time and names of markers", file=name, place="line 4"
+        )
     # Some programs leave out the line that numbers the columns.
     begins = 4 if math.isfinite(parse_number(lines[4].split(separator)[0] or "-")) else 5
     counted = sum(bool(_SUB_HEADER.fullmatch(c.strip())) for c in lines[4].split(separator))
@@ -137,7 +139,7 @@ def _read_head(text: str, name: str) -> _Head:
         n_points = max(n_points, most // 3 if most % 3 == 0 else 0)
     names = _name_points(titles[_COLUMNS_BEFORE:], n_points)
     if not any(names):
-        raise UnreadableFile(f"{name}, line 4: names no markers")
+        raise UnreadableFile("names no markers", file=name, place="line 4")
     return _Head(values, names, separator, begins)
 
 
@@ -183,12 +185,13 @@ def _read_table(text: str, head: _Head, name: str) -> tuple[Floats, list[str]]:
         gaps=UNKNOWN_NUMBERS if head.separator is None else ("", *UNKNOWN_NUMBERS),
     )
     if not len(table):
-        raise UnreadableFile(f"{name}: holds no frames")
+        raise UnreadableFile("holds no frames", file=name)
     promised = head.values.get("NumFrames", "")
     if promised.isdecimal() and int(promised[:20]) > len(table):
         raise UnreadableFile(
-            f"{name}: promises {promised[:20]} frames, the file ends after {len(table)}; "
-            "get the whole file, or correct the number to read what is there"
+            f"promises {promised[:20]} frames, the file ends after {len(table)}; "
+            "get the whole file, or correct the number to read what is there",
+            file=name,
         )
     return table, notes
 
@@ -198,7 +201,7 @@ def cut_trc(lines: list[str], first: int, last: int, name: str) -> list[str]:
     head = _read_head("".join(lines), name)
     frames = [line for line in lines[head.line :] if line.strip()]
     if not frames:
-        raise UnreadableFile(f"{name}: holds no frames")
+        raise UnreadableFile("holds no frames", file=name)
     number = parse_number(frames[0].split(head.separator)[0] or "-")
     first_number = int(number) if math.isfinite(number) and abs(number) < 1e15 else 0
     check_frames(first, last, first_number=first_number, n_frames=len(frames), name=name)

@@ -146,7 +146,7 @@ def read_labels(
     """
     form = _find(check_path(path))
     if in_frames and form.read not in (_TABLES, _WORKBOOKS):
-        raise InvalidInput(f"{path}: times of {form.title} are no frames; tables may have them")
+        raise InvalidInput(f"times of {form.title} are no frames; tables may have them", file=path)
     try:
         if form.read not in (_TABLES, _WORKBOOKS):
             return _read(form, Path(path), rate_hz)
@@ -155,11 +155,11 @@ def read_labels(
         frames = FrameTimes(rate_hz=rate_hz, in_frames=in_frames, recordings=recordings or {})
         return _read(form, Path(path), rate_hz, frames=frames)
     except InvalidInput as error:
-        raise UnreadableFile(f"{Path(path).name}: {error}") from error
+        raise UnreadableFile(str(error), file=Path(path).name) from error
     except (ValueError, OverflowError, LookupError, TypeError, AttributeError) as error:
         # What another program wrote is of other kinds than its layout says.
         raise UnreadableFile(
-            f"{Path(path).name}: is damaged, or no {form.title}: {str(error)[:100]}"
+            f"is damaged, or no {form.title}: {str(error)[:100]}", file=Path(path).name
         ) from error
 
 
@@ -228,8 +228,9 @@ def write_labels(
         return
     if recording is None:
         raise InvalidInput(
-            f"{path}: {form.title} needs the recording that is labelled; say recording=... "
-            "(--recordings PATH)"
+            f"{form.title} needs the recording that is labelled; say recording=... "
+            "(--recordings PATH)",
+            file=path,
         )
     _load(form.write)(tracks, Path(path), recording=Path(recording))
 
@@ -300,7 +301,7 @@ def _find(path: str | Path) -> LabelFormat:
     found = [form for form in FORMATS if suffix in form.suffixes]
     if not found:
         known = ", ".join(sorted({s for form in FORMATS for s in form.suffixes if s}))
-        raise UnreadableFile(f"{path}: labels are not read from {suffix}; known are {known}")
+        raise UnreadableFile(f"labels are not read from {suffix}; known are {known}", file=path)
     return found[0]
 
 

@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from motionary.errors import UnreadableFile
+from motionary.errors import UnreadableFile, Where
 from motionary.io import text
 from motionary.io.formats.numbers import parse_number
 from motionary.io.labels.lanes import (
@@ -66,8 +66,9 @@ def read_boris(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTr
     header = _find_header(cells)
     if header is None:
         raise UnreadableFile(
-            f"{path.name}: expected a table of BORIS with the columns Behavior, Subject and "
-            "Start (s), Stop (s) or Time"
+            "expected a table of BORIS with the columns Behavior, Subject and "
+            "Start (s), Stop (s) or Time",
+            file=path.name,
         )
     # Older versions say above the table which observation it is.
     above = {row[0]: row[1] for row in cells[:header] if len(row) > 1}
@@ -76,7 +77,7 @@ def read_boris(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTr
         if any(line):
             row = dict(zip(cells[header], line, strict=False))
             row.setdefault("Observation id", above.get("Observation id") or stem_of(path))
-            rows.append((f"{path.name}, row {number}", row))
+            rows.append((Where(file=path.name, place=f"row {number}"), row))
     is_aggregated = "Start (s)" in cells[header]
     found = _read_aggregated(rows) if is_aggregated else _pair_events(rows)
     subjects = {subject for _, _, subject, *_ in found}
@@ -113,10 +114,10 @@ def _find_header(cells: list[list[str]]) -> int | None:
     return None
 
 
-Found = list[tuple[str, Row, str, float, float]]
+Found = list[tuple[Where, Row, str, float, float]]
 
 
-def _read_aggregated(rows: Iterable[tuple[str, Row]]) -> Found:
+def _read_aggregated(rows: Iterable[tuple[Where, Row]]) -> Found:
     found = []
     for where, row in rows:
         start = _seconds(row, "Start (s)", where)
@@ -126,10 +127,10 @@ def _read_aggregated(rows: Iterable[tuple[str, Row]]) -> Found:
     return found
 
 
-def _pair_events(rows: Iterable[tuple[str, Row]]) -> Found:
+def _pair_events(rows: Iterable[tuple[Where, Row]]) -> Found:
     """Each start with the next stop of its subject and behaviour."""
     found: Found = []
-    running: dict[tuple[str, ...], tuple[str, Row, float]] = {}
+    running: dict[tuple[str, ...], tuple[Where, Row, float]] = {}
     for where, row in rows:
         kind = (row.get("Behavior type") or row.get("Status") or _POINT).upper()
         time = _seconds(row, "Time", where)
@@ -144,14 +145,16 @@ def _pair_events(rows: Iterable[tuple[str, Row]]) -> Found:
             found.append((where, row, subject, time, time))
         else:
             raise UnreadableFile(
-                f"{where}: {row['Behavior'][:40]!r} of {subject or _NOBODY!r} "
+                f"{row['Behavior'][:40]!r} of {subject or _NOBODY!r} "
                 f"{'starts twice' if kind == _START else 'stops and never started'}; correct it "
-                "in BORIS (Observations, Check state events)"
+                "in BORIS (Observations, Check state events)",
+                **where,
             )
     for where, row, _ in running.values():
         raise UnreadableFile(
-            f"{where}: {row['Behavior'][:40]!r} starts and never stops; correct it in BORIS "
-            "(Observations, Fix unpaired events)"
+            f"{row['Behavior'][:40]!r} starts and never stops; correct it in BORIS "
+            "(Observations, Fix unpaired events)",
+            **where,
         )
     return found
 
@@ -165,11 +168,11 @@ def _says(row: Row, column: str) -> bool:
     return row.get(column, "").lower() not in ("", "na", "nan")
 
 
-def _seconds(row: Row, column: str, where: str) -> float:
+def _seconds(row: Row, column: str, where: Where) -> float:
     cell = row.get(column, "")
     value = parse_number(cell.replace(",", "."))
     if math.isnan(value):
-        raise UnreadableFile(f"{where}: {column} must be a number of seconds, got {cell[:40]!r}")
+        raise UnreadableFile(f"{column} must be a number of seconds, got {cell[:40]!r}", **where)
     return value
 
 

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 
-from motionary.errors import UnreadableFile
+from motionary.errors import UnreadableFile, Where
 from motionary.files import write_atomically
 from motionary.io.formats.numbers import parse_number
 from motionary.io.labels.lanes import (
@@ -54,13 +54,14 @@ def parse_xml(text: str, name: str) -> ET.Element:
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise UnreadableFile(
-            f"{name}: has a document type (<!DOCTYPE ...>), which files of labels do not need and "
-            "which may define entities without end; remove it if you know where it comes from"
+            "has a document type (<!DOCTYPE ...>), which files of labels do not need and "
+            "which may define entities without end; remove it if you know where it comes from",
+            file=name,
         )
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
-        raise UnreadableFile(f"{name}: broken XML: {error}") from error
+        raise UnreadableFile(f"broken XML: {error}", file=name) from error
 
 
 def read_elan(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
@@ -68,7 +69,7 @@ def read_elan(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
     root = parse_xml(read_text(path), path.name)
     if root.tag != "ANNOTATION_DOCUMENT":
         raise UnreadableFile(
-            f"{path.name}: expected a file of ELAN (ANNOTATION_DOCUMENT), got <{root.tag[:40]}>"
+            f"expected a file of ELAN (ANNOTATION_DOCUMENT), got <{root.tag[:40]}>", file=path.name
         )
     recording = _read_recording(root, path)
     times = {
@@ -78,13 +79,14 @@ def read_elan(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
     labels, unassessed = [], []
     for tier in root.iter("TIER"):
         name = tier.get("TIER_ID", "")
-        for text, segment in _read_annotations(tier, times, f"{path.name}, tier {name[:40]!r}"):
+        where = Where(file=path.name, place=f"tier {name[:40]!r}")
+        for text, segment in _read_annotations(tier, times, where):
             if name == UNASSESSED:
                 unassessed.append((recording.name, segment))
                 continue
             track = track_of_lane(name, names)
-            where = f"{path.name}, tier {name[:40]!r}, {segment.start_s:.3f} s"
-            label = make_label(text or name, *segment, where=where, track=track)
+            at = Where(file=path.name, place=f"tier {name[:40]!r}, {segment.start_s:.3f} s")
+            label = make_label(text or name, *segment, where=at, track=track)
             labels.append((recording.name, label))
     return build_tracks(labels, unassessed, {recording.name: recording})
 
@@ -104,14 +106,14 @@ def _read_recording(root: ET.Element, path: Path) -> Recording:
 
 
 def _read_annotations(
-    tier: ET.Element, times: Mapping[str, str | None], where: str
+    tier: ET.Element, times: Mapping[str, str | None], where: Where
 ) -> Iterator[tuple[str, Segment]]:
     pairs = []
     for annotation in tier.iter("ALIGNABLE_ANNOTATION"):
         slots = [annotation.get(f"TIME_SLOT_REF{i}", "") for i in (1, 2)]
         lost = [slot for slot in slots if slot not in times]
         if lost:
-            raise UnreadableFile(f"{where}: time slot {lost[0][:40]!r} is nowhere in the file")
+            raise UnreadableFile(f"time slot {lost[0][:40]!r} is nowhere in the file", **where)
         value = annotation.find("ANNOTATION_VALUE")
         pairs.append((slots, "" if value is None else (value.text or "").strip()))
     at = _fill_times([slot for slots, _ in pairs for slot in slots], times, where)
@@ -119,7 +121,9 @@ def _read_annotations(
         yield text, Segment(at[start], at[end])
 
 
-def _fill_times(slots: list[str], times: Mapping[str, str | None], where: str) -> dict[str, float]:
+def _fill_times(
+    slots: list[str], times: Mapping[str, str | None], where: Where
+) -> dict[str, float]:
     """Seconds of slots; of those without a time, between their neighbours."""
     slots = list(dict.fromkeys(slots))
     at: dict[str, float] = {}
@@ -130,7 +134,7 @@ def _fill_times(slots: list[str], times: Mapping[str, str | None], where: str) -
             open_slots.append(slot)
             continue
         if not text.strip().isdecimal():
-            raise UnreadableFile(f"{where}: times are whole milliseconds, got {text[:40]!r}")
+            raise UnreadableFile(f"times are whole milliseconds, got {text[:40]!r}", **where)
         end = int(text) / 1000
         start = list(at.values())[-1] if at else end
         for i, between in enumerate(open_slots, start=1):

@@ -14,7 +14,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile, Where
 from motionary.files import read_bytes, write_atomically
 from motionary.io.labels.lanes import (
     UNASSESSED,
@@ -90,7 +90,7 @@ def pair_moments(moments: Iterable[tuple[float, str]]) -> list[tuple[str, Segmen
 
 
 def _build(
-    recording: Recording, pairs: Iterable[tuple[str, Segment]], where: str
+    recording: Recording, pairs: Iterable[tuple[str, Segment]], where: Where
 ) -> dict[str, LabelTrack]:
     labels, unassessed = [], []
     for text, segment in pairs:
@@ -113,7 +113,7 @@ def read_c3d_events(path: Path, *, rate_hz: float | None = None) -> dict[str, La
     motion = read(path)
     sides = {"left": "Left ", "right": "Right "}
     moments = [(e.time_s, sides.get(e.side, "") + e.name) for e in motion.events]
-    return _build(motion.recording, pair_moments(moments), path.name)
+    return _build(motion.recording, pair_moments(moments), Where(file=path.name))
 
 
 def write_c3d_events(
@@ -126,11 +126,12 @@ def write_c3d_events(
     track = only_one(list(tracks), path)
     if format_suffix(recording) != ".c3d":
         raise InvalidInput(
-            f"{recording.name}: events are written into a copy of a C3D file; make one first: "
-            "motionary convert RECORDING -o RECORDING.c3d"
+            "events are written into a copy of a C3D file; make one first: "
+            "motionary convert RECORDING -o RECORDING.c3d",
+            file=recording.name,
         )
     if path.exists() and path.samefile(recording):
-        raise UnwritableFile(f"{path}: is the recording itself; write to another file")
+        raise UnwritableFile("is the recording itself; write to another file", file=path)
     motion = read(recording)
     before_s = (motion.first_frame - 1) / motion.rate_hz
     events = [(moment.text, moment.time_s + before_s) for moment in list_moments(track)]
@@ -149,7 +150,7 @@ def read_markers(content: Mapping[str, Any], path: Path) -> dict[str, LabelTrack
     """Labels of markers as the add-on writes them."""
     rate = float(content["rate_hz"])
     if not 0 < rate < float("inf"):
-        raise UnreadableFile(f"{path.name}: rate_hz must be frames per second, got {rate}")
+        raise UnreadableFile(f"rate_hz must be frames per second, got {rate}", file=path.name)
     recording = Recording(
         str(content.get("recording") or path.stem),
         rate_hz=rate,
@@ -162,7 +163,7 @@ def read_markers(content: Mapping[str, Any], path: Path) -> dict[str, LabelTrack
     for text, (start, end) in pair_moments((float(frame - 1), text) for frame, text in markers):
         is_pair = end > start or _is_pair(text, start, markers)
         pairs.append((text, Segment(start / rate, (end + is_pair) / rate)))
-    return _build(recording, pairs, path.name)
+    return _build(recording, pairs, Where(file=path.name))
 
 
 def _is_pair(text: str, start: float, markers: Sequence[tuple[int, str]]) -> bool:
@@ -207,7 +208,7 @@ def _place_bvh(source: Path, target: Path) -> None:
     if target.exists() and target.samefile(source):
         return
     if target.exists():
-        raise UnwritableFile(f"{target}: exists; write to another folder")
+        raise UnwritableFile("exists; write to another folder", file=target)
     if format_suffix(source) == ".bvh":
         read_bytes(source)
         with write_atomically(target) as beside:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io.labels.events import is_markers, read_markers
 from motionary.io.labels.lanes import (
     TRACK,
@@ -36,7 +36,7 @@ Item = Mapping[str, Any]
 
 def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
     """Labels of Label Studio, BABEL or Blender, as the file is; see `read_labels`."""
-    content = _parse(read_text(path), path.name)
+    content = _parse(read_text(path), Where(file=path.name))
     try:
         if isinstance(content, dict) and any(
             isinstance(x, dict) and "babel_sid" in x for x in content.values()
@@ -49,20 +49,21 @@ def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
             return _read_tasks(tasks, path, rate_hz)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise UnreadableFile(
-            f"{path.name}: not as Label Studio or BABEL write it: {type(error).__name__}: "
-            f"{str(error)[:80]}"
+            f"not as Label Studio or BABEL write it: {type(error).__name__}: {str(error)[:80]}",
+            file=path.name,
         ) from error
     raise UnreadableFile(
-        f"{path.name}: expected tasks of Label Studio (annotations, predictions), sequences of "
-        "BABEL (babel_sid) or markers of Blender, got other JSON"
+        "expected tasks of Label Studio (annotations, predictions), sequences of "
+        "BABEL (babel_sid) or markers of Blender, got other JSON",
+        file=path.name,
     )
 
 
-def _parse(text: str, where: str) -> Any:
+def _parse(text: str, where: Where) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"{where}: broken JSON: {explain_json(error)}") from error
+        raise UnreadableFile(f"broken JSON: {explain_json(error)}", **where) from error
 
 
 # -- lines --------------------------------------------------------------------------------
@@ -74,7 +75,7 @@ def read_lines(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTr
     for number, line in enumerate(read_text(path).split("\n"), start=1):
         if not line.strip():
             continue
-        where = f"{path.name}, line {number}"
+        where = Where(file=path.name, place=f"line {number}")
         row = _parse(line, where)
         try:
             name = str(row["recording"])
@@ -86,8 +87,9 @@ def read_lines(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTr
             ]
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UnreadableFile(
-                f'{where}: expected {{"recording": ..., "rate_hz": ..., "labels": [{{"label", '
-                f'"start_s", "end_s"}}]}}: {type(error).__name__}: {str(error)[:80]}'
+                'expected {"recording": ..., "rate_hz": ..., "labels": [{"label", '
+                f'"start_s", "end_s"}}]}}: {type(error).__name__}: {str(error)[:80]}',
+                **where,
             ) from error
     return build_tracks(labels, unassessed, recordings)
 
@@ -165,7 +167,7 @@ def _read_tasks(tasks: Sequence[Item], path: Path, rate_hz: float | None) -> dic
     for number, task in enumerate(tasks, start=1):
         data = task.get("data") or {}
         name = _task_name(task, path)
-        where = f"{path.name}, task {task.get('id', number)}"
+        where = Where(file=path.name, place=f"task {task.get('id', number)}")
         recording = _recording(name, data)
         recordings[name] = recording
         rate = recording.rate_hz or rate_hz
@@ -190,7 +192,7 @@ def _task_name(task: Item, path: Path) -> str:
 
 
 def _read_results(
-    results: Sequence[Item], rate_hz: float | None, where: str
+    results: Sequence[Item], rate_hz: float | None, where: Where
 ) -> Iterator[tuple[str, str, Segment]]:
     for result in results:
         kind, value = result.get("type"), result.get("value", {})
@@ -203,7 +205,7 @@ def _read_results(
             spans = [Segment(_number(value["start"]), _number(value["end"]))]
         elif rate_hz is None:
             raise UnreadableFile(
-                f"{where}: labels of videos are in frames; say the rate (rate_hz=..., --rate HZ)"
+                "labels of videos are in frames; say the rate (rate_hz=..., --rate HZ)", **where
             )
         else:
             spans = [
@@ -233,8 +235,9 @@ def write_video(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False
         rate = track.rate_hz
         if rate is None:
             raise InvalidInput(
-                f"{path.name}: labels of videos are in frames, and the rate of "
-                f"{track.recording.name} is unknown; give the recordings, or the rate (--rate HZ)"
+                "labels of videos are in frames, and the rate of "
+                f"{track.recording.name} is unknown; give the recordings, or the rate (--rate HZ)",
+                file=path.name,
             )
         start = round(label.start_s * rate) + 1
         return {"ranges": [{"start": start, "end": max(round(label.end_s * rate), start)}]}

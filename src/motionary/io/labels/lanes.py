@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording, Segment
 
@@ -115,9 +115,10 @@ def only_one(tracks: Sequence[LabelTrack], path: Path) -> LabelTrack:
         names = [track.recording.name for track in tracks]
         some = ", ".join([*names[:3], *["..."][: len(names) > 3]])
         raise InvalidInput(
-            f"{path.name}: holds one recording, got {len(tracks)} ({some}); "
+            f"holds one recording, got {len(tracks)} ({some}); "
             "write a file of each into a folder: motionary labels convert LABELS -o FOLDER --to "
-            f"{path.suffix or 'FORMAT'}"
+            f"{path.suffix or 'FORMAT'}",
+            file=path.name,
         )
     return tracks[0] if tracks else LabelTrack(Recording(path.stem))
 
@@ -151,7 +152,7 @@ def build_tracks(
     }
 
 
-def make_label(name: str, start_s: float, end_s: float, *, where: str, track: str = "") -> Label:
+def make_label(name: str, start_s: float, end_s: float, *, where: Where, track: str = "") -> Label:
     """A label as a file says it.
 
     Raises
@@ -162,7 +163,7 @@ def make_label(name: str, start_s: float, end_s: float, *, where: str, track: st
     try:
         return Label(name, start_s, end_s, extra=with_track(track))
     except InvalidInput as error:
-        raise UnreadableFile(f"{where}: {error}") from error
+        raise UnreadableFile(str(error), **where) from error
 
 
 def put_on_frames(track: LabelTrack, rate_hz: float, resolution_s: float) -> LabelTrack:

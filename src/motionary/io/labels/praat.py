@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from motionary.errors import UnreadableFile
+from motionary.errors import UnreadableFile, Where
 from motionary.io.formats.numbers import parse_number
 from motionary.io.labels.lanes import (
     PLAIN,
@@ -48,7 +48,7 @@ def read_text_grid(path: Path, *, rate_hz: float | None = None) -> dict[str, Lab
                 unassessed.append((name, Segment(start, end)))
                 continue
             track = track_of_lane(tier.name, names)
-            where = f"{path.name}, tier {tier.name[:40]!r}"
+            where = Where(file=path.name, place=f"tier {tier.name[:40]!r}")
             labels.append((name, make_label(text, start, end, where=where, track=track)))
     return build_tracks(labels, unassessed, {name: Recording(name)})
 
@@ -98,7 +98,7 @@ class _Tokens:
     def _wrong(self, wanted: str, got: str) -> UnreadableFile:
         before, got = (" ".join(text.split())[:40] for text in (self._before, got))
         return UnreadableFile(
-            f"{self.name}: no TextGrid: expected {wanted} after {before}, got {got}"
+            f"no TextGrid: expected {wanted} after {before}, got {got}", file=self.name
         )
 
 
@@ -106,9 +106,10 @@ def _read_tiers(tokens: _Tokens) -> Iterator[_Tier]:
     kind, what = tokens.string(), tokens.string()
     if kind != "ooTextFile" or what != "TextGrid":
         raise UnreadableFile(
-            f"{tokens.name}: expected a TextGrid of Praat (ooTextFile, TextGrid), got "
+            "expected a TextGrid of Praat (ooTextFile, TextGrid), got "
             f"{kind[:40]}, {what[:40]}; "
-            "save it in Praat as text file"
+            "save it in Praat as text file",
+            file=tokens.name,
         )
     tokens.number(), tokens.number()
     if tokens.flag() != "<exists>":

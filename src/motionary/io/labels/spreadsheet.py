@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import InvalidInput, MotionaryError, UnreadableFile
+from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, Where
 from motionary.files import open_regular, write_atomically
 from motionary.io.labels.table import FrameTimes, check_columns, collect_rows, list_rows
 from motionary.io.text import Cell
@@ -43,14 +43,14 @@ def read_spreadsheet(
             _check_parts(zipfile.ZipFile(file), path.name)
             book = openpyxl.load_workbook(file, data_only=True, read_only=True)
             if not book.worksheets:
-                raise UnreadableFile(f"{path.name}: has no sheet with cells")
+                raise UnreadableFile("has no sheet with cells", file=path.name)
             rows = list(_rows(book.worksheets[0], path.name))
         except MotionaryError:
             raise
         except Exception as error:
             # What openpyxl raises on damaged parts is of many kinds.
             raise UnreadableFile(
-                f"{path.name}: no workbook of Excel (.xlsx), or a damaged one: {str(error)[:80]}"
+                f"no workbook of Excel (.xlsx), or a damaged one: {str(error)[:80]}", file=path.name
             ) from error
     return collect_rows(rows, frames or FrameTimes(rate_hz=rate_hz))
 
@@ -59,22 +59,25 @@ def _check_parts(archive: zipfile.ZipFile, name: str) -> None:
     """Refuse what unpacks to more than a table, or defines entities."""
     if sum(part.file_size for part in archive.infolist()) > _MOST_BYTES:
         raise UnreadableFile(
-            f"{name}: unpacks to more than {_MOST_BYTES >> 20} MB; save the table of labels alone"
+            f"unpacks to more than {_MOST_BYTES >> 20} MB; save the table of labels alone",
+            file=name,
         )
     for part in archive.infolist():
         with archive.open(part) as file:
             if b"<!DOCTYPE" in file.read(_LOOKED_AT):
-                raise UnreadableFile(f"{name}: {part.filename} has a document type; save it anew")
+                raise UnreadableFile(
+                    f"{part.filename} has a document type; save it anew", file=name
+                )
 
 
-def _rows(sheet: Any, name: str) -> Iterator[tuple[str, dict[str, str]]]:
+def _rows(sheet: Any, name: str) -> Iterator[tuple[Where, dict[str, str]]]:
     columns: list[str] = []
     # A sheet may say that it is larger than its rows; without this all its cells are made.
     sheet.reset_dimensions()
     for number, values in enumerate(sheet.iter_rows(values_only=True), start=1):
-        where = f"{name}, row {number}"
+        where = Where(file=name, place=f"row {number}")
         if number > _MOST_ROWS:
-            raise UnreadableFile(f"{where}: Excel has {_MOST_ROWS} rows at most; save it anew")
+            raise UnreadableFile(f"Excel has {_MOST_ROWS} rows at most; save it anew", **where)
         cells = [_to_text(value) for value in values]
         if not any(cells):
             continue
@@ -85,7 +88,7 @@ def _rows(sheet: Any, name: str) -> Iterator[tuple[str, dict[str, str]]]:
             continue
         yield where, dict(itertools.zip_longest(columns, cells[: len(columns)], fillvalue=""))
     if not columns:
-        raise UnreadableFile(f"{name}: the first sheet is empty; expected a table of labels")
+        raise UnreadableFile("the first sheet is empty; expected a table of labels", file=name)
 
 
 def _to_text(value: Any) -> str:

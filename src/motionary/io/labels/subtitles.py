@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io.formats.numbers import parse_number
 from motionary.io.labels.lanes import (
     UNASSESSED,
@@ -42,14 +42,15 @@ def read_subtitles(path: Path, *, rate_hz: float | None = None) -> dict[str, Lab
     notes: dict[str, str] = {}
     labels, unassessed = [], []
     for number, block in enumerate(re.split(r"\n[ \t]*\n", text.strip("\n")), start=1):
+        where = Where(file=path.name, place=f"block {number}")
         lines = block.strip("\n").split("\n")
         note = _NOTE.fullmatch(lines[0]) if is_vtt else None
         if note and note[1] == UNASSESSED:
-            unassessed.append(_segment(note[2], f"{path.name}, block {number}"))
+            unassessed.append(_segment(note[2], where))
         elif note:
             notes[note[1]] = _unescape(note[2])
         elif not (is_vtt and (number == 1 or re.match(r"NOTE|STYLE|REGION", lines[0]))):
-            labels += _read_cue(lines, f"{path.name}, block {number}", is_vtt=is_vtt)
+            labels += _read_cue(lines, where, is_vtt=is_vtt)
     if not is_vtt:
         unassessed = [Segment(x.start_s, x.end_s) for x in labels if x.name == _UNSEEN]
         labels = [label for label in labels if label.name != _UNSEEN]
@@ -60,13 +61,13 @@ def read_subtitles(path: Path, *, rate_hz: float | None = None) -> dict[str, Lab
     )
 
 
-def _read_cue(lines: list[str], where: str, *, is_vtt: bool) -> list[Label]:
+def _read_cue(lines: list[str], where: Where, *, is_vtt: bool) -> list[Label]:
     if not any(lines):
         return []
     at = next((i for i, line in enumerate(lines[:2]) if "-->" in line), None)
     if at is None:
         raise UnreadableFile(
-            f"{where}: expected times as 00:00:01,500 --> 00:00:02,000, got {lines[0][:40]!r}"
+            f"expected times as 00:00:01,500 --> 00:00:02,000, got {lines[0][:40]!r}", **where
         )
     segment = _segment(lines[at], where)
     text = " ".join(lines[at + 1 :]).strip()
@@ -76,11 +77,11 @@ def _read_cue(lines: list[str], where: str, *, is_vtt: bool) -> list[Label]:
     return [make_label(name, *segment, where=where, track=track)] if name else []
 
 
-def _segment(text: str, where: str) -> Segment:
+def _segment(text: str, where: Where) -> Segment:
     parts = _TIMES.fullmatch(text.strip())
     if parts is None:
         raise UnreadableFile(
-            f"{where}: expected times as 00:00:01,500 --> 00:00:02,000, got {text[:60]!r}"
+            f"expected times as 00:00:01,500 --> 00:00:02,000, got {text[:60]!r}", **where
         )
     return Segment(_seconds(parts[1]), _seconds(parts[2]))
 
@@ -171,7 +172,7 @@ def read_audacity(path: Path, *, rate_hz: float | None = None) -> dict[str, Labe
     name = stem_of(path)
     labels, unassessed = [], []
     for number, line in enumerate(read_text(path).split("\n"), start=1):
-        where = f"{path.name}, line {number}"
+        where = Where(file=path.name, place=f"line {number}")
         # A second line says the frequencies that a label spans.
         if not line.strip() or line.startswith("\\"):
             continue
@@ -179,7 +180,7 @@ def read_audacity(path: Path, *, rate_hz: float | None = None) -> dict[str, Labe
         times = [parse_number(parts[i]) if parts else float("nan") for i in (1, 2)]
         if parts is None or any(time != time for time in times):
             raise UnreadableFile(
-                f"{where}: expected start, end and label with tabs between them, got {line[:60]!r}"
+                f"expected start, end and label with tabs between them, got {line[:60]!r}", **where
             )
         if parts[3] == _UNSEEN:
             unassessed.append((name, Segment(*times)))

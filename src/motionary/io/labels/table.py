@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io import text
 from motionary.io.finding import match_recording
 from motionary.io.formats.numbers import parse_number
@@ -58,7 +58,7 @@ class FrameTimes:
     # Tables have a row a label, and matching looks through all names.
     _matched: dict[str, str | None] = field(default_factory=dict, init=False, repr=False)
 
-    def to_seconds(self, frame: float, name: str, where: str, *, is_end: bool) -> float:
+    def to_seconds(self, frame: float, name: str, where: Where, *, is_end: bool) -> float:
         """Seconds at which a frame of a recording begins or, the last one of a label, ends."""
         if name not in self._matched:
             self._matched[name] = match_recording(name, self.recordings)
@@ -69,11 +69,12 @@ class FrameTimes:
             rate_hz, first = recording.rate_hz or rate_hz, recording.first_frame
         if not rate_hz:
             raise UnreadableFile(
-                f"{where}: says frames and no times; expected columns start_s, end_s, or a rate "
-                "(--rate HZ, rate_hz=...), from which times follow"
+                "says frames and no times; expected columns start_s, end_s, or a rate "
+                "(--rate HZ, rate_hz=...), from which times follow",
+                **where,
             )
         if frame < first:
-            raise UnreadableFile(f"{where}: frame {frame:g} comes before the first one, {first}")
+            raise UnreadableFile(f"frame {frame:g} comes before the first one, {first}", **where)
         return (frame - first + is_end) / rate_hz
 
 
@@ -94,14 +95,14 @@ def read_any(
 
 
 def collect_rows(
-    rows: Iterable[tuple[str, dict[str, str]]], frames: FrameTimes
+    rows: Iterable[tuple[Where, dict[str, str]]], frames: FrameTimes
 ) -> dict[str, LabelTrack]:
     """Tracks of rows by column, each with its place for errors."""
     labels: list[tuple[str, Label]] = []
     unassessed: list[tuple[str, Segment]] = []
     for where, row in rows:
         if not row["recording"]:
-            raise UnreadableFile(f"{where}: the recording is empty")
+            raise UnreadableFile("the recording is empty", **where)
         if row.pop(UNASSESSED, "").lower() not in _NO:
             times = (_time(row, column, where, frames) for column in _TIMES)
             unassessed.append((row["recording"], Segment(*times)))
@@ -155,7 +156,7 @@ def _cell(label: Label, column: str) -> Cell:
     return int(value) if column.endswith("_frame") else float(value)
 
 
-def _rows(content: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
+def _rows(content: str, name: str) -> Iterator[tuple[Where, dict[str, str]]]:
     """Rows by column, each with its place for errors."""
     lines = content.split("\n")
     skipped = 1 if lines[0].lower().startswith("sep=") else 0
@@ -173,7 +174,7 @@ def _rows(content: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
     columns: list[str] = []
     try:
         for cells in reader:
-            where = f"{name}, line {reader.line_num + skipped}"
+            where = Where(file=name, place=f"line {reader.line_num + skipped}")
             cells = [cell.strip() for cell in cells]
             if not any(cells):
                 continue
@@ -184,28 +185,28 @@ def _rows(content: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
                 cells.pop()
             if len(cells) != len(columns):
                 raise UnreadableFile(
-                    f"{where}: {len(cells)} cells, but the table has {len(columns)} columns"
+                    f"{len(cells)} cells, but the table has {len(columns)} columns", **where
                 )
             yield where, _to_row(columns, cells, where, comma=separator != ",")
     except csv.Error as error:
-        where = f"{name}, line {reader.line_num + skipped}"
-        raise UnreadableFile(f"{where}: not a table: {error}") from error
+        where = Where(file=name, place=f"line {reader.line_num + skipped}")
+        raise UnreadableFile(f"not a table: {error}", **where) from error
     if not columns:
-        raise UnreadableFile(f"{name}: empty; expected a table with {', '.join(REQUIRED)}")
+        raise UnreadableFile(f"empty; expected a table with {', '.join(REQUIRED)}", file=name)
 
 
-def _to_row(columns: list[str], cells: list[str], where: str, *, comma: bool) -> dict[str, str]:
+def _to_row(columns: list[str], cells: list[str], where: Where, *, comma: bool) -> dict[str, str]:
     """Cells by column; numbers with a decimal point."""
     row = {}
     for column, cell in zip(columns, cells, strict=True):
         if column:
             row[column] = _with_point(cell) if comma and column in _NUMBERS else cell
         elif cell:
-            raise UnreadableFile(f"{where}: {cell[:40]!r} stands in a column without a name")
+            raise UnreadableFile(f"{cell[:40]!r} stands in a column without a name", **where)
     return row
 
 
-def check_columns(cells: list[str], where: str) -> list[str]:
+def check_columns(cells: list[str], where: Where) -> list[str]:
     """Names of columns, in small letters where they are this table's own.
 
     Raises
@@ -222,12 +223,13 @@ def check_columns(cells: list[str], where: str) -> list[str]:
     ]
     if missing:
         raise UnreadableFile(
-            f"{where}: column {', '.join(missing)} is missing; "
-            f"expected {', '.join(REQUIRED)}, got {', '.join(cells)[:80]}"
+            f"column {', '.join(missing)} is missing; "
+            f"expected {', '.join(REQUIRED)}, got {', '.join(cells)[:80]}",
+            **where,
         )
     twice = sorted({column for column in columns if column and columns.count(column) > 1})
     if twice:
-        raise UnreadableFile(f"{where}: column {', '.join(twice)} occurs twice")
+        raise UnreadableFile(f"column {', '.join(twice)} occurs twice", **where)
     return columns
 
 
@@ -236,7 +238,7 @@ def _with_point(cell: str) -> str:
     return cell if all(math.isnan(parse_number(part)) for part in changed.split(":")) else changed
 
 
-def _to_label(row: dict[str, str], where: str, frames: FrameTimes) -> Label:
+def _to_label(row: dict[str, str], where: Where, frames: FrameTimes) -> Label:
     known = _number(row, "known", where)
     own = {*REQUIRED, *OPTIONAL, *_MILLISECONDS}
     whole = frames.in_frames and "start_s" in row
@@ -256,10 +258,10 @@ def _to_label(row: dict[str, str], where: str, frames: FrameTimes) -> Label:
             extra={k: v for k, v in row.items() if k not in own},
         )
     except InvalidInput as error:
-        raise UnreadableFile(f"{where}: {error}") from error
+        raise UnreadableFile(str(error), **where) from error
 
 
-def _time(row: dict[str, str], column: str, where: str, frames: FrameTimes) -> float:
+def _time(row: dict[str, str], column: str, where: Where, frames: FrameTimes) -> float:
     """Seconds of a row's start or end, whichever way it is written."""
     place = next(other for other in _TIMES[column] if other in row)
     cell = row[place]
@@ -267,12 +269,12 @@ def _time(row: dict[str, str], column: str, where: str, frames: FrameTimes) -> f
         parts = [parse_number(part) for part in cell.split(":")]
         if len(parts) > 3 or any(math.isnan(part) or part < 0 for part in parts):
             raise UnreadableFile(
-                f"{where}: {column} must be a time, as 1:02:03.5, got {cell[:40]!r}"
+                f"{column} must be a time, as 1:02:03.5, got {cell[:40]!r}", **where
             )
         return sum(part * 60.0**i for i, part in enumerate(reversed(parts)))
     value = _number(row, place, where)
     if value is None:
-        raise UnreadableFile(f"{where}: {place} is empty" + (f" ({cell[:40]!r})" if cell else ""))
+        raise UnreadableFile(f"{place} is empty" + (f" ({cell[:40]!r})" if cell else ""), **where)
     if place in _MILLISECONDS:
         return value / 1000
     if place == column and not frames.in_frames:
@@ -281,20 +283,20 @@ def _time(row: dict[str, str], column: str, where: str, frames: FrameTimes) -> f
     return frames.to_seconds(value, row["recording"], where, is_end=column == "end_s")
 
 
-def _number(row: dict[str, str], column: str, where: str) -> float | None:
+def _number(row: dict[str, str], column: str, where: Where) -> float | None:
     cell = row.get(column, "")
     if cell.lower() in _NOTHING:
         return None
     value = parse_number(cell)
     if math.isnan(value):
-        raise UnreadableFile(f"{where}: {column} must be a number, got {cell[:40]!r}")
+        raise UnreadableFile(f"{column} must be a number, got {cell[:40]!r}", **where)
     return value
 
 
-def _whole(row: dict[str, str], column: str, where: str) -> int | None:
+def _whole(row: dict[str, str], column: str, where: Where) -> int | None:
     value = _number(row, column, where)
     if value is None:
         return None
     if value != round(value):
-        raise UnreadableFile(f"{where}: {column} must be a whole number, got {value}")
+        raise UnreadableFile(f"{column} must be a whole number, got {value}", **where)
     return int(value)

@@ -80,7 +80,7 @@ def normalise_sides(motion: Motion, sides: str | None) -> Motion:
         note = "left and right as named; the body does not tell"
         return replace(motion, notes=(*motion.notes, note))
     if verdict.wrong:
-        raise InvalidInput(f"{motion.source or 'motion'}: {verdict.wrong}")
+        raise InvalidInput(verdict.wrong, file=motion.source or "motion")
     return motion
 
 

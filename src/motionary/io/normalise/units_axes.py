@@ -159,18 +159,20 @@ def _find_unit(
         metres = metres_per_unit(unit)
         if not insists(unit) and length is not None and is_absurd(length, metres):
             raise InvalidInput(
-                f"{source}: unit {unit} as given makes {length.said(metres)}; "
+                f"unit {unit} as given makes {length.said(metres)}; "
                 f"{_by_body(length, metres)}; say which with --unit (unit=...), and if "
-                f"the body is so large, as a number: {metres:g}"
+                f"the body is so large, as a number: {metres:g}",
+                file=source,
             )
         return metres, f"unit {str(unit).removesuffix(axes.INSISTS)}, as given"
     if metadata.unit is not None:
         metres = METRES[metadata.unit]
         if length is not None and is_absurd(length, metres):
             raise InvalidInput(
-                f"{source}: says that it is in {metadata.unit}, which makes {length.said(metres)}; "
+                f"says that it is in {metadata.unit}, which makes {length.said(metres)}; "
                 f"{_by_body(length, metres)}; say which with --unit (unit=...), and if the body is "
-                f"so large, as a number: {metres:g}"
+                f"so large, as a number: {metres:g}",
+                file=source,
             )
         return metres, f"unit {metadata.unit}, as the file says"
     if length is None:
@@ -198,8 +200,9 @@ def _find_axis(
         other = None if stance is None else stance.refutes(axis)
         if other is not None and not up.strip().endswith(axes.INSISTS):
             raise InvalidInput(
-                f"{motion.source}: {axis} points up as given, but its head is above its feet "
-                f"along {other}; say which with --up {other} or, to insist, --up '{axis}!' (up=...)"
+                f"{axis} points up as given, but its head is above its feet along "
+                f"{other}; say which with --up {other} or, to insist, --up '{axis}!' (up=...)",
+                file=motion.source,
             )
         return _Decision(axis, f"{axis} up, as given")
     usual = metadata.up or metadata.usual_up
@@ -219,8 +222,9 @@ def _find_untold_axis(
     source = motion.source
     if metadata.up is not None and seen not in (None, metadata.up) and not is_still:
         raise InvalidInput(
-            f"{source}: says that {metadata.up} points up, but its head is above its "
-            f"feet along {seen}; say which with --up {metadata.up} or --up {seen} (up=...)"
+            f"says that {metadata.up} points up, but its head is above its "
+            f"feet along {seen}; say which with --up {metadata.up} or --up {seen} (up=...)",
+            file=source,
         )
     if metadata.up is not None:
         stated = "as the file says"
@@ -235,8 +239,9 @@ def _find_untold_axis(
         return _Decision(usual, note, is_doubtful=True)
     if _rest_axis(motion) not in (None, seen):
         raise InvalidInput(
-            f"{source}: its body stands along {seen}, or lies still where {usual} points up; "
-            f"say which with --up {seen} or --up {usual} (up=...)"
+            f"its body stands along {seen}, or lies still where {usual} points up; "
+            f"say which with --up {seen} or --up {usual} (up=...)",
+            file=source,
         )
     return _Decision(str(seen), f"{seen} up, by the body, which stands or lies still")
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, MotionaryError, UnreadableFile
+from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, Where
 from motionary.files import open_regular
 from motionary.io.formats.mvnx import read_mvnx_sensors
 from motionary.io.formats.numbers import read_table, to_number
@@ -48,7 +48,7 @@ def read_sensors(
     """
     place = Path(source)
     if not place.exists():
-        raise UnreadableFile(f"{place}: no such file or folder")
+        raise UnreadableFile("no such file or folder", file=place)
     mapping = read_toml(Path(columns)) if isinstance(columns, str | Path) else columns
     if place.is_file():
         return read_sensor_file(place, columns=mapping)
@@ -63,7 +63,8 @@ def read_sensors(
     if not found:
         said = f": {problems[0]}" if problems else ""
         raise UnreadableFile(
-            f"{place.name}: no recordings of sensors ({', '.join(SENSOR_FORMATS)}) were read{said}"
+            f"no recordings of sensors ({', '.join(SENSOR_FORMATS)}) were read{said}",
+            file=place.name,
         )
     single = _without_copies(found)
     notes = tuple(f"not read: {problem}" for problem in problems)
@@ -83,12 +84,12 @@ def read_sensor_file(
     reader = SENSOR_FORMATS.get(path.suffix.lower())
     if reader is None:
         raise UnreadableFile(
-            f"{path.name}: recordings of sensors are {', '.join(SENSOR_FORMATS)} files"
+            f"recordings of sensors are {', '.join(SENSOR_FORMATS)} files", file=path.name
         )
     try:
         sensors = reader(path, columns)
     except InvalidInput as error:
-        raise UnreadableFile(f"{path.name}: {error}") from error
+        raise UnreadableFile(str(error), file=path.name) from error
     return [normalise_sensor(sensor) for sensor in sensors]
 
 
@@ -118,14 +119,15 @@ def _read_text_file(path: Path, columns: Mapping[str, Any] | None) -> list[Senso
         text, len(titles), source=path.name, line=start + 2, separator=separator, gaps=("",)
     )
     if len(rows) < 2:
-        raise UnreadableFile(f"{path.name}: has no rows of numbers")
+        raise UnreadableFile("has no rows of numbers", file=path.name)
     if columns is not None:
         return [_by_columns(path, titles, rows, columns)]
     if {"PacketCounter", "Quat_q0"} <= set(titles) or {"PacketCounter", "Gyr_X"} <= set(titles):
         return [_xsens(path, head, titles, rows)]
     raise UnreadableFile(
-        f"{path.name}: has columns {', '.join(titles[:6])}, ... of no known layout; name them in a "
-        "TOML file (columns=, --columns): gyr = [...], acc = [...], rate_hz = 100"
+        f"has columns {', '.join(titles[:6])}, ... of no known layout; name them in a "
+        "TOML file (columns=, --columns): gyr = [...], acc = [...], rate_hz = 100",
+        file=path.name,
     )
 
 
@@ -143,9 +145,8 @@ def _xsens(path: Path, head: Sequence[str], titles: Sequence[str], rows: Floats)
     rate, notes = None, []
     for line in head:
         if "Update Rate" in line:
-            rate = to_number(
-                line.partition(":")[2].strip().rstrip("HhzZ").strip(), f"{path.name}, Update Rate"
-            )
+            value = line.partition(":")[2].strip().rstrip("HhzZ").strip()
+            rate = to_number(value, Where(file=path.name, place="Update Rate"))
     counter = rows[:, titles.index("PacketCounter")]
     filled, missing = fill_packets(counter, rows)
     fine = _pick(titles, filled, ["SampleTimeFine"])
@@ -232,7 +233,9 @@ def _read_sto(path: Path, columns: Mapping[str, Any] | None) -> list[SensorRecor
     lines = read_text(path).splitlines()
     end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None or len(lines) < end + 4:
-        raise UnreadableFile(f"{path.name}: an STO of orientations needs a line endheader and rows")
+        raise UnreadableFile(
+            "an STO of orientations needs a line endheader and rows", file=path.name
+        )
     head = {
         key.strip().lower(): value.strip()
         for key, sign, value in (line.partition("=") for line in lines[:end])
@@ -240,8 +243,9 @@ def _read_sto(path: Path, columns: Mapping[str, Any] | None) -> list[SensorRecor
     }
     if head.get("datatype", "").lower() != "quaternion":
         raise UnreadableFile(
-            f"{path.name}: an STO of orientations says DataType=Quaternion, this one "
-            f"{head.get('datatype') or 'nothing'}"
+            "an STO of orientations says DataType=Quaternion, this one "
+            f"{head.get('datatype') or 'nothing'}",
+            file=path.name,
         )
     names = [title.removesuffix("_imu") for title in lines[end + 1].split("\t")[1:]]
     text = "\n".join(lines[end + 2 :]).replace(",", " ")
@@ -282,11 +286,11 @@ def _read_hdf5(path: Path, columns: Mapping[str, Any] | None) -> list[SensorReco
         import h5py
     except ImportError as error:
         raise UnreadableFile(
-            f"{path.name}: HDF5 needs h5py: pip install 'motionary[imu]'"
+            "HDF5 needs h5py: pip install 'motionary[imu]'", file=path.name
         ) from error
     with open_regular(path) as content:
         if content.read(4) != b"\x89HDF":
-            raise UnreadableFile(f"{path.name}: is no HDF5 file")
+            raise UnreadableFile("is no HDF5 file", file=path.name)
     try:
         with h5py.File(path, "r") as file:
             if "imu_gyr" in file:
@@ -295,8 +299,8 @@ def _read_hdf5(path: Path, columns: Mapping[str, Any] | None) -> list[SensorReco
                 return [_apdm(file, str(key)) for key in sorted(file["Sensors"])]
             held = ", ".join(map(str, list(file)[:6]))
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-        raise UnreadableFile(f"{path.name}: is no readable HDF5 of sensors: {error}") from error
-    raise UnreadableFile(f"{path.name}: holds {held}; sensors of APDM or BROAD were expected")
+        raise UnreadableFile(f"is no readable HDF5 of sensors: {error}", file=path.name) from error
+    raise UnreadableFile(f"holds {held}; sensors of APDM or BROAD were expected", file=path.name)
 
 
 def _broad(path: Path, file: Any) -> SensorRecording:

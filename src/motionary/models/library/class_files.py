@@ -235,16 +235,21 @@ def _read_prototype(
     place = ("templates", number)
     keys = (f"values_{number}", f"weights_{number}")
     if any(key not in arrays for key in keys):
-        raise UnreadableFile(f"{path}: {format_place(place)} has no values in the .npz beside it")
+        raise UnreadableFile(
+            f"{format_place(place)} has no values in the .npz beside it", file=path
+        )
     values, weights = (arrays[key] for key in keys)
     shape = (entry["columns"], len(feature_set))
     if values.shape != shape:
         raise UnreadableFile(
-            f"{path}: {format_place(place)} needs values of shape {shape} (columns, features), the "
-            f".npz beside it has {values.shape}{format_line(path, (*place, 'columns'))}"
+            f"{format_place(place)} needs values of shape {shape} (columns, features), the "
+            f".npz beside it has {values.shape}{format_line(path, (*place, 'columns'))}",
+            file=path,
         )
     if values.dtype.kind not in "fiu" or weights.dtype.kind not in "fiu":
-        raise UnreadableFile(f"{path}: {format_place(place)} needs numbers in the .npz beside it")
+        raise UnreadableFile(
+            f"{format_place(place)} needs numbers in the .npz beside it", file=path
+        )
     try:
         template = MotionTemplate(
             values, weights, feature_set.ids, feature_set.name, entry["provenance"],
@@ -330,7 +335,7 @@ def _read_values(path: Path, name: str) -> Arrays:
             raise ValueError(f"{odd} is no array")
         return arrays
     except _BROKEN_ARCHIVE as error:
-        raise UnreadableFile(f"{path}: values {name} cannot be read ({error})") from error
+        raise UnreadableFile(f"values {name} cannot be read ({error})", file=path) from error
 
 
 # -- names of files -----------------------------------------------------------------------

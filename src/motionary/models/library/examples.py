@@ -112,8 +112,9 @@ def list_examples(folder: Path, *, split: bool = True) -> list[tuple[str, str, P
     if not folder.is_dir():
         why = "is no folder" if folder.exists() else "no such folder"
         raise UnreadableFile(
-            f"{folder}: {why}; give a folder with one folder per class, or a table of labels with "
-            "the recordings that they are of"
+            f"{why}; give a folder with one folder per class, or a table of labels with "
+            "the recordings that they are of",
+            file=folder,
         )
     files = []
     for path in sorted(folder.rglob("*")):
@@ -125,8 +126,9 @@ def list_examples(folder: Path, *, split: bool = True) -> list[tuple[str, str, P
             files += [(parts[0], "/".join(parts[1:-1]) or parts[0], p) for p in takes.values()]
     if not files:
         raise UnreadableFile(
-            f"{folder}: no examples found; expected one folder per class with files of the "
-            f"kinds {', '.join(MOTION_SUFFIXES)}, such as {folder.name}/squat/one.bvh"
+            "no examples found; expected one folder per class with files of the "
+            f"kinds {', '.join(MOTION_SUFFIXES)}, such as {folder.name}/squat/one.bvh",
+            file=folder,
         )
     return files
 

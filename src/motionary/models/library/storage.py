@@ -188,13 +188,13 @@ def _check_name(feature_set: FeatureSet) -> None:
 
 def _check_target(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
-        raise UnwritableFile(f"{folder}: is a file; a library needs a folder")
+        raise UnwritableFile("is a file; a library needs a folder", file=folder)
     if not (folder / INDEX).exists() and holds_others(folder, INDEX):
-        raise UnwritableFile(f"{folder}: holds files but no library; give a new or empty folder")
+        raise UnwritableFile("holds files but no library; give a new or empty folder", file=folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UnwritableFile(f"{folder}: cannot be made ({error.strerror})") from error
+        raise UnwritableFile(f"cannot be made ({error.strerror})", file=folder) from error
 
 
 def _read_stems(folder: Path, feature_set: FeatureSet) -> dict[str, str]:
@@ -297,12 +297,13 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
     folder = check_path(folder, remedy="give the name of a folder")
     path = folder / INDEX
     if not path.is_file():
-        raise UnreadableFile(f"{folder}: no library there ({INDEX} is missing)")
+        raise UnreadableFile(f"no library there ({INDEX} is missing)", file=folder)
     index = read_toml(path, _INDEX_KEYS)
     if not 1 <= index["version"] <= VERSION:
         raise UnreadableFile(
-            f"{path}: written by a newer motionary (version {index['version']}, "
-            f"this one reads up to {VERSION}){format_line(path, ('version',))}; update motionary"
+            f"written by a newer motionary (version {index['version']}, "
+            f"this one reads up to {VERSION}){format_line(path, ('version',))}; update motionary",
+            file=path,
         )
     feature_set = _find_feature_set(path, index, feature_sets)
     training = _read_training(path, index)
@@ -321,7 +322,7 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
             tuple(classes), feature_set, index["provenance"], index["licence"], training, scoring
         )
     except InvalidInput as error:
-        raise UnreadableFile(f"{folder}: {error}") from error
+        raise UnreadableFile(str(error), file=folder) from error
 
 
 def _read_training(path: Path, index: dict[str, Any]) -> TrainingOptions | None:
@@ -376,4 +377,4 @@ def _read_features(path: Path, name: str, rows: Any) -> FeatureSet:
     try:
         return set_from_rows(name, rows)
     except InvalidInput as error:
-        raise UnreadableFile(f"{path}: relations: {error}") from error
+        raise UnreadableFile(f"relations: {error}", file=path) from error

@@ -41,12 +41,13 @@ def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
         content = tomllib.loads(read_bytes(path).decode("utf-8"))
     except UnicodeDecodeError as error:
         raise UnreadableFile(
-            f"{path}: cannot be read: expected UTF-8, got other bytes from byte {error.start}; "
-            "save it as UTF-8"
+            f"cannot be read: expected UTF-8, got other bytes from byte {error.start}; "
+            "save it as UTF-8",
+            file=path,
         ) from error
     # Not TOMLDecodeError alone: numbers may have more digits than Python takes.
     except ValueError as error:
-        raise UnreadableFile(f"{path}: is not valid TOML: {error}") from error
+        raise UnreadableFile(f"is not valid TOML: {error}", file=path) from error
     check_keys(path, content, keys)
     return content
 
@@ -72,14 +73,14 @@ def check_keys(path: Path, content: Any, keys: Keys, *, place: Place = ()) -> No
 
 def refuse(path: Path, place: Place, problem: str) -> UnreadableFile:
     """The error of a value: file, key, what is wrong with it, and line."""
-    return UnreadableFile(f"{path}: {format_place(place)} {problem}{format_line(path, place)}")
+    return UnreadableFile(f"{format_place(place)} {problem}{format_line(path, place)}", file=path)
 
 
 def refuse_value(path: Path, place: Place, error: InvalidInput) -> UnreadableFile:
     """The error of a file in which a class or a template finds a wrong value."""
     where = f"{format_place(place)}: " if place else ""
     line = format_line(path, (*place, error.key)) if error.key else ""
-    return UnreadableFile(f"{path}: {where}{error}{line}")
+    return UnreadableFile(f"{where}{error}{line}", file=path)
 
 
 def format_line(path: Path, place: Place) -> str:
@@ -126,7 +127,7 @@ def write_document(path: Path, document: "TOMLDocument") -> None:
     try:
         content = tomlkit.dumps(document).encode()
     except UnicodeEncodeError as error:
-        raise UnwritableFile(f"{path}: a name in it is no valid text ({error})") from error
+        raise UnwritableFile(f"a name in it is no valid text ({error})", file=path) from error
     with write_atomically(path) as beside:
         beside.write_bytes(content)
 
@@ -149,7 +150,7 @@ def _missing(path: Path, key: str, others: Iterable[str], place: Place) -> Unrea
     hint = ""
     for near in difflib.get_close_matches(key, others, n=1, cutoff=0.75):
         hint = f"; is it {near!r}{format_line(path, (*place, near))}?"
-    return UnreadableFile(f"{path}: {format_place((*place, key))} is missing{hint}")
+    return UnreadableFile(f"{format_place((*place, key))} is missing{hint}", file=path)
 
 
 def format_place(place: Place) -> str:

@@ -64,8 +64,9 @@ class Collection:
         stray = [s for s in self.sequences if s.feature_set.name != self.feature_set.name]
         if stray:
             raise InvalidInput(
-                f"{stray[0].source}: features of {stray[0].feature_set.name!r}, the collection "
-                f"is of {self.feature_set.name!r}"
+                f"features of {stray[0].feature_set.name!r}, the collection "
+                f"is of {self.feature_set.name!r}",
+                file=stray[0].source,
             )
 
     @classmethod

@@ -315,9 +315,8 @@ class Index:
         for name, item in portion:
             state, sidecar = changes.states[name], changes.sidecars[name]
             if isinstance(item, Failure):
-                failures[name] = FailedFile(
-                    state, sidecar, _problem(item), type(item.error).__name__
-                )
+                text = item.error.text_after(self.folder / name)
+                failures[name] = FailedFile(state, sidecar, text, type(item.error).__name__)
             else:
                 read.append(item)
                 states.append((0, 0, 0, 0.0, state.mtime_ns, state.size, sidecar))
@@ -358,18 +357,11 @@ class Index:
             remove_shard(self.place, name)
 
 
-def _problem(failure: Failure[NamedFile]) -> str:
-    """What an error says after the name of its file."""
-    text = str(failure.error)
-    _, path = failure.item
-    for name in (str(path), path.name):
-        if text.startswith(name):
-            return text.removeprefix(name)
-    return f": {text}"
-
-
 def _error(name: str, failed: FailedFile) -> MotionaryError:
-    return _KINDS.get(failed.kind, UnreadableFile)(f"{name}{failed.problem}")
+    """The error that `text_after` described."""
+    place, _, problem = failed.problem.partition(": ")
+    kind = _KINDS.get(failed.kind, UnreadableFile)
+    return kind(problem, file=name, place=place.removeprefix(", "))
 
 
 def _count_frames(portion: Sequence[tuple[str, FeatureSequence | Failure[NamedFile]]]) -> int:

@@ -155,9 +155,8 @@ def write_manifest(manifest: Manifest, folder: Path) -> None:
     if folder.is_dir() and not (folder / FILE).exists():
         foreign = [e.name for e in folder.iterdir() if not _is_own(e)]
         if foreign:
-            raise UnwritableFile(
-                f"{folder}: holds files but no index ({foreign[0]}); give a new or empty folder"
-            )
+            problem = f"holds files but no index ({foreign[0]}); give a new or empty folder"
+            raise UnwritableFile(problem, file=folder)
     content = {
         "format": _FORMAT,
         "version": VERSION,
@@ -188,24 +187,26 @@ def read_manifest(folder: Path) -> Manifest | None:
     try:
         content = json.loads(read_bytes(path))
     except (OSError, ValueError) as error:
-        raise UnreadableFile(f"{path}: cannot be read as an index: {error}; {_REMEDY}") from error
+        problem = f"cannot be read as an index: {error}; {_REMEDY}"
+        raise UnreadableFile(problem, file=path) from error
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise UnreadableFile(f"{path}: is no index of motionary")
+        raise UnreadableFile("is no index of motionary", file=path)
     version = content.get("version")
     if isinstance(version, int) and version > VERSION:
         raise UnreadableFile(
-            f"{path}: written by a newer motionary (version {version}, this one reads up to "
-            f"{VERSION}); update motionary, or name another place for the index"
+            f"written by a newer motionary (version {version}, this one reads up to "
+            f"{VERSION}); update motionary, or name another place for the index",
+            file=path,
         )
     for key, kind in _KEYS.items():
         if not isinstance(content.get(key), kind):
-            raise UnreadableFile(f"{path}: {key} is missing or not what it should be; {_REMEDY}")
+            raise UnreadableFile(f"{key} is missing or not what it should be; {_REMEDY}", file=path)
     if "checksum" in content and content.pop("checksum") != _checksum(content):
-        raise DamagedIndex(f"{path}: damaged: its checksum is another")
+        raise DamagedIndex("damaged: its checksum is another", file=path)
     try:
         return _parse(content)
     except (TypeError, ValueError) as error:
-        raise UnreadableFile(f"{path}: damaged: {error}; {_REMEDY}") from error
+        raise UnreadableFile(f"damaged: {error}; {_REMEDY}", file=path) from error
 
 
 def check_recipe(wanted: Recipe, found: Recipe, folder: Path) -> None:
@@ -217,8 +218,9 @@ def check_recipe(wanted: Recipe, found: Recipe, folder: Path) -> None:
     """
     if found[:2] != wanted[:2]:
         raise InvalidInput(
-            f"{folder}: an index of {found.feature_set!r} ({len(found.features)} features), asked "
-            f"for is {wanted.feature_set!r} ({len(wanted.features)}); name another place for it"
+            f"an index of {found.feature_set!r} ({len(found.features)} features), asked for is "
+            f"{wanted.feature_set!r} ({len(wanted.features)}); name another place for it",
+            file=folder,
         )
     before, now = found.reading, wanted.reading
     other = [
@@ -227,10 +229,8 @@ def check_recipe(wanted: Recipe, found: Recipe, folder: Path) -> None:
         if before.get(key) != now.get(key)
     ]
     if other:
-        raise InvalidInput(
-            f"{folder}: its files were read with {'; '.join(other)}; read them the same way, or "
-            "name another place for the index"
-        )
+        way_out = "read them the same way, or name another place for the index"
+        raise InvalidInput(f"its files were read with {'; '.join(other)}; {way_out}", file=folder)
 
 
 def write_shard(shard: Shard, folder: Path) -> str:
@@ -260,7 +260,7 @@ def write_shard(shard: Shard, folder: Path) -> str:
         if isinstance(error, OSError):
             reason = error.strerror or str(error)
             raise UnwritableFile(
-                f"{folder}: the index cannot be written: {reason}; name another place for it"
+                f"the index cannot be written: {reason}; name another place for it", file=folder
             ) from error
         raise
 
@@ -285,7 +285,7 @@ def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
         _check_counts(names, table, packed, masks)
         return Shard(tuple(names), table, packed, masks, feature_set, planes)
     except _DAMAGE as error:
-        raise UnreadableFile(f"{path}: incomplete or damaged: {error}") from error
+        raise UnreadableFile(f"incomplete or damaged: {error}", file=path) from error
 
 
 def remove_shard(folder: Path, name: str) -> None:

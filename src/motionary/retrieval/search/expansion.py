@@ -147,8 +147,9 @@ def _to_pattern(
     quantised = quantise(template, tolerance=expansion.tolerance)
     if quantised.n_fixed == 0:
         raise InvalidInput(
-            f"{example.source}: nothing of the example is known and common to its hits; "
-            "give a longer segment or an example in which more joints are seen"
+            "nothing of the example is known and common to its hits; "
+            "give a longer segment or an example in which more joints are seen",
+            file=example.source,
         )
     name = f"like {example.source}" if example.source else "like the example"
     return SearchPattern(name, quantised, pattern_of(quantised, ones=ones))
