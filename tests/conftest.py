@@ -6,6 +6,7 @@ it the tests that ask for them skip, and the run says how many did.
 
 import ipaddress
 import os
+import pickle
 import socket
 import tempfile
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 VARIABLE = "MOTIONARY_DATA"
-RECORDING_FIXTURES = {"data", "golden"}
+RECORDING_FIXTURES = {"data", "golden", "hdm05"}
 MARK = "recordings"
 SLOW = {
     line
@@ -49,6 +50,26 @@ def data() -> Path:
 def golden() -> Path:
     """Folder of the published matrices and tables, beside the recordings."""
     return _folder(Path(_named_folder()).resolve().parent / "reference" / "golden")
+
+
+@pytest.fixture(scope="session")
+def hdm05(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Features of the 288 clips of HDM05, by file name without suffix; read once in a run."""
+    from motionary.features import read_features
+
+    # Workers of one run share what the first of them read.
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID", "")
+    shared = tmp_path_factory.getbasetemp().parent / f"hdm05-{run}.pickle"
+    if run and shared.exists():
+        return pickle.loads(shared.read_bytes())
+    paths = sorted((data / "hdm05").rglob("*.[aA][mM][cC]"))
+    clips = {Path(s.source).stem: s for s in read_features((path.name, path) for path in paths)}
+    assert len(clips) == 288
+    if run:
+        beside = shared.with_suffix(f".{os.getpid()}")
+        beside.write_bytes(pickle.dumps(clips))
+        beside.replace(shared)
+    return clips
 
 
 @pytest.fixture

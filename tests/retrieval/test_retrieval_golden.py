@@ -18,7 +18,7 @@ from motionary.evaluation.ranking import (
     score_classification,
     summarize_rankings,
 )
-from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, read_features
+from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence
 from motionary.matching import Pattern, concatenate, corpus_distance
 from motionary.models.templates import learn_template, quantise
 from motionary.packing import full_mask, pack
@@ -30,12 +30,9 @@ N = len(FULL_BODY_2006)
 
 
 @pytest.fixture(scope="module")
-def clips(data) -> dict[str, FeatureSequence]:
-    """Words of all 288 clips, by name."""
-    paths = sorted((data / "hdm05").rglob("*.[aA][mM][cC]"))
-    clips = {s.source: s for s in read_features((path.stem, path) for path in paths)}
-    assert len(clips) == 288
-    return clips
+def clips(hdm05) -> dict[str, FeatureSequence]:
+    """Features of all clips, by name."""
+    return {name: sequence.renamed(name) for name, sequence in hdm05.items()}
 
 
 def class_of(name):

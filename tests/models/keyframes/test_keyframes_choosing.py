@@ -7,7 +7,7 @@ import pytest
 
 from keyframe_cases import learned_template, sequence_of
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, FULL_BODY_2006, read_features
+from motionary.features import FULL_BODY, FULL_BODY_2006
 from motionary.matching import distance_function
 from motionary.models.keyframes import (
     ChoiceSettings,
@@ -189,9 +189,9 @@ CLASSES = ("depositFloorR", "hopBothLegs1hops", "kickLFront1Reps", "sneak2StepsL
 UNSEEN = ("mm", "tr")
 
 
-def test_recall_is_kept_for_actors_never_seen(data):
+def test_recall_is_kept_for_actors_never_seen(data, hdm05):
     paths = [p for name in CLASSES for p in sorted((data / "hdm05" / name).glob("*.[aA][mM][cC]"))]
-    clips = dict(zip(paths, read_features((path.name, path) for path in paths), strict=True))
+    clips = {path: hdm05[path.stem] for path in paths}
     unseen = [path for path in paths if path.name.split("_")[1] in UNSEEN]
     index = index_packed(
         [clips[path].packed for path in unseen],

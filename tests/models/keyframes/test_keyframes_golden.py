@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from motionary.features import FULL_BODY, compute_features
-from motionary.io import QueryRecord, read, read_query_collections
+from motionary.features import FULL_BODY
+from motionary.io import QueryRecord, read_query_collections
 from motionary.models.keyframes import (
     KeyframeQuery,
     format_query,
@@ -38,14 +38,10 @@ def collections(golden: Path) -> dict:
 
 
 @pytest.fixture(scope="module")
-def evaluation_words(data: Path, golden: Path) -> dict:
+def evaluation_words(hdm05: dict, golden: Path) -> dict:
     """Words of the evaluation half of the eleven classes that are complete."""
     halves = json.loads((golden / "half_split.json").read_text())
-    paths = {path.stem: path for path in (data / "hdm05").rglob("HDM_*_*.[aA][mM][cC]")}
-    return {
-        name: [compute_features(read(paths[clip])) for clip in half["test"]]
-        for name, half in halves.items()
-    }
+    return {name: [hdm05[clip] for clip in half["test"]] for name, half in halves.items()}
 
 
 @pytest.mark.parametrize("engine", ["numpy", "compiled"])

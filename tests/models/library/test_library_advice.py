@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from library_cases import made_class, perform, performances
-from motionary.features import compute_features
-from motionary.io import read
 from motionary.models.library import advise
 from packing_cases import random_rows, sequence
 
@@ -135,7 +133,7 @@ def test_advice_is_the_same_every_time():
 
 
 @pytest.fixture(scope="module")
-def clips(data):
+def clips(data, hdm05):
     """Twelve examples of each of four classes."""
     found = {}
     for name in CLASSES:
@@ -146,7 +144,7 @@ def clips(data):
             for f in files
             if not f.stem.endswith(("Backward1Reps_011_120", "Backward1Reps_013_120"))
         ]
-        found[name] = [compute_features(read(f)) for f in files]
+        found[name] = [hdm05[f.stem] for f in files]
     return found
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence, compute_features
-from motionary.io import read
+from motionary.features import FULL_BODY, FULL_BODY_2006, FeatureSequence
 from motionary.models.keyframes import index_packed, search_query
 from motionary.models.query_learning import (
     PUBLISHED,
@@ -200,11 +199,11 @@ def test_clips_shorter_than_a_query_hold_no_hit(learned):
         assert not cut or len(search_query(query, index_of(cut))) == 0
 
 
-def test_squats_of_people_never_seen(data: Path):
+def test_squats_of_people_never_seen(data: Path, hdm05):
     def clips(name, actors):
         paths = sorted((data / "hdm05").rglob(f"HDM_*_{name}*.[aA][mM][cC]"))
         chosen = [p for p in paths if p.stem.split("_")[1] in actors]
-        return [compute_features(read(path)) for path in chosen[:5]]
+        return [hdm05[path.stem] for path in chosen[:5]]
 
     seen, unseen = ("bd", "dg"), ("tr",)
     others = ("kickL", "hopBoth", "elbowToKnee")
