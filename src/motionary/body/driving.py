@@ -176,9 +176,9 @@ def _turn_bones(body: Body, driver: BoneTurns) -> tuple[Floats, NDArray[np.bool_
         mesh = _mesh_direction(body, name)
         if name in driver.turns and not np.isnan(driver.rest[name]).any():
             if name == "root":
-                inherited = _shortest_turn(np.array([1.0, 0, 0]), driver.rest[name])
+                inherited = shortest_turn(np.array([1.0, 0, 0]), driver.rest[name])
             elif name not in _TRUNK and mesh is not None:
-                inherited = _shortest_turn(inherited @ mesh, driver.rest[name]) @ inherited
+                inherited = shortest_turn(inherited @ mesh, driver.rest[name]) @ inherited
             alignments[joint], known[joint] = inherited, True
             turned[:, joint] = driver.turns[name] @ inherited
             continue
@@ -214,7 +214,7 @@ def _mesh_direction(body: Body, name: str) -> Floats | None:
     return None
 
 
-def _shortest_turn(start: Floats, end: Floats) -> Floats:
+def shortest_turn(start: Floats, end: Floats) -> Floats:
     """Rotation matrices (..., 3, 3) that turn unit vectors into others about their normal."""
     axis = np.cross(start, end)
     cosine = (start * end).sum(axis=-1)[..., None, None]
@@ -266,7 +266,7 @@ def _follow(body: Body, joints: Floats, name: str, parent: Floats) -> Floats:
     start, end = BONES[name]
     direction = unit_vectors(joints[:, _generic(end)] - joints[:, _generic(start)])
     carried = parent @ mesh
-    swung = _shortest_turn(carried, np.where(np.isnan(direction), carried, direction)) @ parent
+    swung = shortest_turn(carried, np.where(np.isnan(direction), carried, direction)) @ parent
     plane = _bending(joints, name)
     if plane is None:
         return swung
@@ -275,7 +275,7 @@ def _follow(body: Body, joints: Floats, name: str, parent: Floats) -> Floats:
     hinge = unit_vectors(hinge - (hinge * direction).sum(1)[:, None] * direction)
     usable = ~np.isnan(plane).any(axis=1) & ~np.isnan(hinge).any(axis=1)
     twist = np.tile(np.eye(3), (len(swung), 1, 1))
-    twist[usable] = _shortest_turn(hinge[usable], plane[usable])
+    twist[usable] = shortest_turn(hinge[usable], plane[usable])
     result: Floats = twist @ swung
     return result
 

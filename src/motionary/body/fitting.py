@@ -115,7 +115,7 @@ def fit_surface(
         nearest = cKDTree(vertices).query(cloud)[1]
         points = body.points(nearest)
         # Along the normal only: the cloud tells where the surface is, not where on it.
-        normals = _normals(vertices, body.faces)[nearest]
+        normals = vertex_normals(vertices, body.faces)[nearest]
         state, converged = _descend(
             body, points, cloud, np.ones(len(cloud), dtype=bool), state, settings, normals
         )
@@ -283,7 +283,7 @@ def _rigid_start(body: Body, points: Points, targets: Floats) -> Pose:
     return pose_body(body, turns, step[None])
 
 
-def _normals(vertices: Floats, faces: Indices) -> Floats:
+def vertex_normals(vertices: Floats, faces: Indices) -> Floats:
     """Unit normals of vertices: of the triangles around them, by their areas."""
     across = np.cross(
         vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]]

@@ -14,3 +14,10 @@ def read_body(*, fine: bool = False) -> dict[str, NDArray[Any]]:
     content = files("motionary.io.assets").joinpath("body", name).read_bytes()
     with np.load(BytesIO(content), allow_pickle=False) as arrays:
         return {key: arrays[key] for key in arrays.files}
+
+
+def read_poses() -> dict[str, NDArray[Any]]:
+    """Arrays of the pose database that ships, by name."""
+    content = files("motionary.io.assets").joinpath("poses", "poses.npz").read_bytes()
+    with np.load(BytesIO(content), allow_pickle=False) as arrays:
+        return {key: arrays[key] for key in arrays.files}

@@ -1,0 +1,45 @@
+"""Poses of a person from the images of one depth camera.
+
+After Baak (2012), chapter 8: images made ready, geodesic extrema of their points, poses of a
+database that have their ends there, and the last pose fitted to the image; the image chooses.
+"""
+
+from typing import TYPE_CHECKING
+
+from motionary.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from motionary.depth.fitting import SurfaceSettings
+    from motionary.depth.graph import Extrema, Graph, build_graph, find_extrema
+    from motionary.depth.poses import PoseDatabase, build_database, load_database
+    from motionary.depth.preparation import Cloud, PreparationSettings, learn_background, prepare
+    from motionary.depth.tracking import DepthTracker, TrackedPose, TrackerSettings
+
+__all__ = [
+    "Cloud",
+    "DepthTracker",
+    "Extrema",
+    "Graph",
+    "PoseDatabase",
+    "PreparationSettings",
+    "SurfaceSettings",
+    "TrackedPose",
+    "TrackerSettings",
+    "build_database",
+    "build_graph",
+    "find_extrema",
+    "learn_background",
+    "load_database",
+    "prepare",
+]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "fitting": "SurfaceSettings",
+        "graph": "Extrema Graph build_graph find_extrema",
+        "poses": "PoseDatabase build_database load_database",
+        "preparation": "Cloud PreparationSettings learn_background prepare",
+        "tracking": "DepthTracker TrackedPose TrackerSettings",
+    },
+)

@@ -1,0 +1,254 @@
+"""The body's pose fitted to points that a camera sees.
+
+Gauss-Newton on twists (Baak 2012, sections 6.2 and 8.4.1). Printed: fixed vertices go to the median
+of their nearest points, so that the back is pulled to the front. Here only vertices that face
+the camera and are not hidden take part, points pull vertices as well as vertices points, and a
+prior over poses holds what is not seen.
+
+Conventions: small turns are in the world's axes, about the joints; columns of the system are the
+step of the root, then three of each joint of `ACTIVE`.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.body import Body, Camera
+from motionary.body.fitting import vertex_normals
+from motionary.depth.poses import ACTIVE, PoseDatabase
+from motionary.depth.solving import fit, gather, move, place, skin, sum_pulls
+from motionary.matching.distance import Engine, load_twin
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_COMPILED = "motionary.depth._fitting_compiled"
+# What is measured so much nearer than a vertex hides it.
+_HIDING_M = 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceSettings:
+    """How a pose is fitted.
+
+    Attributes
+    ----------
+    points : of the cloud that pull, at most
+    vertices : that pull in their turn, at most
+    steps : of Gauss-Newton
+    scale_m : distances much beyond it count little
+    along : how much a pull counts along the surface, beside 1 across it
+    outward : how much the vertices' pulls count beside the points'
+    prior : how much the prior counts beside a point
+    damping : how much a turn or step from where the fit is counts
+    published : the fit as it is printed
+    """
+
+    points: int = 600
+    vertices: int = 300
+    steps: int = 6
+    scale_m: float = 0.1
+    along: float = 0.3
+    outward: float = 0.5
+    prior: float = 0.02
+    damping: float = 0.1
+    published: bool = False
+
+
+class Surface(NamedTuple):
+    """A body as the fit needs it.
+
+    Attributes
+    ----------
+    body : Body
+    normals : array, shape (vertices, 3), unit, at rest
+    owners : array, shape (vertices,), the bone that weighs most
+    pulled : vertices that points may pull; pulling : those that pull, evenly spread
+    active : joints that turn, by `ACTIVE`
+    above : array, shape (joints, active), whether a joint turns what is fixed to a bone
+    blend : array, shape (vertices, 4 * joints): what turns and places of bones make of them
+    mean, precision : the prior over rotation vectors (45,) of all joints but the root
+    """
+
+    body: Body
+    normals: Floats
+    owners: Indices
+    pulled: Indices
+    pulling: Indices
+    active: Indices
+    above: Mask
+    blend: Floats
+    mean: Floats
+    precision: Floats
+
+
+class State(NamedTuple):
+    """A pose: turns (joints, 3, 3) relative to the parents, place of the root (3,)."""
+
+    turns: Floats
+    root: Floats
+
+
+class Support(NamedTuple):
+    """What holds a fitted pose.
+
+    Attributes
+    ----------
+    system : array, shape (columns, columns), of the last step, prior and damping included
+    visible : array, shape (vertices,), whether the camera sees a vertex
+    misses : array, shape (joints,), metres, of the points that pull vertices of each bone
+    pulls : array, shape (joints,), how many points do
+    """
+
+    system: Floats
+    visible: Mask
+    misses: Floats
+    pulls: Floats
+
+
+def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) -> Surface:
+    """A body ready for fits, with the prior of a database."""
+    n = len(body.names)
+    active = np.array([body.index(name) for name in ACTIVE])
+    above = np.zeros((n, len(active)), dtype=bool)
+    for joint in range(n):
+        here = joint
+        while here >= 0:
+            above[joint, active == here] = True
+            here = int(body.parents[here])
+    surface = body.surface
+    owners = surface.bones[np.arange(len(surface.rest)), surface.weights.argmax(axis=1)]
+    size = len(database.mean)
+    return Surface(
+        body,
+        vertex_normals(surface.rest, body.faces),
+        owners,
+        np.arange(len(surface.rest)),
+        spread(surface.rest, settings.vertices),
+        active,
+        above,
+        _blend(body),
+        database.mean,
+        np.asarray(np.linalg.inv(database.covariance + 0.02 * np.eye(size)), dtype=np.float64),
+    )
+
+
+def _blend(body: Body) -> Floats:
+    rest, bones, weights, _ = body.surface
+    result = np.zeros((len(rest), len(body.names), 4))
+    rows = np.arange(len(rest))
+    for bone, weight in zip(bones.T, weights.T, strict=True):
+        result[rows, bone, :3] += weight[:, None] * rest
+        result[rows, bone, 3] += weight
+    return result.reshape(len(rest), -1)
+
+
+def spread(places: Floats, n: int) -> Indices:
+    """Indices of n places that are far from each other, as even as they can be."""
+    chosen = [int(places[:, 1].argmax())]
+    nearest = np.full(len(places), np.inf)
+    while len(chosen) < min(n, len(places)):
+        nearest = np.minimum(nearest, ((places - places[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(nearest.argmax()))
+    return np.sort(chosen)
+
+
+def thin(points: Floats, n: int) -> Floats:
+    """At most n of the points, evenly through their sequence."""
+    if len(points) <= n:
+        return points
+    return np.ascontiguousarray(points[np.linspace(0, len(points) - 1, n).astype(np.intp)])
+
+
+def fit_pose(
+    surface: Surface,
+    state: State,
+    points: Floats,
+    depth: Floats,
+    camera: Camera,
+    *,
+    settings: SurfaceSettings,
+    engine: Engine = "auto",
+) -> tuple[State, Support]:
+    """The pose nearest to points, from near it, and what holds it.
+
+    Parameters
+    ----------
+    surface : Surface
+    state : where the fit starts
+    points : array, shape (n, 3), metres, of the person
+    depth : the cleaned image; tells what hides vertices
+    camera : Camera
+    settings : how it is fitted
+    engine : which twin computes
+    """
+    kernels = load_twin(_COMPILED, engine, pays=True)
+    kernel = fit if kernels is None else kernels.fit
+    body = surface.body
+    chain = (
+        body.parents, body.joints, body.surface.rest, body.surface.bones, body.surface.weights,
+        surface.normals, surface.owners, surface.pulling, surface.active, surface.above,
+    )  # fmt: skip
+    eye = (
+        np.array([*camera.focal, *camera.centre]),
+        np.ascontiguousarray(camera.world_from_camera),
+        np.asarray(camera.position, dtype=np.float64),
+    )
+    numbers = np.array(
+        [settings.scale_m, settings.along, settings.outward, settings.prior, settings.damping,
+         _HIDING_M]
+    )  # fmt: skip
+    turns, root = state.turns.copy(), state.root.copy()
+    system, visible, misses, pulls = kernel(
+        chain, (surface.mean, surface.precision), eye, numbers, points, depth,
+        (turns, root), settings.steps,
+    )  # fmt: skip
+    return State(turns, root), Support(system, visible, misses, pulls)
+
+
+#: Vertices that pull and nearest points whose median each goes to, as far as it is printed.
+PUBLISHED_VERTICES, PUBLISHED_NEAREST = 150, 5
+
+
+def fit_published(
+    surface: Surface, state: State, points: Floats, *, steps: int = 6, damping: float = 0.1
+) -> State:
+    """The pose by the printed rule: fixed vertices, each to the median of its nearest points."""
+    from scipy.spatial import cKDTree
+
+    body = surface.body
+    parents, joints, (rest, bones, weights, _) = body.parents, body.joints, body.surface
+    turns, root = state.turns.copy(), state.root.copy()
+    tree = cKDTree(points)
+    chosen = spread(rest, PUBLISHED_VERTICES)
+    for _ in range(steps):
+        turned, placed = place(parents, joints, turns, root)
+        vertices = skin(joints, rest, bones, weights, turned, placed)
+        nearest = tree.query(vertices[chosen], min(PUBLISHED_NEAREST, len(points)))[1]
+        ways = np.median(points[nearest.reshape(len(chosen), -1)], axis=1) - vertices[chosen]
+        ones = np.ones(len(chosen))
+        pulls = sum_pulls(len(rest), chosen, ones, 1.0, surface.normals, ways)
+        system, slope = gather(
+            bones, weights, surface.active, surface.above, placed, vertices, pulls
+        )
+        system[np.diag_indices(len(system))] += damping
+        change: Floats = np.linalg.solve(system, slope).astype(np.float64)
+        move(parents, surface.active, turned, change, turns, root)
+    return State(turns, root)
+
+
+def place_surface(
+    surface: Surface, state: State, *, vertices: bool = False
+) -> tuple[Floats, Floats]:
+    """Global turns of a pose, and the places of its joints, or of its vertices."""
+    body = surface.body
+    turned, placed = place(body.parents, body.joints, state.turns, state.root)
+    if not vertices:
+        return turned, placed
+    steps = placed - np.einsum("jik,jk->ji", turned, body.joints)
+    moved = np.concatenate([turned.transpose(0, 2, 1), steps[:, None]], axis=1)
+    placed_vertices: Floats = surface.blend @ moved.reshape(-1, 3)
+    return turned, placed_vertices
