@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from motionary.models.library import ClassLibrary, MotionClass, learn
     from motionary.models.templates import MotionTemplate
     from motionary.motion import Motion, Skeleton
+    from motionary.multiview import untangle
     from motionary.recording import Recording
     from motionary.reporting import report, report_comparison, report_hits, report_library
     from motionary.retrieval.annotation import annotate
@@ -58,6 +59,7 @@ __all__ = [
     "report_hits",
     "report_library",
     "search",
+    "untangle",
     "write",
     "write_labels",
 ]
@@ -78,6 +80,7 @@ __getattr__, __dir__ = lazy_names(
         "labels": "Label LabelTrack",
         "models.library": "ClassLibrary MotionClass learn",
         "motion": "Motion Skeleton",
+        "multiview": "untangle",
         "recording": "Recording",
         "reporting": "report report_comparison report_hits report_library",
         "retrieval.search": "Hit search",

@@ -41,6 +41,7 @@ COMMANDS = {
     "evaluate": "evaluate",
     "labels": "labels",
     "imu": "imu",
+    "untangle": "multiview",
     "synth": "synth",
     "demo": "demo",
 }

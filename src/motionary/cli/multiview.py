@@ -1,0 +1,90 @@
+"""`motionary untangle`: keypoints of several cameras with left and right put right."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from motionary.cli import screen
+from motionary.cli.options import Excel, Force, check_target
+from motionary.errors import UnwritableFile
+
+Keypoints = Annotated[
+    str,
+    typer.Argument(metavar="POSE_FOLDER", help="A folder for each camera, a JSON for each image."),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions:
+    """The calibration, and what keypoints and calibration do not say."""
+
+    cameras: Annotated[
+        str,
+        typer.Option(
+            metavar="CALIBRATION",
+            help=".toml of Pose2Sim, anipose, freemocap; .qca.txt; .yml or .xml of OpenCV.",
+        ),
+    ]
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Images a second.")]
+    person: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="N", help="Number of the person in each list; else the best."),
+    ] = None
+    layout: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="BODY_25, BODY_25B, HALPE_26, COCO, ...; else found."),
+    ] = None
+    unit: Annotated[
+        str | None,
+        typer.Option(metavar="m|cm|mm", help="Of the calibration; else found by the legs."),
+    ] = None
+    synchronise: Annotated[
+        bool, typer.Option(help="Move images of cameras that are late or early.")
+    ] = False
+
+
+def untangle(
+    keypoints: Keypoints,
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="FOLDER", help="For the same files, put right.")
+    ],
+    options: ViewOptions,
+    excel: Excel = False,
+    force: Force = False,
+) -> int:
+    """Put left and right legs and arms right in keypoints of several cameras.
+
+    Writes the same files, with exchanged points changed and nothing else, for any program that
+    triangulates them; beside the folder a table FOLDER.exchanges.csv: what was exchanged, where,
+    and where it is unsure. People are told apart before: Pose2Sim's pose-associated.
+
+    motionary untangle pose --cameras Calib.toml --rate 60 -o pose-untangled
+    """
+    from motionary.io.keypoints import read_keypoints, write_exchanged
+    from motionary.io.labels import write_labels
+    from motionary.multiview import untangle as find
+
+    target, table = Path(output), Path(output).with_name(f"{Path(output).name}.exchanges.csv")
+    check_target(output, is_folder=True)
+    check_target(str(table), replace=force)
+    if target.is_dir() and any(target.iterdir()) and not force:
+        raise UnwritableFile(f"{output}: is a folder with files; --force writes over those")
+    views = read_keypoints(keypoints, layout=options.layout, person=options.person)
+    found = find(
+        views, options.cameras, rate_hz=options.rate, unit=options.unit,
+        synchronise=options.synchronise,
+    )  # fmt: skip
+    changed = write_exchanged(views, found.sources, target)
+    write_labels([found.track], table, excel=excel)
+    for one in found.exchanges:
+        rows = [
+            (camera, f"{100 * share.mean():.1f} %", f"{100 * doubt.mean():.1f} %")
+            for camera, share, doubt in zip(views.cameras, one.exchanged, one.unsure, strict=True)
+        ]
+        screen.print_table((f"{one.limb} of", ">exchanged", ">unsure"), rows)
+    for note in found.notes:
+        screen.warn(note)
+    screen.say(f"{changed} files changed; written to {output} and {table}")
+    return 0
