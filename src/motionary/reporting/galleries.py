@@ -125,7 +125,8 @@ def report_hits(
     if hits and len(result.templates) == 1:
         gallery["template"] = describe_template(hits[0].evidence.template)
     if judging is not None:
-        gallery["judging"] = judging._asdict()
+        said = {name: list(getattr(judging, name)) for name in ("ranks", "relevant", "irrelevant")}
+        gallery["judging"] = {"command": judging.command, **said}
     page = build_page(_content([gallery], feature_set), blocks, title=title)
     if path is not None:
         page.save(path)

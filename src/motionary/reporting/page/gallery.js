@@ -53,9 +53,6 @@ class Gallery extends Clock {
     host.append(this.header("Class", names, GALLERY_KEYS, "Drag a body to turn all of them."), this.transport(), this.scroller);
     this.bar = h("footer", { class: "judging", hidden: true });
     host.append(this.bar);
-    this.renderer = makeRenderer(this.canvas);
-    if (!this.renderer) this.scroller.prepend(h("p", { class: "above", role: "alert" }, "This browser draws no three dimensions (WebGL is off)."));
-    else this.camera = new THREE.PerspectiveCamera(34, 1, 0.05, 100);
     this.scroller.addEventListener("scroll", () => (this.dirty = true));
     new ResizeObserver(() => (this.dirty = true)).observe(this.scroller);
     this.grid.addEventListener("pointerdown", (event) => this.grab(event));
@@ -63,6 +60,14 @@ class Gallery extends Clock {
     this.setLoops(true);
     this.start();
     this.toggle();
+    afterFirstPaint(() => this.begin());
+  }
+
+  begin() {
+    this.drawing = Drawing.on(this.canvas);
+    if (!this.drawing) this.scroller.prepend(h("p", { class: "above", role: "alert" }, "This browser draws no three dimensions (WebGL is off)."));
+    else this.camera = new THREE.PerspectiveCamera(34, 1, 0.05, 100);
+    this.dirty = true;
   }
 
   get length() {
@@ -139,9 +144,9 @@ class Gallery extends Clock {
   // -- drawing -------------------------------------------------------------------------------
 
   draw() {
-    if (!this.dirty || !this.renderer) return;
+    if (!this.drawing || !this.drawing.isDue(this.dirty)) return;
     this.dirty = false;
-    const { scroller, renderer } = this, width = scroller.clientWidth, height = scroller.clientHeight;
+    const { scroller } = this, { renderer } = this.drawing, width = scroller.clientWidth, height = scroller.clientHeight;
     if (this.size !== `${width} ${height}`) {
       this.size = `${width} ${height}`;
       renderer.setSize(width, height);

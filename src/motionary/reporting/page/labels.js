@@ -16,7 +16,7 @@ class Labels {
     } });
     this.rows = h("ol", { class: "label-list" });
     this.count = h("span", { class: "soft", role: "status" });
-    this.correct = button("Correct", "Make the labels of this lane editable", () => this.actions.startCorrecting(this.lane));
+    this.correct = button("", "", () => this.actions.startCorrecting(this.lane));
     this.editor = h("div", { class: "editor", hidden: true });
     this.names = h("datalist", { id: "known-names" });
     host.append(
@@ -60,7 +60,6 @@ class Labels {
   refreshLanes() {
     const { lanes } = this.model;
     this.laneChoice.replaceChildren(...lanes.map((lane, i) => h("option", { value: i, selected: lane === this.lane }, lane.name)));
-    this.laneChoice.disabled = !lanes.length;
     const names = new Set();
     for (const lane of lanes) for (const label of lane.labels) if (names.size < 500) names.add(label.name);
     for (const one of this.model.curves ? this.model.curves.classes : []) names.add(one.name);
@@ -111,8 +110,12 @@ class Labels {
         onclick: () => this.actions.select(lane, label),
       }, h("span", { class: "label-name" }, label.name), h("span", { class: "soft" }, `${formatTime(label.start)}–${formatTime(label.end)}`)))));
     if (lane && !labels.length && lane.nearest) this.rows.append(h("li", { class: "soft" }, lane.nearest));
-    this.correct.hidden = !lane || Boolean(lane.editable || this.model.other);
-    this.correct.textContent = "Correct";
+    this.correct.hidden = Boolean(this.model.other || (lane && lane.editable));
+    const what = lane ? ["Correct", "Make the labels of this lane editable"] : ["Label", "Begin a lane of labels"];
+    this.correct.textContent = what[0];
+    this.correct.title = what[1];
+    this.correct.setAttribute("aria-label", what[1]);
+    for (const one of [this.laneChoice, this.search, this.count.parentElement]) one.hidden = !lane;
     this.editor.hidden = !lane || !lane.editable;
     this.fill();
   }

@@ -15,6 +15,10 @@ class Player extends Clock {
     addEventListener("beforeunload", (event) => this.unsaved && event.preventDefault());
     this.open(0);
     this.start();
+    afterFirstPaint(() => {
+      this.view.begin();
+      this.seek(this.time);
+    });
   }
 
   get length() {
@@ -145,13 +149,20 @@ class Player extends Clock {
   // -- time ----------------------------------------------------------------------------------
 
   draw() {
+    if (this.moved) this.show();
     this.timeline.draw();
     this.view.draw();
   }
 
+  // Several in one frame are shown once.
   seek(seconds) {
+    this.time = clamp(seconds, 0, this.length);
+    this.moved = true;
+  }
+
+  show() {
     const { model } = this;
-    this.time = clamp(seconds, 0, model.duration_s);
+    this.moved = false;
     const times = [this.time, model.other ? between(model.other.warp, model.warpPlaces, this.time) : 0];
     const poses = this.clips.map((clip, i) => clip.nJoints ? clip.at(times[i], () => this.seek(this.time)) : null);
     const { held, failed } = this.why.at(this.time);
@@ -241,10 +252,9 @@ class Player extends Clock {
 
   // A copy of a lane in every recording that has it: what was found stays beside what is made.
   startCorrecting(lane) {
-    if (!lane) return;
-    const name = `${lane.name}, corrected`;
+    const name = lane ? `${lane.name}, corrected` : "labels";
     for (const model of this.models) {
-      const source = model.lanes.find((one) => one.name === lane.name);
+      const source = lane ? model.lanes.find((one) => one.name === lane.name) : { labels: [] };
       if (model.lanes.some((one) => one.name === name) || !source) continue;
       const copy = { name, editable: true, truth: false, unassessed: [], nearest: "", why: source.why, whys: source.whys, labels: source.labels.map((label) => ({ ...label })) };
       model.lanes.splice(model.lanes.indexOf(source) + 1, 0, copy);

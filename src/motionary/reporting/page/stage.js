@@ -2,6 +2,7 @@
 
 const UP = new THREE.Vector3(0, 1, 0);
 const DASHES = 4;
+const REST_MS = 250;
 
 function sideColours() {
   return { l: cssColour("--left"), r: cssColour("--right"), "": cssColour("--trunk") };
@@ -191,12 +192,47 @@ class Body {
   }
 }
 
-function makeRenderer(canvas) {
-  try {
-    const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
-    renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    return renderer;
-  } catch {
-    return null;
+// Whether pictures are drawn without a graphics card; null where they are not drawn at all.
+function drawsWithoutCard() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return null;
+  let name = gl.getParameter(gl.RENDERER);
+  const told = /webkit/i.test(name) && gl.getExtension("WEBGL_debug_renderer_info");
+  if (told) name = gl.getParameter(told.UNMASKED_RENDERER_WEBGL);
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
+// Draws when something changed. Without a graphics card smooth edges take most of a frame's
+// time: there they come once all is still.
+class Drawing {
+  static on(canvas) {
+    const withoutCard = drawsWithoutCard();
+    if (withoutCard === null) return null;
+    try {
+      return new Drawing(canvas, withoutCard);
+    } catch {
+      return null;
+    }
+  }
+
+  constructor(canvas, withoutCard) {
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !withoutCard, alpha: true });
+    this.withoutCard = withoutCard;
+    this.refine(!withoutCard);
+  }
+
+  refine(isFine) {
+    if (this.isFine === isFine) return;
+    this.isFine = isFine;
+    this.renderer.setPixelRatio(this.withoutCard ? (isFine ? 2 : 1) : Math.min(devicePixelRatio, 2));
+  }
+
+  // Whether to draw now, after a change or because nothing changed for a while.
+  isDue(changed) {
+    const now = performance.now();
+    if (changed) this.changed = now;
+    else if (this.isFine || now - this.changed < REST_MS) return false;
+    this.refine(!changed || !this.withoutCard);
+    return true;
   }
 }

@@ -79,7 +79,7 @@ class Timeline {
   resize() {
     const width = this.host.clientWidth;
     if (!width || !this.height) return;
-    this.gutter = width < 600 ? 68 : 118;
+    this.gutter = width < 600 ? 80 : 118;
     this.width = width;
     const ratio = devicePixelRatio || 1;
     this.canvas.width = Math.round(width * ratio);
@@ -254,7 +254,8 @@ class Timeline {
     const left = this.gutter, width = Math.max(1, Math.ceil(this.x(this.stop)) - left);
     const indices = row.group.features;
     const image = new ImageData(width, indices.length * FEATURE_ROW);
-    const fills = [null, "feature", "unknown-line", "curve", "label"].map((name) => name && toBytes(this.colours[name]));
+    const pixels = new Uint32Array(image.data.buffer);
+    const fills = [null, "feature", "unknown-line", "curve", "label"].map((name) => name && toPixel(this.colours[name]));
     const hz = strip.n_frames / this.length;
     indices.forEach((feature, place) => {
       const { starts, states } = strip.rows[feature];
@@ -271,7 +272,7 @@ class Timeline {
         for (let k = 0; k < FEATURE_ROW - (state === 2 ? 0 : 1); k++) {
           const y = place * FEATURE_ROW + k;
           if (state === 2 && (x + y) % 4) continue;
-          image.data.set(fills[state], (y * width + x) * 4);
+          pixels[y * width + x] = fills[state];
         }
       }
     });
@@ -462,7 +463,8 @@ function fitText(c, text, width) {
   return kept;
 }
 
-function toBytes(hex) {
+// Four bytes of an image, as one number of this machine.
+function toPixel(hex) {
   const value = parseInt(hex.slice(1), 16);
-  return [(value >> 16) & 255, (value >> 8) & 255, value & 255, 255];
+  return new Uint32Array(new Uint8Array([value >> 16, (value >> 8) & 255, value & 255, 255]).buffer)[0];
 }

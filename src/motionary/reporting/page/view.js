@@ -5,13 +5,18 @@ class View {
     this.host = host;
     this.canvas = h("canvas", { class: "view-canvas", tabindex: "0", role: "img", "aria-label": "The body in three dimensions; drag to turn, scroll to come nearer" });
     host.append(this.canvas);
-    this.renderer = makeRenderer(this.canvas);
     this.follow = true;
+    this.recordings = [];
     this.bodies = [];
     this.names = [];
     this.dirty = true;
-    if (!this.renderer) {
-      host.append(h("p", { class: "view-problem", role: "alert" }, "This browser draws no three dimensions (WebGL is off); labels, features and reasons work without."));
+  }
+
+  // What takes longest comes when the rest of the page is there to be seen.
+  begin() {
+    this.drawing = Drawing.on(this.canvas);
+    if (!this.drawing) {
+      this.host.append(h("p", { class: "view-problem", role: "alert" }, "This browser draws no three dimensions (WebGL is off); labels, features and reasons work without."));
       return;
     }
     this.scene = makeScene();
@@ -22,14 +27,15 @@ class View {
     this.controls.maxPolarAngle = Math.PI * 0.52;
     this.controls.addEventListener("change", () => (this.dirty = true));
     this.target = new THREE.Vector3();
-    new ResizeObserver(() => this.resize()).observe(host);
+    new ResizeObserver(() => this.resize()).observe(this.host);
     this.resize();
+    this.setBodies(this.recordings);
   }
 
   resize() {
     const width = this.host.clientWidth, height = this.host.clientHeight;
-    if (!this.renderer || !width || !height) return;
-    this.renderer.setSize(width, height);
+    if (!width || !height) return;
+    this.drawing.renderer.setSize(width, height);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.dirty = true;
@@ -37,7 +43,8 @@ class View {
 
   // Other bodies in place of those shown; the camera looks from their front right.
   setBodies(recordings) {
-    if (!this.renderer) return;
+    this.recordings = recordings;
+    if (!this.drawing) return;
     for (const body of this.bodies) this.scene.remove(...body.group);
     this.bodies = recordings.map((recording) => new Body(this.scene, recording));
     this.names.forEach((name) => name.remove());
@@ -70,7 +77,7 @@ class View {
   }
 
   show(poses) {
-    if (!this.renderer || (!this.framed && !poses.every(Boolean))) return;
+    if (!this.drawing || (!this.framed && !poses.every(Boolean))) return;
     if (!this.framed) this.frame(poses);
     const middle = new THREE.Vector3(), one = new THREE.Vector3();
     let n = 0;
@@ -96,16 +103,16 @@ class View {
   }
 
   recolour() {
-    if (!this.renderer) return;
+    if (!this.drawing) return;
     this.ground.recolour();
     for (const body of this.bodies) body.recolour();
     this.dirty = true;
   }
 
   draw() {
-    if (!this.renderer || !this.dirty) return;
+    if (!this.drawing || !this.drawing.isDue(this.dirty)) return;
     this.dirty = false;
-    this.renderer.render(this.scene, this.camera);
+    this.drawing.renderer.render(this.scene, this.camera);
     this.names.forEach((name, i) => this.nameBody(name, this.bodies[i]));
   }
 

@@ -27,6 +27,18 @@ function button(text, label, onclick, extra) {
   return h("button", { type: "button", title: label, "aria-label": label, onclick, ...extra }, text);
 }
 
+// Something that may take a while: once the browser has shown what is there already.
+function afterFirstPaint(action) {
+  let waits = true;
+  const act = () => {
+    if (waits) action();
+    waits = false;
+  };
+  if ((PerformanceObserver.supportedEntryTypes || []).includes("paint")) new PerformanceObserver(act).observe({ type: "paint", buffered: true });
+  // A page that is not in sight is not painted.
+  setTimeout(act, 3000);
+}
+
 function clamp(value, low, high) {
   return Math.min(Math.max(value, low), high);
 }
