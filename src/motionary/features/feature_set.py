@@ -154,12 +154,12 @@ class FeatureSet:
     def __len__(self) -> int:
         return len(self.features)
 
-    @property
+    @cached_property
     def ids(self) -> tuple[str, ...]:
         """Short names, in the order of the bits."""
         return tuple(r.id for r in self.features)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Phrases, in the order of the bits."""
         return tuple(r.name for r in self.features)

@@ -28,7 +28,7 @@ from motionary.models.library import (
     mirror_sequence,
     thresholds_for,
 )
-from motionary.models.library.false_rates import TAIL
+from motionary.models.library.false_rates import STEEP, TAIL
 from motionary.models.library.scoring import CORPUS_OF_CMU
 from motionary.retrieval.annotation import annotate
 from packing_cases import sequence
@@ -265,6 +265,19 @@ def test_rates_of_an_exponential_tail_are_found():
         assert each[0] - each[1] == pytest.approx(2.0)
         assert rates.expected(each) == pytest.approx(at_most)
     assert rates.of_class(0, 7.0) + rates.of_class(1, 7.0) == pytest.approx(rates.expected(7.0))
+
+
+def test_rates_grow_faster_below_the_least_scores():
+    least = np.array([6.0, 4.0])
+    flat, steep = (FalseRates(np.zeros(2), 0.3, limit) for limit in (None, least))
+    assert steep.expected(least) == pytest.approx(flat.expected(least))
+    assert steep.expected(least + 1) == pytest.approx(flat.expected(least + 1))
+    assert steep.expected(least - 1) == pytest.approx(flat.expected(least) * np.exp(STEEP))
+    assert steep.of_class(0, 5.0) > flat.of_class(0, 5.0)
+    for at_most in (0.1, 3.0, 20.0):
+        shifted = steep.shift(least, at_most)
+        assert steep.expected(shifted) == pytest.approx(at_most)
+        assert (flat.shift(least, at_most) <= shifted + 1e-9).all()
 
 
 def test_rates_without_a_false_label_are_finite():

@@ -222,7 +222,7 @@ def false_rates_of(library: ClassLibrary) -> FalseRates | None:
     slope = library.scoring.false_slope if library.scoring else None
     if slope is None or len(levels) < len(library):
         return None
-    return FalseRates(np.array(levels), slope)
+    return FalseRates(np.array(levels), slope, _own_thresholds(library))
 
 
 def thresholds_for(library: ClassLibrary, at_most_false_per_min: float | None = None) -> Floats:
@@ -239,9 +239,7 @@ def thresholds_for(library: ClassLibrary, at_most_false_per_min: float | None = 
         If rates of false labels are asked for and not known.
     """
     check_has_scores(library)
-    common = library.scoring.threshold if library.scoring else 0.0
-    own = [common if c.score_threshold is None else c.score_threshold for c in library]
-    thresholds = np.array(own, dtype=np.float64)
+    thresholds = _own_thresholds(library)
     if at_most_false_per_min is None:
         return thresholds
     rates = false_rates_of(library)
@@ -251,6 +249,12 @@ def thresholds_for(library: ClassLibrary, at_most_false_per_min: float | None = 
             "recordings, without its classes (learn --calibrate --negatives PATH)"
         )
     return rates.shift(thresholds, at_most_false_per_min)
+
+
+def _own_thresholds(library: ClassLibrary) -> Floats:
+    common = library.scoring.threshold if library.scoring else 0.0
+    own = [common if c.score_threshold is None else c.score_threshold for c in library]
+    return np.array(own, dtype=np.float64)
 
 
 def format_thresholds(
