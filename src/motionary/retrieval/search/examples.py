@@ -4,13 +4,16 @@ Windows are compared with every recording, the published features with the neare
 the place where the windows fit best. Both costs are laid together.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.features import FULL_BODY, FeatureSequence
+from motionary.matching import distance_function
 from motionary.models.templates import MotionTemplate
 from motionary.retrieval.explanation import Evidence
 from motionary.retrieval.gains import Comparison
@@ -22,9 +25,9 @@ from motionary.retrieval.search.similar import (
     WindowMatches,
     WindowSettings,
     find_equal,
-    published_cost,
     published_path,
     regions_of,
+    repeats,
     travels,
     windows_of,
 )
@@ -63,6 +66,16 @@ def search_by_windows(
             else _TOO_SHORT
         )
     return SearchResult(hits, (matches.template,), collection.failures, nearest)
+
+
+class _Priced(NamedTuple):
+    """A place and what it costs: in all, and by the published features; sorts as hits do."""
+
+    cost: float
+    number: int
+    start: int
+    place: Place
+    published: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,43 +130,56 @@ class ExampleMatches:
 
     def rank(self, *, threshold: float, limit: int | None) -> list[Hit]:
         """Hits over all recordings, best first."""
-        found: list[tuple[float, int, int, Hit]] = []
+        wanted = limit
+        while True:
+            priced = self._price_all(threshold, wanted)
+            made = (self._hit(one.place, one.cost, one.published) for one in priced)
+            hits = [hit for hit in made if hit.evidence.is_assessed]
+            # Of what was hardly seen there is no hit: others take its place.
+            if limit is None or wanted is None or len(hits) >= limit or len(priced) < wanted:
+                return hits[:limit]
+            wanted *= 2
+
+    def _price_all(self, threshold: float, limit: int | None) -> list[_Priced]:
+        """Costs of the best places over all recordings, best first."""
+        found: list[_Priced] = []
+        most = threshold
         for number in np.argsort(self.smallest, kind="stable").tolist():
             least = float(self.smallest[number])
-            if not np.isfinite(least) or (
-                limit is not None
-                and len(found) >= limit
-                and least > sorted(f[0] for f in found)[limit - 1]
-            ):
-                break  # fmt: skip
-            found += self._hits_in(number, threshold, limit)
-        found.sort(key=lambda one: one[:3])
-        return [one[3] for one in found[:limit]]
-
-    def _hits_in(
-        self, number: int, threshold: float, limit: int | None
-    ) -> list[tuple[float, int, int, Hit]]:
-        found = []
-        for place in self.windows.places(number):
-            hit = self._hit(place)
-            if hit.cost <= threshold and hit.evidence.is_assessed:
-                found.append((hit.cost, number, place.start, hit))
-            if len(found) == limit or self._join(place.cost, 0.0) > threshold:
+            if not np.isfinite(least) or (limit and len(found) >= limit and least > most):
                 break
-        return found
+            for one in self._price(number):
+                if self._join(one.place.cost, 0.0) > most:
+                    break
+                if one.cost <= threshold:
+                    found.append(one)
+            if limit and len(found) >= limit:
+                found = sorted(found)[:limit]
+                most = min(most, found[-1].cost)
+        return sorted(found)
 
-    def _hit(self, place: Place) -> Hit:
+    def _price(self, number: int) -> Iterator[_Priced]:
+        """Places in a recording that do not repeat each other, by the cost of their windows."""
+        sequence = self.collection.sequences[number]
+        pattern = self._pattern.pattern
+        length = max(len(self.feedback.example), len(pattern))
+        seen = sequence.leading(FULL_BODY)
+        published = distance_function(pattern, seen.packed, seen.known)
+        taken: list[Place] = []
+        for place in self.windows.places(number):
+            cost = float(published[place.start : place.stop + length].min(initial=1.0))
+            equal = find_equal(self.feedback.example, sequence, place)
+            if equal is not None:
+                place, cost = equal, 0.0
+            if not any(repeats(place, other) for other in taken):
+                taken.append(place)
+                joined = float(self._join(place.cost, cost))
+                yield _Priced(joined, number, place.start, place, cost)
+
+    def _hit(self, place: Place, cost: float, published_cost: float) -> Hit:
         sequence = self.collection.sequences[place.number]
         published = sequence.leading(FULL_BODY)
-        length = max(len(self.feedback.example), len(self._pattern.pattern))
-        around = published.part(
-            max(place.start - length, 0), min(place.stop + length, len(sequence))
-        )
         item = self._pattern
-        cost = published_cost(item.pattern, around)
-        equal = find_equal(self.feedback.example, sequence, place)
-        if equal is not None:
-            place, cost = equal, 0.0
         path = published_path(item.pattern, published, place)
         evidence = Evidence(item.name, item.template, item.pattern, published, path)
         part = sequence.part(place.start, place.stop)
@@ -164,8 +190,8 @@ class ExampleMatches:
             end_s=end_s,
             start_frame=sequence.recording.frame_at(start_s),
             end_frame=sequence.recording.last_frame_before(end_s),
-            cost=float(self._join(place.cost, cost)),
-            comparison=Comparison(self.feedback.example, part, place.cost, cost),
+            cost=cost,
+            comparison=Comparison(self.feedback.example, part, place.cost, published_cost),
         )
 
     def _join(self, windows: Floats | float, published: Floats | float) -> Floats:

@@ -170,10 +170,10 @@ class WindowMatches:
             end = int(np.argmin(curve))
             place = self._place(number, end, float(curve[end]))
             half = max((place.stop - place.start) // (2 * THINNING), 1)
-            repeats = any(_repeats(place, other) for other in taken)
-            reach = 1 if repeats else half
+            is_new = not any(repeats(place, other) for other in taken)
+            reach = half if is_new else 1
             curve[max(end - reach, 0) : end + reach + 1] = np.inf
-            if not repeats:
+            if is_new:
                 taken.append(place)
                 yield place
 
@@ -220,12 +220,6 @@ class WindowMatches:
         return Place(number, start, min(stop, n_frames), cost)
 
 
-def published_cost(pattern: Pattern, sequence: FeatureSequence) -> float:
-    """Cost of the published template where it fits best in a sequence, at most 1."""
-    distance = distance_function(pattern, sequence.packed, sequence.known)
-    return min(float(distance.min(initial=np.inf)), 1.0)
-
-
 def published_path(pattern: Pattern, sequence: FeatureSequence, place: Place) -> Alignment:
     """How the published template meets the frames of a place.
 
@@ -258,6 +252,12 @@ def find_equal(example: FeatureSequence, sequence: FeatureSequence, place: Place
     return None
 
 
+def repeats(place: Place, other: Place) -> bool:
+    """Whether more than half of the shorter of two places lies within the other."""
+    shared = min(place.stop, other.stop) - max(place.start, other.start)
+    return 2 * shared >= min(place.stop - place.start, other.stop - other.start)
+
+
 def regions_of(
     matches: WindowMatches, collection: Collection, numbers: Sequence[int]
 ) -> list[FeatureSequence]:
@@ -266,12 +266,6 @@ def regions_of(
         collection.sequences[number].leading(FULL_BODY).part(*matches.region(number))
         for number in numbers
     ]
-
-
-def _repeats(place: Place, other: Place) -> bool:
-    """Whether more than half of the shorter of two places lies within the other."""
-    shared = min(place.stop, other.stop) - max(place.start, other.start)
-    return 2 * shared >= min(place.stop - place.start, other.stop - other.start)
 
 
 def _starts(n_frames: int, width: int, hop: int) -> list[int]:
