@@ -367,12 +367,33 @@ def resample(positions: Floats, *, rate_hz: float, to_hz: float) -> Floats:
     n = positions.shape[0]
     if rate_hz == to_hz or n == 1:
         return positions
-    n_new = int(np.floor((n - 1) * to_hz / rate_hz + 1e-9)) + 1
-    at = np.arange(n_new) * (rate_hz / to_hz)
-    left = np.minimum(at.astype(np.intp), n - 2)
+    numbers = np.arange(count_resampled(n, rate_hz=rate_hz, to_hz=to_hz))
+    return interpolate(positions, numbers, step=rate_hz / to_hz)
+
+
+def count_resampled(n_frames: int, *, rate_hz: float, to_hz: float) -> int:
+    """Number of frames at another rate, the first and the last within the given ones."""
+    return int(np.floor((n_frames - 1) * to_hz / rate_hz + 1e-9)) + 1
+
+
+def interpolate(
+    positions: Floats, numbers: NDArray[np.intp], *, step: float, first: int = 0
+) -> Floats:
+    """Frames of the given numbers at another rate; see `resample`.
+
+    Parameters
+    ----------
+    positions : array, shape (frames, ...), at least two frames
+    numbers : of the new frames, counted from the recording's first
+    step : old frames from one new frame to the next
+    first : number of the first position in its recording; further ones are not needed
+    """
+    at = numbers * step
+    last = first + len(positions) - 1
+    left = np.minimum(at.astype(np.intp), last - 1)
     u = (at - left).reshape((-1,) + (1,) * (positions.ndim - 1))
-    before, after = np.maximum(left - 1, 0), np.minimum(left + 2, n - 1)
-    p0, p1, p2, p3 = (positions[i] for i in (before, left, left + 1, after))
+    before, after = np.maximum(left - 1, first), np.minimum(left + 2, last)
+    p0, p1, p2, p3 = (positions[i - first] for i in (before, left, left + 1, after))
     # A missing outer neighbour costs curvature, not the frame.
     p0 = np.where(np.isnan(p0), p1, p0)
     p3 = np.where(np.isnan(p3), p2, p3)

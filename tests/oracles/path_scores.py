@@ -79,7 +79,8 @@ def parts(cells, frames, recording, *, n_features, floor=-2.0):
 
 
 def minima_ends(distance, *, threshold, every=4):
-    """First, last and every fourth frame of plateaus that both neighbours exceed."""
+    """First, last and every fourth frame of plateaus that both neighbours exceed, or that
+    were fallen to and last half a second."""
     found, i = [], 0
     while i < len(distance):
         j = i
@@ -87,7 +88,8 @@ def minima_ends(distance, *, threshold, every=4):
             j += 1
         before = distance[i - 1] if i > 0 else np.inf
         after = distance[j + 1] if j + 1 < len(distance) else np.inf
-        if before > distance[i] < after and distance[i] <= threshold:
+        lasts = j - i + 1 >= 15
+        if before > distance[i] and (distance[i] < after or lasts) and distance[i] <= threshold:
             found += sorted({*range(i, j, every), j})
         i = j + 1
     return found

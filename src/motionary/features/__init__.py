@@ -9,6 +9,7 @@ from motionary.features.computing import (
     compute_features,
     describe_reference_lengths,
     feature_matrix,
+    motion_from_array,
 )
 from motionary.features.everyday import known_sets, load_everyday_set
 from motionary.features.feature_set import (
@@ -19,6 +20,7 @@ from motionary.features.feature_set import (
     set_from_rows,
 )
 from motionary.features.files import NamedFile, read_features
+from motionary.features.streaming import FeatureStream
 
 __all__ = [
     "FULL_BODY",
@@ -31,6 +33,7 @@ __all__ = [
     "Feature",
     "FeatureSequence",
     "FeatureSet",
+    "FeatureStream",
     "NamedFile",
     "compute_features",
     "describe_reference_lengths",
@@ -39,6 +42,7 @@ __all__ = [
     "find_feature",
     "known_sets",
     "load_everyday_set",
+    "motion_from_array",
     "read_features",
     "set_from_rows",
 ]

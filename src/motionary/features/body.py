@@ -51,6 +51,9 @@ SUBSTITUTES: dict[str, tuple[tuple[str, tuple[str, str], float], ...]] = {
     ),
 }
 
+#: Lengths are measured within so many seconds of the first frame in which a joint is seen.
+REFERENCE_S = 1.0
+
 # 0.1 s at 120 Hz are 12 frames, whatever rounding makes of the product.
 _SLACK = 1e-9
 # Frames whose coordinates are sorted by joint at once: few enough to stay in the cache.
@@ -67,21 +70,26 @@ class Body:
     ----------
     tracks : array (3, frames) of each generic joint, metres
     rate_hz : frames per second
+    reference : the beginning of the recording, where the tracks are of a later part; its
+        lengths are those of the body
     """
 
     tracks: dict[str, Floats]
     rate_hz: float
+    reference: "Body | None" = None
     _kept: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def from_positions(cls, positions: Floats, *, rate_hz: float) -> "Body":
+    def from_positions(
+        cls, positions: Floats, *, rate_hz: float, reference: "Body | None" = None
+    ) -> "Body":
         """Body of generic positions, shape (frames, 24, 3)."""
         n_frames = positions.shape[0]
         tracks = np.empty((len(GENERIC_JOINTS), 3, n_frames))
         for start in range(0, n_frames, _BLOCK):
             block = slice(start, start + _BLOCK)
             tracks[:, :, block] = positions[block].transpose(1, 2, 0)
-        return cls(dict(zip(GENERIC_JOINTS, tracks, strict=True)), rate_hz)
+        return cls(dict(zip(GENERIC_JOINTS, tracks, strict=True)), rate_hz, reference)
 
     def __getitem__(self, joint: str) -> Floats:
         return self.tracks[joint]
@@ -135,14 +143,19 @@ class Body:
     def length(self, name: str) -> float:
         """A length of the body in metres; NaN if it is unseen or zero.
 
-        A segment counts as in the first frame; where an end is unseen there, with its
-        median over the frames that see both. Where an upper arm is never seen, see
-        `SUBSTITUTES`.
+        A segment counts as in the first frame in which any joint is seen; where an end is
+        unseen there, with its median over the second that begins there. Where an upper arm
+        is unseen in all of it, see `SUBSTITUTES`.
 
         Parameters
         ----------
         name : one of `LENGTHS`
         """
+        if self.reference is not None:
+            return self.reference.length(name)
+        return float(self.kept(("length", name), lambda: np.array(self._length(name))))
+
+    def _length(self, name: str) -> float:
         total = sum(self._segment(a, b) for a, b in LENGTHS[name])
         if total > 0:
             return total
@@ -161,12 +174,23 @@ class Body:
         return "", float("nan")
 
     def _segment(self, a: str, b: str) -> float:
-        first = norm(self[b][:, :1] - self[a][:, :1])
-        if np.isfinite(first[0]):
-            return float(first[0])
-        lengths = norm(self[b] - self[a])
+        begin = self.first_seen
+        block = slice(begin, begin + max(1, round(REFERENCE_S * self.rate_hz)))
+        lengths = norm(self[b][:, block] - self[a][:, block])
         seen = lengths[np.isfinite(lengths)]
-        return float(np.median(seen)) if len(seen) else float("nan")
+        if not len(seen):
+            return float("nan")
+        return float(seen[0] if np.isfinite(lengths[0]) else np.median(seen))
+
+    @property
+    def first_seen(self) -> int:
+        """First frame in which any joint is seen; 0 if none is."""
+
+        def compute() -> Floats:
+            seen = np.isfinite([self.height(joint) for joint in self.tracks]).any(axis=0)
+            return np.array(float(seen.argmax()))
+
+        return int(self.kept(("first seen",), compute))
 
 
 def dot(a: Floats, b: Floats) -> Floats:

@@ -208,7 +208,7 @@ def compute_features(
         motion's joints are unknown or its rate is below 1 Hz.
     """
     if not isinstance(motion, Motion):
-        motion = _motion_from_array(motion, rate_hz, skeleton).renamed(source)
+        motion = motion_from_array(motion, rate_hz, skeleton).renamed(source)
     elif rate_hz is not None or skeleton is not None or source:
         raise InvalidInput(
             "rate_hz=, skeleton= and source= go with arrays; a Motion has its own: read(..., "
@@ -256,7 +256,10 @@ def describe_reference_lengths(motion: Motion) -> tuple[str, ...]:
 
 
 def feature_matrix(
-    positions: Floats, feature_set: FeatureSet, *, before: Bools | None = None
+    positions: Floats,
+    feature_set: FeatureSet,
+    *,
+    before: Bools | None = None,
 ) -> tuple[Bools, Bools]:
     """Features at 120 Hz and which of them are known.
 
@@ -282,14 +285,28 @@ def feature_matrix(
     if np.shape(before) != (n_features,):
         raise InvalidInput(f"before needs one state a feature, {n_features}, got {len(before)}")
     body = Body.from_positions(positions, rate_hz=MEASURE_HZ)
-    features = np.empty((n_features, n_frames), dtype=np.bool_)
+    return switch_features(body, feature_set, before, slice(None))
+
+
+def switch_features(
+    body: Body, feature_set: FeatureSet, before: Bools, part: slice
+) -> tuple[Bools, Bools]:
+    """Features of a body at 120 Hz in some of its frames, and which of them are known.
+
+    Parameters
+    ----------
+    before : array, shape (features,): features that hold before the first of these frames
+    part : the frames; those beside them are only measured with them
+    """
+    n_frames = len(range(*part.indices(body.n_frames)))
+    features = np.empty((len(feature_set), n_frames), dtype=np.bool_)
     known = np.empty_like(features)
     measured: tuple[object, ...] = ()
     for i, feature in enumerate(feature_set.features):
         wanted = feature.quantity, feature.joints, feature.window_s, feature.unit
         if wanted != measured:
             # Thresholds of one quantity stand side by side.
-            value, measured = feature.measure(body), wanted
+            value, measured = feature.measure(body)[part], wanted
         known[i] = ~np.isnan(value)
         strong = holds(value, feature.test, feature.strong)
         if feature.weak == feature.strong:
@@ -326,9 +343,10 @@ def hysteresis(strong: Bools, weak: Bools, known: Bools, *, before: bool = False
     return (event & 1).astype(np.bool_)
 
 
-def _motion_from_array(
+def motion_from_array(
     positions: ArrayLike, rate_hz: float | None, skeleton: str | Sequence[str] | None
 ) -> Motion:
+    """Motion of an array of positions, as `compute_features` takes it."""
     try:
         array = np.asarray(positions, dtype=np.float64)
     except (TypeError, ValueError):

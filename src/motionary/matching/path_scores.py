@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.matching._paths import NumpyKernels, Observed, PathKernels, SumWeights
 from motionary.matching.distance import Engine, alone, load_twin, plan_abreast
-from motionary.matching.hits import local_minima
 from motionary.matching.pattern import Pattern, check_sequence
 from motionary.packing import PackedFeatures, count_integers
 
@@ -36,6 +35,10 @@ Indices = NDArray[np.intp]
 GRAIN = 2.0**-12
 #: A cell of this value is free: by editing, or because no example shows it.
 FREE = 0.5
+
+#: A level of the distance function that lasts so many frames after a fall is a minimum,
+#: whatever follows: what ends there is known half a second later.
+SETTLED = 15
 
 #: From so many cells on the compiled twin is worth the second that loading it takes: NumPy
 #: needs as long for them.
@@ -233,7 +236,7 @@ def explain_scores(
 ) -> Floats:
     """Part of each feature in the scores of paths, shape (paths, features); rows sum to them."""
     observed = Observed(packed, known, ratios.if_one.shape[1])
-    weights = _sum_weights(ratios, settings)
+    weights = sum_weights(ratios, settings)
     sums = observed.sum_features(np.ascontiguousarray(paths.frames.T), weights)
     parts: Floats = np.maximum(sums, weights.floor).astype(np.float64) * (GRAIN / ratios.scale)
     return parts
@@ -263,7 +266,7 @@ def score_patterns(
     InvalidInput
         If patterns, ratios and recording do not fit, or the compiled twin is not installed.
     """
-    n_features = _check_ratios(patterns, ratios)
+    n_features = check_ratios(patterns, ratios)
     for pattern in patterns:
         check_sequence(pattern, packed, known)
     if not patterns or not len(packed):
@@ -283,7 +286,7 @@ def score_patterns(
         ends = [
             minima_ends(d, threshold=settings.most_cost, every=settings.every) for d in distances
         ]
-        scored = kernels.score(ends, [_sum_weights(ratios[i], settings) for i in indices])
+        scored = kernels.score(ends, [sum_weights(ratios[i], settings) for i in indices])
         for i, own, distance, sums in zip(indices, ends, distances, scored, strict=True):
             kept = own[sums.places]
             scores: Floats = sums.sums * np.float64(GRAIN / ratios[i].scale)
@@ -295,12 +298,19 @@ def score_patterns(
 def minima_ends(distance: Single, *, threshold: float, every: int = DEFAULTS.every) -> Indices:
     """Ends of matches: frames of the local minima that are at most `threshold`.
 
-    Where a minimum lasts, its first end means the fastest way through the template and
-    leaves out columns; its last frame and each so many frames between are ends as well.
+    A level that was fallen to and lasts is one as well, whether the distance then rises or
+    falls. Where a minimum lasts, its first end means the fastest way through the template
+    and leaves out columns; its last frame and each so many frames between are ends as well.
     """
-    first = local_minima(distance, threshold=threshold)
-    change = np.append(np.flatnonzero(distance[1:] != distance[:-1]) + 1, len(distance))
-    last = change[np.searchsorted(change, first, side="right")] - 1
+    if len(distance) == 0:
+        return _NOTHING
+    first = np.concatenate([[0], np.flatnonzero(distance[1:] != distance[:-1]) + 1])
+    last = np.append(first[1:], len(distance)) - 1
+    level = distance[first]
+    around = np.concatenate([[np.inf], level, [np.inf]])
+    lowest = (level < around[2:]) | (last - first + 1 >= SETTLED)
+    lowest &= (level < around[:-2]) & (level <= threshold)
+    first, last = first[lowest], last[lowest]
     n_ends = -(-(last - first) // every) + 1
     number = np.arange(n_ends.sum()) - np.repeat(np.cumsum(n_ends) - n_ends, n_ends)
     ends = np.repeat(first, n_ends) + every * number
@@ -311,7 +321,8 @@ def _blend(a: Floats, b: Floats, fraction: float) -> Floats:
     return (1 - fraction) * a + fraction * b
 
 
-def _sum_weights(ratios: CellRatios, settings: PathScoreSettings) -> SumWeights:
+def sum_weights(ratios: CellRatios, settings: PathScoreSettings) -> SumWeights:
+    """What is summed along the paths of a template, and the least sum that counts."""
     unit = ratios.scale / GRAIN
     return SumWeights(
         ratios.if_one - ratios.if_zero,
@@ -321,7 +332,7 @@ def _sum_weights(ratios: CellRatios, settings: PathScoreSettings) -> SumWeights:
     )
 
 
-def _check_ratios(patterns: Sequence[Pattern], ratios: Sequence[CellRatios]) -> int:
+def check_ratios(patterns: Sequence[Pattern], ratios: Sequence[CellRatios]) -> int:
     """Number of features; InvalidInput unless ratios and patterns belong together."""
     if len(patterns) != len(ratios):
         raise InvalidInput(

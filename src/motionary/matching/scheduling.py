@@ -12,8 +12,8 @@ The same intervals in the same order give the same set, also where totals are eq
 """
 
 from bisect import insort
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -209,44 +209,93 @@ def advance(
     return indices, ScheduleState(now, rest, tuple(waiting), tuple(chosen))
 
 
-def join_states(
-    chosen: Intervals, classes: ArrayLike, is_state: ArrayLike, *, most_gap: float
+def foresee(
+    state: ScheduleState, further: Intervals, *, shrink: float = DEFAULTS.shrink
 ) -> Indices:
-    """Number of the label to which each chosen interval belongs, shape (n,).
+    """Indices that would be chosen if nothing more came, by end; nothing is decided.
+
+    Parameters
+    ----------
+    further : intervals beside those that wait; their indices follow those that were seen
+    """
+    items = _items(further, shrink, first=state.n_seen)
+    fitting = [item for item in items if fits(item, state.chosen)]
+    best = best_of(sorted([*state.waiting, *fitting]))
+    by_end = sorted(best, key=lambda item: (item.end, item.place))
+    return np.array([item.place for item in by_end], dtype=np.intp)
+
+
+@dataclass(slots=True, eq=False)
+class StateJoiner:
+    """Joins chosen intervals of one state to labels, as they come by their starts.
 
     Intervals of one class that is a state are one label where the gap between neighbours
     is at most `most_gap` and no interval of another class that needs one of their parts
     begins between them. Labels are numbered by their first intervals.
+
+    Attributes
+    ----------
+    most_gap : in the unit of the intervals
+    """
+
+    most_gap: float
+    _earlier: list[tuple[int, int, int]] = field(default_factory=list)
+    _label_ends: dict[int, float] = field(default_factory=dict)
+    _n_labels: int = 0
+
+    def add(self, start: float, end: float, kind: int, parts: int, *, is_state: bool) -> int:
+        """Number of the label of the next interval, by start and then by end."""
+        label = -1
+        if is_state:
+            for other, needs, number in reversed(self._earlier):
+                if other == kind or needs & parts:
+                    near = other == kind and start - self._label_ends[number] <= self.most_gap
+                    label = number if near else -1
+                    break
+        if label < 0:
+            label, self._n_labels = self._n_labels, self._n_labels + 1
+        self._label_ends[label] = max(self._label_ends.get(label, end), end)
+        self._earlier.append((kind, parts, label))
+        if len(self._earlier) > 2 * _MOST_KEPT:
+            self._forget()
+        return label
+
+    def copy(self) -> "StateJoiner":
+        """A joiner that goes on from here by itself."""
+        return StateJoiner(
+            self.most_gap, list(self._earlier), dict(self._label_ends), self._n_labels
+        )
+
+    def _forget(self) -> None:
+        self._earlier = self._earlier[-_MOST_KEPT:]
+        kept = {number for _, _, number in self._earlier}
+        self._label_ends = {n: end for n, end in self._label_ends.items() if n in kept}
+
+
+def join_states(
+    chosen: Intervals, classes: ArrayLike, is_state: ArrayLike, *, most_gap: float
+) -> Indices:
+    """Number of the label to which each chosen interval belongs, shape (n,).
 
     Parameters
     ----------
     chosen : by end
     classes : array, shape (n,): class of each interval
     is_state : array, shape (n,), bool: whether that class is a state
+    most_gap : as of `StateJoiner`
     """
     kinds, states = np.asarray(classes), np.asarray(is_state, dtype=np.bool_)
     label = np.full(len(kinds), -1, dtype=np.intp)
-    label_ends: list[float] = []
-    earlier: list[int] = []
+    joiner = StateJoiner(most_gap)
     for i in np.lexsort((chosen.ends, chosen.starts)).tolist():
-        before = _last_in_the_way(chosen, kinds, earlier, i)
-        if states[i] and before >= 0 and kinds[before] == kinds[i]:
-            near = chosen.starts[i] - label_ends[label[before]] <= most_gap
-            label[i] = label[before] if near else -1
-        if label[i] < 0:
-            label[i] = len(label_ends)
-            label_ends.append(-np.inf)
-        label_ends[label[i]] = max(label_ends[label[i]], chosen.ends[i])
-        earlier.append(i)
+        label[i] = joiner.add(
+            float(chosen.starts[i]),
+            float(chosen.ends[i]),
+            kinds[i],
+            int(chosen.parts[i]),
+            is_state=bool(states[i]),
+        )
     return label
-
-
-def _last_in_the_way(chosen: Intervals, kinds: NDArray[Any], earlier: list[int], i: int) -> int:
-    """Last earlier interval of the class, or of another and a part in common; or -1."""
-    for j in reversed(earlier):
-        if kinds[j] == kinds[i] or chosen.parts[j] & chosen.parts[i]:
-            return j
-    return -1
 
 
 def _items(candidates: Intervals, shrink: float, *, first: int = 0) -> list[Item]:

@@ -17,11 +17,13 @@ from motionary.models.library import (
     Candidates,
     ClassLibrary,
     MotionClass,
+    PrototypePlace,
     choose_candidates,
     false_rates_of,
     join_matches,
     thresholds_for,
 )
+from motionary.recording import Segment
 from motionary.retrieval.explanation import Evidence, explain
 
 #: Templates that differ less from their mirror image, on the mean, have no side.
@@ -72,38 +74,34 @@ def label_by_scores(
         best = max(members, key=lambda j: found.paths.scores[kept[j]])
         start = int(min(found.paths.starts[kept[j]] for j in members))
         stop = int(max(found.paths.stops[kept[j]] for j in members))
-        labels.append(
-            _label(sequence, library, found, int(kept[best]), evidence[best], (start, stop))
-        )
+        index = int(kept[best])
+        place, score = found.place_of(index), float(found.paths.scores[index])
+        segment = sequence.segment(start, stop)
+        labels.append(make_label(library, place, score, evidence[best], segment))
     return tuple(labels), ""
 
 
-def _label(
-    sequence: FeatureSequence,
-    library: ClassLibrary,
-    found: Candidates,
-    index: int,
-    evidence: Evidence,
-    frames: tuple[int, int],
+def make_label(
+    library: ClassLibrary, place: PrototypePlace, score: float, evidence: Evidence, segment: Segment
 ) -> Label:
-    place = found.place_of(index)
-    motion_class = library.classes[place.class_index]
-    score = float(found.paths.scores[index])
+    """The label of a match, with all that the library knows of labels of its score."""
+    motion_class, recording = library.classes[place.class_index], evidence.sequence.recording
     rates, scoring = false_rates_of(library), library.scoring
     least = thresholds_for(library)[place.class_index]
-    start_s, end_s = sequence.segment(*frames)
     return Label(
-        motion_class.name, start_s, end_s,
+        motion_class.name,
+        segment.start_s,
+        segment.end_s,
         cost=evidence.alignment.cost,
         known=evidence.known,
-        start_frame=sequence.recording.frame_at(start_s),
-        end_frame=sequence.recording.last_frame_before(end_s),
+        start_frame=recording.frame_at(segment.start_s),
+        end_frame=recording.last_frame_before(segment.end_s),
         evidence=evidence,
         score=score,
         probability=scoring.probability_of(score - least) if scoring else None,
         false_per_min=None if rates is None else rates.of_class(place.class_index, score),
-        side=_side_of(motion_class, place.prototype_index, sequence),
-    )  # fmt: skip
+        side=_side_of(motion_class, place.prototype_index, evidence.sequence),
+    )
 
 
 def _side_of(motion_class: MotionClass, index: int, sequence: FeatureSequence) -> str:
@@ -121,16 +119,20 @@ def _side_of(motion_class: MotionClass, index: int, sequence: FeatureSequence) -
 def _evidence(
     sequence: FeatureSequence, library: ClassLibrary, found: Candidates, index: int
 ) -> Evidence:
-    """The warping path of one match, and what it is made of."""
-    place = found.place_of(index)
+    return find_evidence(sequence, library, found.place_of(index), int(found.paths.stops[index]))
+
+
+def find_evidence(
+    sequence: FeatureSequence, library: ClassLibrary, place: PrototypePlace, stop: int
+) -> Evidence:
+    """The warping path of a match that ends before frame `stop`, and what it is made of."""
     motion_class = library.classes[place.class_index]
     template, pattern = motion_class.patterns[place.prototype_index]
-    end = int(found.paths.stops[index]) - 1
-    paths = find_paths_to(pattern, sequence.packed, sequence.known, np.array([end]))
+    paths = find_paths_to(pattern, sequence.packed, sequence.known, np.array([stop - 1]))
     frames = paths.frames[0]
     columns = np.flatnonzero(frames >= 0)
     path = np.column_stack([columns, frames[columns]]).astype(np.intp)
-    alignment = Alignment(int(frames[0]), end, float(paths.costs[0]), path)
+    alignment = Alignment(int(frames[0]), stop - 1, float(paths.costs[0]), path)
     ratios = motion_class.ratios[place.prototype_index]
     return Evidence(motion_class.name, template, pattern, sequence, alignment, ratios)
 

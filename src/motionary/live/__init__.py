@@ -1,0 +1,5 @@
+"""Labels while a motion is still going on."""
+
+from motionary.live.annotator import LiveAnnotator, LiveEvent, Status
+
+__all__ = ["LiveAnnotator", "LiveEvent", "Status"]

@@ -1,0 +1,271 @@
+"""Labels of a motion that is still going on.
+
+Positions arrive in chunks of any size; labels that are final are, in all, those that
+`annotate` gives for the whole recording. Until then they are provisional: what the labels
+would be if nothing more came.
+
+Conventions: times in seconds from the first pose; frames of features are at 30 Hz.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from motionary.errors import InvalidInput
+from motionary.features import SEQUENCE_HZ, FeatureSequence, FeatureStream, motion_from_array
+from motionary.labels import Label
+from motionary.live.deciding import Decisions, Found
+from motionary.live.timing import EvenTimes
+from motionary.matching import StreamedPath
+from motionary.models.library import ClassLibrary, load_everyday, thresholds_for
+from motionary.packing import PackedFeatures, count_integers
+from motionary.recording import Recording, Segment
+from motionary.retrieval.explanation import Evidence, explain
+from motionary.retrieval.scored_labels import find_evidence, make_label
+
+Status = Literal["provisional", "revised", "withdrawn", "final"]
+
+# Provisional labels are looked at every so many frames of features.
+_EVERY = 3
+# A provisional label that moved or changed by less is not told again.
+_MOVED_S, _SURER = 0.2, 0.1
+_N_REASONS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class LiveEvent:
+    """What became known of one label.
+
+    Attributes
+    ----------
+    status : "provisional" when it is first foreseen, "revised" when it changed,
+        "withdrawn" when it is no longer foreseen, and "final", after which it stays
+    id : the same for all events of one label, counted from 1
+    label : as it is now
+    why : of a final label, what told most for it, in words
+    """
+
+    status: Status
+    id: int
+    label: Label
+    why: tuple[str, ...] = ()
+
+
+_Detail = tuple[Label, tuple[str, ...]]
+
+
+class LiveAnnotator:
+    """Labels of one person's motion while it goes on.
+
+    Parameters
+    ----------
+    library : with scores; by default the library of everyday motion that ships
+    rate_hz : poses per second; poses that come with times of their own are brought to it
+    skeleton : the joints of a pose, as `compute_features` takes them
+    threshold, at_most_false_per_min : as `annotate` takes them
+    name : of the recording
+
+    Raises
+    ------
+    InvalidInput
+        If the rate is too low, the skeleton unknown, or the library has no scores.
+    """
+
+    def __init__(
+        self,
+        library: ClassLibrary | None = None,
+        *,
+        rate_hz: float,
+        skeleton: str | Sequence[str] | None = None,
+        threshold: float | None = None,
+        at_most_false_per_min: float | None = None,
+        name: str = "live",
+    ) -> None:
+        if not 1.0 <= rate_hz < np.inf:
+            raise InvalidInput(f"rate_hz must be at least 1 pose per second, got {rate_hz}")
+        library = load_everyday() if library is None else library
+        least = np.full(len(library), threshold)
+        if threshold is None:
+            least = thresholds_for(library, at_most_false_per_min)
+        self.library, self._skeleton = library, skeleton
+        self._recording = Recording(name, rate_hz=rate_hz)
+        self._times = EvenTimes(rate_hz)
+        self._features = FeatureStream(library.feature_set, rate_hz)
+        self._matches: Decisions[_Detail | None] = Decisions(library, least, self._judge)
+        n_integers = count_integers(len(library.feature_set))
+        self._packed = np.empty((0, n_integers), dtype=np.uint64)
+        self._known = self._packed.copy()
+        self._told: dict[int, Label] = {}
+        self._n_ids = 0
+        self._looked_at = 0
+        self.is_finished = False
+
+    @property
+    def look_ahead_s(self) -> float:
+        """How long after its end a label of an event is final."""
+        return self._features.delay_s + self._matches.look_ahead / SEQUENCE_HZ
+
+    @property
+    def duration_s(self) -> float:
+        """Time that the poses so far last."""
+        return self._recording.duration_s
+
+    def push(
+        self, positions: ArrayLike, times_s: ArrayLike | None = None
+    ) -> tuple[LiveEvent, ...]:
+        """What poses make known.
+
+        Parameters
+        ----------
+        positions : array, shape (joints, 3) or (poses, joints, 3), metres, y up, NaN where a
+            joint is not seen
+        times_s : when they were seen, by a clock of any beginning; all or none come with times
+
+        Raises
+        ------
+        InvalidInput
+            If the joints are not those of the skeleton, a time does not grow, or the stream
+            has been finished. Nothing is kept of such poses.
+        """
+        if self.is_finished:
+            raise InvalidInput("the stream is finished; a new recording needs a new annotator")
+        array = np.asarray(positions, dtype=np.float64)
+        array = array[np.newaxis] if array.ndim == 2 else array
+        rate_hz = self._recording.rate_hz
+        if len(array) == 0:
+            return ()
+        motion = motion_from_array(array, rate_hz, self._skeleton)
+        if motion.mapping is not None and motion.mapping.normals:
+            raise InvalidInput(
+                f"the markers of {motion.mapping.name!r} give joints only over a whole recording; "
+                "send joints, or markers that lie at them"
+            )
+        generic = motion.generic_positions()
+        if times_s is not None:
+            times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+            if times.shape != (len(array),):
+                raise InvalidInput(f"{len(array)} poses need as many times, got {times.shape}")
+            generic = self._times.push(generic, times)
+        n_frames = self._recording.n_frames + len(generic)
+        self._recording = replace(self._recording, n_frames=n_frames)
+        return self._advance(*self._features.push(generic), at_end=False)
+
+    def finish(self) -> tuple[LiveEvent, ...]:
+        """What is left when no more poses come: all labels are final then."""
+        if self.is_finished:
+            return ()
+        self.is_finished = True
+        return self._advance(*self._features.finish(), at_end=True)
+
+    def _advance(
+        self, packed: PackedFeatures, known: PackedFeatures, *, at_end: bool
+    ) -> tuple[LiveEvent, ...]:
+        kept = self._matches.n_remembered
+        self._packed = np.concatenate([self._packed, packed])
+        self._known = np.concatenate([self._known, known])
+        for row in zip(packed, known, strict=True):
+            self._matches.push(*row)
+        events = []
+        for found in self._matches.decide(at_end=at_end):
+            label, why = self._describe(found)
+            events.append(LiveEvent("final", self._id_of(label), label, why))
+            self._told.pop(events[-1].id, None)
+        n_frames = self._matches.n_frames
+        if at_end or n_frames - self._looked_at >= _EVERY:
+            self._looked_at = n_frames
+            events += self._foresee(at_end)
+        self._packed, self._known = self._packed[-kept:], self._known[-kept:]
+        return tuple(events)
+
+    @property
+    def _sequence(self) -> FeatureSequence:
+        """The last features, of the whole recording so far."""
+        return FeatureSequence(
+            self._packed, self._known, self.library.feature_set, self._recording
+        )
+
+    def _segment(self, start: int, stop: int) -> Segment:
+        last = self._recording.duration_s
+        return Segment(min(start / SEQUENCE_HZ, last), min(stop / SEQUENCE_HZ, last))
+
+    def _evidence(self, path: StreamedPath) -> Evidence:
+        first = self._matches.n_frames - len(self._packed)
+        place = self._matches.places[path.pattern]
+        return find_evidence(self._sequence, self.library, place, path.stop - first)
+
+    def _judge(self, path: StreamedPath) -> "_Detail | None":
+        """Label of a match, and what told most for it."""
+        evidence = self._evidence(path)
+        if not evidence.is_assessed:
+            return None
+        place, segment = self._matches.places[path.pattern], self._segment(path.start, path.stop)
+        label = make_label(self.library, place, path.score, evidence, segment)
+        gains = sorted(explain(evidence).gains, key=lambda gain: -gain.part)[:_N_REASONS]
+        return replace(label, evidence=None), tuple(g.name for g in gains if g.part > 0)
+
+    def _describe(self, found: Found[_Detail | None]) -> "_Detail":
+        """Label of all matches of one that is open or final, and what told most for it."""
+        segment = self._segment(found.start, found.stop)
+        if found.detail is not None:
+            label, why = found.detail
+            label = replace(
+                label,
+                start_s=segment.start_s,
+                end_s=segment.end_s,
+                start_frame=self._recording.frame_at(segment.start_s),
+                end_frame=self._recording.last_frame_before(segment.end_s),
+            )
+            return label, why
+        place = self._matches.places[found.best.pattern]
+        label = Label(
+            self.library.names[place.class_index],
+            segment.start_s,
+            segment.end_s,
+            cost=found.best.cost,
+            score=found.best.score,
+            probability=self._matches.probability_of(found.best),
+        )
+        return label, ()
+
+    def _foresee(self, at_end: bool) -> list[LiveEvent]:
+        """Provisional labels that are new, or not as they were told."""
+        told, events = self._told, list[LiveEvent]()
+        self._told = {}
+        for found in [] if at_end else self._matches.foresee(None):
+            label, _ = self._describe(found)
+            number = _find(label, told)
+            before = told.pop(number, None)
+            number = number or self._new_id()
+            if before is None or _differs(label, before):
+                status: Status = "provisional" if before is None else "revised"
+                events.append(LiveEvent(status, number, label))
+                before = label
+            self._told[number] = before
+        return [LiveEvent("withdrawn", i, label) for i, label in told.items()] + events
+
+    def _id_of(self, label: Label) -> int:
+        return _find(label, self._told) or self._new_id()
+
+    def _new_id(self) -> int:
+        self._n_ids += 1
+        return self._n_ids
+
+
+def _find(label: Label, told: Mapping[int, Label]) -> int:
+    """Number of the label of the same name that overlaps most; 0 without one."""
+    overlaps = {
+        i: min(label.end_s, other.end_s) - max(label.start_s, other.start_s)
+        for i, other in told.items()
+        if other.name == label.name
+    }
+    best = max(overlaps, key=lambda i: overlaps[i], default=0)
+    return best if best and overlaps[best] > 0 else 0
+
+
+def _differs(label: Label, before: Label) -> bool:
+    moved = abs(label.start_s - before.start_s) + abs(label.end_s - before.end_s)
+    surer = (label.probability or 0.0) - (before.probability or 0.0)
+    return moved > _MOVED_S or abs(surer) > _SURER

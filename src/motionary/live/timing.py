@@ -1,0 +1,73 @@
+"""Positions at even times, of positions that arrive when they like.
+
+Conventions: times in seconds of the sender's clock; even times count from the first one.
+"""
+
+import math
+
+import numpy as np
+
+from motionary.errors import InvalidInput
+from motionary.features.body import Floats
+
+#: Positions that are farther apart in time leave a gap between them.
+MOST_GAP_S = 0.25
+# A time so near to an even one is that one: clocks round.
+_SLACK = 1e-9
+
+
+class EvenTimes:
+    """Positions at an even rate, a straight line between neighbours in time.
+
+    Parameters
+    ----------
+    rate_hz : of the positions that come out
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self.rate_hz = rate_hz
+        self._first_s: float | None = None
+        self._last_s = -math.inf
+        self._last: Floats = np.empty(0)
+        self._n_given = 0
+
+    def push(self, positions: Floats, times_s: Floats) -> Floats:
+        """Positions at the even times up to the last of these, shape (new frames, ...).
+
+        Parameters
+        ----------
+        positions : array, shape (frames, joints, 3), NaN = not seen
+        times_s : array, shape (frames,)
+
+        Raises
+        ------
+        InvalidInput
+            If a time is not a number, or not later than the one before; nothing is kept then.
+        """
+        before = np.concatenate([[self._last_s], times_s[:-1]])
+        if not np.isfinite(times_s).all() or not (times_s > before).all():
+            wrong = np.flatnonzero(~(np.isfinite(times_s) & (times_s > before)))[0]
+            raise InvalidInput(
+                f"times must grow, got {times_s[wrong]} s after {before[wrong]} s: is the sender's "
+                "clock going backwards? A new recording needs a new annotator"
+            )
+        if len(times_s) == 0:
+            return positions
+        if self._first_s is None:
+            self._first_s = float(times_s[0])
+        else:
+            positions = np.concatenate([self._last[np.newaxis], positions])
+            times_s = np.concatenate([[self._last_s], times_s])
+        self._last, self._last_s = positions[-1], float(times_s[-1])
+        elapsed = (times_s - self._first_s) * self.rate_hz
+        numbers = np.arange(self._n_given, math.floor(elapsed[-1] + _SLACK) + 1)
+        self._n_given += len(numbers)
+        if len(times_s) == 1:
+            return positions[: len(numbers)]
+        right = np.clip(np.searchsorted(elapsed, numbers - _SLACK), 1, len(elapsed) - 1)
+        span = elapsed[right] - elapsed[right - 1]
+        part = np.clip((numbers - elapsed[right - 1]) / span, 0.0, 1.0)[:, np.newaxis, np.newaxis]
+        low, high = positions[right - 1], positions[right]
+        between: Floats = np.where(part <= 0, low, np.where(part >= 1, high, low + part * (high - low)))
+        in_gap = (span > MOST_GAP_S * self.rate_hz)[:, np.newaxis, np.newaxis] & (part > 0) & (part < 1)
+        return np.where(in_gap, np.nan, between)
