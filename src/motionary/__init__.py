@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from motionary.inertial import check_tracking
     from motionary.io import read, read_labels, write, write_labels
     from motionary.labels import Label, LabelTrack
+    from motionary.live import LiveAnnotator
     from motionary.models.keyframes import KeyframeQuery
     from motionary.models.library import ClassLibrary, MotionClass, learn
     from motionary.models.templates import MotionTemplate
@@ -39,6 +40,7 @@ __all__ = [
     "KeyframeQuery",
     "Label",
     "LabelTrack",
+    "LiveAnnotator",
     "Motion",
     "MotionClass",
     "MotionTemplate",
@@ -78,6 +80,7 @@ __getattr__, __dir__ = lazy_names(
         "io": "read read_labels write write_labels",
         "models.keyframes": "KeyframeQuery",
         "labels": "Label LabelTrack",
+        "live": "LiveAnnotator",
         "models.library": "ClassLibrary MotionClass learn",
         "motion": "Motion Skeleton",
         "multiview": "untangle",

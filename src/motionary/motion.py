@@ -367,26 +367,21 @@ def resample(positions: Floats, *, rate_hz: float, to_hz: float) -> Floats:
     n = positions.shape[0]
     if rate_hz == to_hz or n == 1:
         return positions
-    numbers = np.arange(count_resampled(n, rate_hz=rate_hz, to_hz=to_hz))
-    return interpolate(positions, numbers, step=rate_hz / to_hz)
+    n_new = count_resampled(n, rate_hz=rate_hz, to_hz=to_hz)
+    return interpolate(positions, np.arange(n_new), step=rate_hz / to_hz)
 
 
 def count_resampled(n_frames: int, *, rate_hz: float, to_hz: float) -> int:
-    """Number of frames at another rate, the first and the last within the given ones."""
+    """Number of frames at another rate within the time of the given ones."""
     return int(np.floor((n_frames - 1) * to_hz / rate_hz + 1e-9)) + 1
 
 
 def interpolate(
     positions: Floats, numbers: NDArray[np.intp], *, step: float, first: int = 0
 ) -> Floats:
-    """Frames of the given numbers at another rate; see `resample`.
+    """Frames of given numbers at another rate, `step` old frames apart; see `resample`.
 
-    Parameters
-    ----------
-    positions : array, shape (frames, ...), at least two frames
-    numbers : of the new frames, counted from the recording's first
-    step : old frames from one new frame to the next
-    first : number of the first position in its recording; further ones are not needed
+    `first` is the number of the first of these positions, at least two, in its recording.
     """
     at = numbers * step
     last = first + len(positions) - 1

@@ -43,8 +43,12 @@ COMMANDS = {
     "imu": "imu",
     "untangle": "multiview",
     "synth": "synth",
+    "live": "live",
+    "replay": "live",
     "demo": "demo",
 }
+#: Commands that need no argument.
+_BARE = ("demo", "live")
 #: Shells that complete a command line set it.
 _COMPLETION = "_MOTIONARY_COMPLETE"
 # Objects between two searches for garbage.
@@ -132,9 +136,8 @@ def build_app(one: str | None = None) -> typer.Typer:
             group = _build_group(command, module.SUBCOMMANDS)
             app.add_typer(group, name=name, short_help=_summary(command))
             continue
-        # The demonstration is the one command that needs no argument.
         app.command(
-            name, cls=_Command, no_args_is_help=name != "demo", short_help=_summary(command)
+            name, cls=_Command, no_args_is_help=name not in _BARE, short_help=_summary(command)
         )(_guarded(command))
     app.command("help", hidden=True)(_show_help)
     app.command("version", hidden=True)(lambda: _show_version(True))

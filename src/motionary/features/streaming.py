@@ -76,9 +76,7 @@ class FeatureStream:
             none = pack(np.empty((0, len(self.feature_set)), dtype=np.bool_))
             return none, none
         first = max(self._n_done - self._before, 0)
-        body = Body.from_positions(
-            self._even.since(first), rate_hz=MEASURE_HZ, reference=reference
-        )
+        body = Body.from_positions(self._even.since(first), rate_hz=MEASURE_HZ, reference=reference)
         part = slice(self._n_done - first, stop - first)
         features, known = switch_features(body, self.feature_set, self._state, part)
         self._state, self._n_done = features[-1], stop
@@ -119,6 +117,7 @@ class FeatureStream:
             stop = min(stop, begin // _STEP * _STEP)
         # Of a body of which nothing is seen no length is asked for.
         return Body.from_positions(nothing, rate_hz=MEASURE_HZ), stop
+
 
 class _Window:
     """The last positions of a stream, by the number of their frame."""

@@ -113,9 +113,7 @@ class LiveAnnotator:
         """Time that the poses so far last."""
         return self._recording.duration_s
 
-    def push(
-        self, positions: ArrayLike, times_s: ArrayLike | None = None
-    ) -> tuple[LiveEvent, ...]:
+    def push(self, positions: ArrayLike, times_s: ArrayLike | None = None) -> tuple[LiveEvent, ...]:
         """What poses make known.
 
         Parameters
@@ -183,9 +181,7 @@ class LiveAnnotator:
     @property
     def _sequence(self) -> FeatureSequence:
         """The last features, of the whole recording so far."""
-        return FeatureSequence(
-            self._packed, self._known, self.library.feature_set, self._recording
-        )
+        return FeatureSequence(self._packed, self._known, self.library.feature_set, self._recording)
 
     def _segment(self, start: int, stop: int) -> Segment:
         last = self._recording.duration_s

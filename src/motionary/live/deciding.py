@@ -80,7 +80,9 @@ class Decisions(Generic[Detail]):
         check_has_scores(library)
         self._judge = judge
         self.places = tuple(
-            PrototypePlace(i, j) for i, one in enumerate(library) for j in range(len(one.prototypes))
+            PrototypePlace(i, j)
+            for i, one in enumerate(library)
+            for j in range(len(one.prototypes))
         )
         patterns = [pattern for one in library for _, pattern in one.patterns]
         self._paths = PathStream(patterns, [ratio for one in library for ratio in one.ratios])

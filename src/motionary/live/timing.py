@@ -65,9 +65,9 @@ class EvenTimes:
         if len(times_s) == 1:
             return positions[: len(numbers)]
         right = np.clip(np.searchsorted(elapsed, numbers - _SLACK), 1, len(elapsed) - 1)
-        span = elapsed[right] - elapsed[right - 1]
-        part = np.clip((numbers - elapsed[right - 1]) / span, 0.0, 1.0)[:, np.newaxis, np.newaxis]
+        span = (elapsed[right] - elapsed[right - 1])[:, np.newaxis, np.newaxis]
+        along = (numbers - elapsed[right - 1])[:, np.newaxis, np.newaxis] / span
+        along = np.clip(along, 0.0, 1.0)
         low, high = positions[right - 1], positions[right]
-        between: Floats = np.where(part <= 0, low, np.where(part >= 1, high, low + part * (high - low)))
-        in_gap = (span > MOST_GAP_S * self.rate_hz)[:, np.newaxis, np.newaxis] & (part > 0) & (part < 1)
-        return np.where(in_gap, np.nan, between)
+        between = np.where(span > MOST_GAP_S * self.rate_hz, np.nan, low + along * (high - low))
+        return np.where(along <= 0, low, np.where(along >= 1, high, between))

@@ -69,6 +69,7 @@ class PathStream:
         self._units = [np.float64(GRAIN / ratio.scale) for ratio in ratios]
         lengths = np.array([len(pattern) for pattern in patterns], dtype=np.intp)
         self._lengths, self._lasts = lengths, np.cumsum(lengths) - 1
+        self._divisor: Single = lengths.astype(np.float32)
         n_cells = int(lengths.sum())
         column = np.arange(n_cells) - np.repeat(self._lasts - lengths + 1, lengths)
         self._is_first, self._is_early = column == 0, column <= 1
@@ -99,7 +100,7 @@ class PathStream:
         self._set[row] = unpack((packed & known)[np.newaxis], self._n_features)[0]
         self._known[row] = unpack(known[np.newaxis], self._n_features)[0]
         cells = self._march(self._costs.of_frame(packed, known), self._steps[row])
-        distance: Single = cells[self._lasts] / self._lengths.astype(np.float32)
+        distance: Single = cells[self._lasts] / self._divisor
         settled = self._settle(distance)
         self.n_frames += 1
         return settled
@@ -157,7 +158,7 @@ class PathStream:
         if changed and not rises:
             return []
         ends = list(range(first, last + 1, every))
-        return ends + [last] if changed and ends[-1] != last else ends
+        return [*ends, last] if changed and ends[-1] != last else ends
 
     def _score(self, pattern: int, end: int) -> StreamedPath | None:
         """The path of a pattern to a frame, if it tells enough."""
@@ -213,7 +214,9 @@ class _CellCosts:
             return
         weighed = [prepare_weighed(one) for one in patterns]
         tables = [
-            _spread([getattr(one, name) for one in weighed], [one.used for one in weighed], n_integers)
+            _spread(
+                [getattr(one, name) for one in weighed], [one.used for one in weighed], n_integers
+            )
             for name in ("if_set", "if_known", "weights")
         ]
         self._if_set, self._if_known, self._seen_weights = tables
@@ -236,8 +239,9 @@ class _CellCosts:
         weight = _sum_bytes(self._seen_weights, known)
         fraction /= np.where(weight > 0, weight, 1.0)
         n_seen = np.bitwise_count(seen).sum(axis=1, dtype=np.int64)
-        costs = np.where(2 * n_seen < self._n_fixed, 1.0, fraction) * self._column_weights
-        return costs.astype(np.float32)
+        weighed = np.where(2 * n_seen < self._n_fixed, 1.0, fraction) * self._column_weights
+        costs: Single = weighed.astype(np.float32)
+        return costs
 
 
 def _spread(
