@@ -5,7 +5,8 @@ interleaved runs, one thread; AMC beside a loop over its lines that keeps nothin
 numbers, BVH beside pybvh (which stops at the angles), C3D beside ezc3d. Memory: two hours at
 120 Hz, made from a recording again and again, each read in a process of its own; what stays
 is the motion (positions, and rotations of rigs). The bound holds if the peak is a small
-multiple of file and motion together, whatever is read.
+multiple of file and motion together, whatever is read. Checks: what the signs that something
+is wrong with a recording take of a whole `read`.
 """
 
 import os
@@ -18,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.io import read, write
+from motionary.io.normalise.quality import check_quality
 from motionary.motion import Motion
 from motionary.recording import Recording
 from timing import compare
@@ -62,7 +64,10 @@ def report_speed(name: str, path: Path, others: dict[str, Callable[[Path], objec
             continue
         ways[other] = lambda way=way: way(path)
     megabytes = path.stat().st_size / 1e6
-    medians = compare(ways, runs=RUNS)
+    motion = read(path)
+    medians = compare({**ways, "checks": lambda: check_quality(motion)}, runs=RUNS)
+    checks = medians.pop("checks") / medians["motionary"]
+    print(f"  {name:<4} checks are {checks:.0%} of reading {path.name}")
     for way, seconds in medians.items():
         speed = f"{megabytes / seconds:7.1f} MB/s"
         beside = ", ".join(f"{medians[o] / seconds:.1f} x {o}" for o in medians if o != way)

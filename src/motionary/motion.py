@@ -120,6 +120,12 @@ class Unmapped(NamedTuple):
     is_human: bool = True
 
 
+def _has_infinite(values: Floats) -> bool:
+    # A finite sum, one pass without an array of its own, has no infinite terms.
+    with np.errstate(invalid="ignore", over="ignore"):
+        return not np.isfinite(values.sum()) and bool(np.isinf(values).any())
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion(Shown):
     """Poses of a recording; equal to itself only, as arrays have no one equality.
@@ -163,7 +169,7 @@ class Motion(Shown):
             raise InvalidInput("a motion needs at least one frame, got none")
         if not self.recording.rate_hz > 0:
             raise InvalidInput(f"rate_hz must be a positive number, got {self.rate_hz}")
-        if np.isinf(self.positions).any():
+        if _has_infinite(self.positions):
             raise InvalidInput("positions must be finite, or NaN where a joint is not seen")
         if self.recording.n_frames != shape[0]:
             object.__setattr__(self, "recording", replace(self.recording, n_frames=shape[0]))

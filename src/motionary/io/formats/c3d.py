@@ -119,7 +119,7 @@ def _read_places(file: BinaryIO, head: Head, name: str, *, trust: bool) -> _Plac
     layout, notes = find_layout(file, head, name)
     kept, names, left_out = _choose_points(head, layout.n_points, name)
     positions, distrusted = _read_points(file, head, layout, kept, trust=trust)
-    seen = ~np.isnan(positions).all(axis=(0, 2))
+    seen = ~np.isnan(positions[..., 0]).all(axis=0)
     if distrusted.any() and not seen.any():
         raise UnreadableFile(
             "every point is marked unseen (residual -1), though places are there; "
@@ -211,12 +211,14 @@ def _read_points(
         n = min(_TOGETHER, layout.n_frames - start)
         table = read_table(file, head, layout, n)[:, kept]
         places = table[..., :3] if layout.scale < 0 else table[..., :3] * layout.scale
-        absent = (places == 0).all(axis=2) | np.isnan(places).any(axis=2)
+        x, y, z = np.moveaxis(places, 2, 0)
+        absent = ((x == 0) & (y == 0) & (z == 0)) | np.isnan(x + y + z)
         # The fourth number holds residual and cameras; negative: not seen.
         marked = table[..., 3] < 0
         distrusted |= (marked & ~absent).any(axis=0)
         unseen = absent if trust else absent | marked
-        positions[start : start + n] = np.where(unseen[..., None], np.nan, places)
+        positions[start : start + n] = places
+        positions[start : start + n][unseen] = np.nan
     return positions, distrusted
 
 

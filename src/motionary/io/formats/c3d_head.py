@@ -75,7 +75,8 @@ class Machine:
         if not self.dec:
             with np.errstate(invalid="ignore"):
                 values = np.frombuffer(content, dtype=f"{self.order}f4").astype(np.float64)
-            return np.where(np.isfinite(values), values, np.nan)
+            values[~np.isfinite(values)] = np.nan
+            return values
         # A VAX keeps the half with the exponent first and counts it from another zero.
         halves = np.frombuffer(content, dtype="<u2").reshape(-1, 2)[:, ::-1]
         with np.errstate(invalid="ignore"):

@@ -158,6 +158,8 @@ def hide_sentinels(positions: Floats, names: Sequence[str]) -> tuple[str, ...]:
     for start in range(0, len(positions), _TOGETHER):
         part = positions[start : start + _TOGETHER]
         sizes = np.abs(part)
+        if not (sizes >= _SENTINEL).any():
+            continue
         # Comparing with NaN is False.
         alike = (sizes[..., 0] == sizes[..., 1]) & (sizes[..., 1] == sizes[..., 2])
         hidden = (sizes >= _FARTHEST_SEEN).any(axis=2) | (alike & (sizes[..., 0] >= _SENTINEL))

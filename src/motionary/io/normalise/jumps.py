@@ -104,7 +104,7 @@ def find_partners(track: Track) -> Indices:
     n_points = len(track.names)
     if track.is_rig or n_points < 3:
         return np.empty((0, 2), dtype=np.intp)
-    some = track.places(slice(None, None, 1 + len(track.whole) // _FEW))
+    some = track.places(slice(None, None, 1 + len(track.whole) // _FEW)).astype(np.float32)
     half, result = len(some) // 2, np.empty((n_points, 2), dtype=np.intp)
     for first in range(0, n_points, _POINTS_AT_ONCE):
         points = np.arange(first, min(first + _POINTS_AT_ONCE, n_points))

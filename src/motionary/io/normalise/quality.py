@@ -44,9 +44,11 @@ def check_quality(motion: Motion) -> Motion:
         which = "first frame looks" if n_rest == 1 else f"first {n_rest} frames look"
         notes.append(f"the {which} like a rest pose")
     notes += find_anomalies(motion, first_frame=n_rest)
+    in_place = False
     if motion.mapping is not None:
-        notes += _find_bones_without_length(_body(motion, _some_frames(motion)))
-    in_place = is_in_place(motion)
+        some = _body(motion, np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW))
+        notes += _find_bones_without_length(some)
+        in_place = not _goes_far(some) and is_in_place(motion)
     if in_place:
         notes.append(
             "kept in place: the feet slide under hips that stay; how fast joints move through the "
@@ -65,11 +67,11 @@ def count_rest_frames(positions: Floats, rate_hz: float) -> int:
     """
     within = max(2, round(rate_hz))
     start = positions[: 2 + 2 * within]
-    start = start[:, ~np.isnan(start).any(axis=(0, 2))]
+    start = start[:, ~np.isnan(start.sum(axis=0)).any(axis=1)]
     if len(start) < 4 or not start.shape[1]:
         return 0
     pose = start - start[:, :1]
-    steps = np.abs(np.diff(pose, axis=0)).max(axis=(1, 2))
+    steps = np.abs(np.diff(pose, axis=0)).reshape(len(pose) - 1, -1).max(axis=1)
     jumps = np.flatnonzero(steps[:within] > _REST_POSE_MIN_M)
     if not len(jumps):
         return 0
@@ -89,8 +91,6 @@ def is_in_place(motion: Motion) -> bool:
     if motion.mapping is None or motion.n_frames < 2 * step + 1:
         return False
     first = np.arange(0, motion.n_frames - step, max(1, motion.n_frames // _LOOKED_AT))
-    if _goes_far(motion, first):
-        return False
     now = _body(motion, first, _HIPS_AND_LEGS)
     leg, root = _leg(now), now[:, GENERIC_JOINTS.index("root")][:, [0, 2]]
     root = root[np.isfinite(root).all(axis=1)]
@@ -106,16 +106,11 @@ def is_in_place(motion: Motion) -> bool:
     return bool(median > _SLIDES or (sways < _PINNED and most > _STIRS))
 
 
-def _goes_far(motion: Motion, frames: NDArray[np.intp]) -> bool:
-    """Whether the hips clearly leave the spot: most do, and then feet need not be looked at."""
-    leg = _leg(_body(motion, _some_frames(motion), _HIPS_AND_LEGS))
-    root = _body(motion, frames, ("root",))[:, GENERIC_JOINTS.index("root")][:, [0, 2]]
+def _goes_far(body: Floats) -> bool:
+    """Whether the hips clearly leave the spot in some frames: then feet need no look."""
+    root = body[:, GENERIC_JOINTS.index("root")][:, [0, 2]]
     root = root[np.isfinite(root).all(axis=1)]
-    return bool(len(root) and np.ptp(root, axis=0).max() > 2 * _ON_THE_SPOT * leg)
-
-
-def _some_frames(motion: Motion) -> NDArray[np.intp]:
-    return np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW)
+    return bool(len(root) and np.ptp(root, axis=0).max() > 2 * _ON_THE_SPOT * _leg(body))
 
 
 def _body(
