@@ -1,6 +1,9 @@
-"""Arguments of the wrong kind: what was expected, what came, what to do."""
+"""Errors of our own and of Python: what was expected, what came, what to do."""
 
+import io
+import json
 import pickle
+import zipfile
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from motionary.errors import (
     SeveralRecordings,
     UnreadableFile,
     WrongKind,
+    describe_cause,
 )
 from motionary.models.library import open_library
 from motionary.retrieval.index import collect
@@ -140,3 +144,30 @@ def test_an_error_on_several_recordings_comes_back_from_another_process():
     assert str(again) == str(error)
     assert str(error).startswith("b.npy: holds 2 recordings (1, 2)")
     assert (again.file, again.takes) == ("b.npy", ("1", "2"))
+
+
+def cause_of(call):
+    with pytest.raises(Exception) as caught:
+        call()
+    return describe_cause(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: {}["rate_hz"], "'rate_hz' is missing"),
+        (lambda: [][3], "a list in it is shorter than expected; is it whole?"),
+        (lambda: float("ab,5"), "expected a number, got 'ab,5'"),
+        (lambda: int("ab"), "expected a number, got 'ab'"),
+        (lambda: None.items(), "a value in it is of another kind than expected"),
+        (lambda: 1 + "a", "a value in it is of another kind than expected"),
+        (lambda: b"ab\xff".decode(), "expected text in UTF-8, got other bytes from byte 2"),
+        (lambda: json.loads('{"a": ?}'), "in line 1, column 7 stands '?}', which JSON does not"),
+        (lambda: json.loads("[1,"), "it ends too early, in line 1; get the whole file"),
+        (lambda: json.loads("[" * 100_000), "it has lists within lists without end"),
+        (lambda: open("/no/such/file"), "No such file or directory"),  # noqa: SIM115
+        (lambda: zipfile.ZipFile(io.BytesIO(b"PK")), "its content is not whole or not of this"),
+    ],
+)  # fmt: skip
+def test_errors_of_python_are_put_into_words(call, said):
+    assert cause_of(call).startswith(said)

@@ -6,6 +6,7 @@ a program must tell apart has a class of its own.
 
 import re
 from collections.abc import Sequence
+from json import JSONDecodeError
 from os import PathLike
 from pathlib import Path, PurePath
 from typing import NotRequired, TypedDict
@@ -18,6 +19,17 @@ _CALLED = {
     "Real": "a number", "Integral": "a whole number", "PathLike": "Path", "Iterable": "a list",
     "Mapping": "a dict", "ndarray": "a NumPy array",
 }  # fmt: skip
+
+_QUOTED = 40
+_NO_NUMBER = re.compile(r"(?:to float|with base 10): (.*)", re.DOTALL)
+_DAMAGED = "its content is not whole or not of this kind; is it damaged?"
+#: What errors of Python mean where a file was read that should be of a known layout.
+_CAUSES: tuple[tuple[tuple[type[BaseException], ...], str], ...] = (
+    ((RecursionError,), "it has lists within lists without end; is it damaged?"),
+    ((MemoryError, OverflowError), "a number in it is impossibly large; is it damaged?"),
+    ((IndexError,), "a list in it is shorter than expected; is it whole?"),
+    ((TypeError, AttributeError), "a value in it is of another kind than expected"),
+)
 
 
 class Where(TypedDict):
@@ -134,6 +146,40 @@ def _shorten(text: str) -> str:
     if len(text) <= _LONGEST:
         return text
     return f"{text[: _LONGEST - _KEPT_AT_END]} ... {text[-_KEPT_AT_END:]}"
+
+
+def describe_cause(error: BaseException) -> str:
+    """What an error of Python or of a library says of a file's content, in plain words.
+
+    Texts of our own errors stay as they are.
+    """
+    if isinstance(error, MotionaryError):
+        return error.problem
+    if isinstance(error, UnicodeDecodeError):
+        return f"expected text in UTF-8, got other bytes from byte {error.start}; is it whole?"
+    if isinstance(error, JSONDecodeError):
+        return _describe_json(error)
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    if isinstance(error, KeyError):
+        return f"{str(error.args[0] if error.args else '')[:_QUOTED]!r} is missing"
+    text = str(error)
+    no_number = _NO_NUMBER.search(text)
+    if no_number:
+        return f"expected a number, got {no_number[1][: _QUOTED + 1]}"
+    if "digits" in text and "limit" in text:
+        # Python takes whole numbers of 4300 digits.
+        return "it has a number of thousands of digits; is it damaged?"
+    return next((said for kinds, said in _CAUSES if isinstance(error, kinds)), _DAMAGED)
+
+
+def _describe_json(error: JSONDecodeError) -> str:
+    rest = " ".join(error.doc[error.pos : error.pos + _QUOTED].split())
+    if not rest:
+        said = f"it ends too early, in line {error.lineno}" if error.doc.strip() else "it is empty"
+        return f"{said}; get the whole file"
+    place = f"line {error.lineno}, column {error.colno}"
+    return f"in {place} stands {rest[:30]!r}, which JSON does not have there; is it whole?"
 
 
 def check_kind(

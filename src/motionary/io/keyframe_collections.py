@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from motionary.errors import InvalidInput, UnreadableFile
-from motionary.io.text import explain_json, read_text
+from motionary.errors import InvalidInput, UnreadableFile, describe_cause
+from motionary.io.text import read_text
 
 _MOST_NAMES = 5
 
@@ -52,7 +52,7 @@ def read_query_collections(path: str | Path) -> dict[str, dict[str, QueryRecord]
     try:
         content = json.loads(read_text(path))
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"is no JSON file: {explain_json(error)}", file=path) from None
+        raise UnreadableFile(f"is no JSON file: {describe_cause(error)}", file=path) from None
     if not _is_object(content) or not all(_is_object(part) for part in content.values()):
         raise UnreadableFile(
             "needs an object of collections, each an object of queries by name", file=path

@@ -7,7 +7,6 @@ click in most of Europe: semicolons, decimal commas, a byte order mark, lines as
 import csv
 import gzip
 import io
-import json
 import re
 import zlib
 from collections.abc import Iterable, Sequence
@@ -88,23 +87,6 @@ def write_text(path: str | Path, pieces: Iterable[str]) -> None:
         with gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0) as packer:
             for piece in pieces:
                 packer.write(piece.encode())
-
-
-def explain_json(error: ValueError | RecursionError) -> str:
-    """Why a text is no JSON, by the error of its parser, and what to look at."""
-    if isinstance(error, RecursionError):
-        return "it has lists within lists without end; is it damaged?"
-    if isinstance(error, UnicodeDecodeError):
-        return f"expected text in UTF-8, got other bytes from byte {error.start}; is it whole?"
-    if not isinstance(error, json.JSONDecodeError):
-        # Python takes whole numbers of 4300 digits.
-        return "it has a number of thousands of digits; is it damaged?"
-    rest = " ".join(error.doc[error.pos : error.pos + _LOOKED_AT].split())
-    if not rest:
-        said = f"it ends too early, in line {error.lineno}" if error.doc.strip() else "it is empty"
-        return f"{said}; get the whole file"
-    place = f"line {error.lineno}, column {error.colno}"
-    return f"in {place} stands {rest[:30]!r}, which JSON does not have there; is it whole?"
 
 
 def read_toml(path: Path) -> dict[str, Any]:

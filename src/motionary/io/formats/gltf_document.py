@@ -17,9 +17,8 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import NotAMotion, UnreadableFile
+from motionary.errors import NotAMotion, UnreadableFile, describe_cause
 from motionary.files import most_unpacked, read_bytes
-from motionary.io.text import explain_json
 
 Floats = NDArray[np.float64]
 Object = Mapping[str, Any]
@@ -51,7 +50,7 @@ class Document:
         try:
             root = json.loads(text.decode("utf-8-sig"))
         except (ValueError, RecursionError) as error:
-            reason = f"is no glTF, whose text is JSON: {explain_json(error)}"
+            reason = f"is no glTF, whose text is JSON: {describe_cause(error)}"
             raise UnreadableFile(reason, file=self.name) from None
         if not isinstance(root, dict) or not isinstance(root.get("asset"), dict):
             raise NotAMotion("holds no glTF; expected an object with an asset", file=self.name)

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, NotAMotion, UnreadableFile
+from motionary.errors import InvalidInput, NotAMotion, UnreadableFile, describe_cause
 from motionary.files import open_regular
 from motionary.io.formats.array_layouts import Layout, split_array
 from motionary.io.formats.arrays import NAMES, RATES, check_positions, name_joints, read_layout
@@ -45,7 +45,7 @@ from motionary.io.formats.times import time_frames
 from motionary.io.normalise.units import NAMES_OF_UNITS
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
-from motionary.io.text import explain_json, read_text
+from motionary.io.text import read_text
 from motionary.skeletons import named_table
 
 Floats = NDArray[np.float64]
@@ -86,7 +86,7 @@ def read_json(path: Path, options: ReadOptions) -> FileContent:
         person = loaded.people[takes[choose_take(takes, options.take, path.name)]]
         keys, positions = fill_positions(person, len(loaded.frames), loaded.size, path.name)
     except RecursionError as error:
-        raise UnreadableFile(explain_json(error), file=path.name) from None
+        raise UnreadableFile(describe_cause(error), file=path.name) from None
     refuse_image(positions, person.key, path.name)
     head = loaded.head
     names, mapping = head.names or None, None
@@ -137,7 +137,7 @@ def _load(path: Path) -> _Loaded:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"is no JSON: {explain_json(error)}", file=path.name) from None
+        raise UnreadableFile(f"is no JSON: {describe_cause(error)}", file=path.name) from None
     frames, head = _find_frames(content, path.name), _Head(content)
     if _is_array(frames):
         return _Loaded([], head, {}, _split_numbers(frames, path.name), len(text))

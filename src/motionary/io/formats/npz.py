@@ -20,7 +20,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from motionary.errors import UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 from motionary.files import most_unpacked, open_regular, write_atomically
 from motionary.io.formats.content import FARTHEST, FileContent
 from motionary.io.formats.unpickling import plain_dict, read_pickled
@@ -132,7 +132,7 @@ class ArchivedArrays(Mapping[str, Array]):
         member = self._members[name]
         try:
             if member.compress_type not in _METHODS:
-                raise ValueError(f"{name} is packed in another way than NumPy packs")
+                raise InvalidInput(f"{name} is packed in another way than NumPy packs")
             with self._archive.open(member) as file:
                 return read(file)
         except Exception as error:
@@ -163,22 +163,22 @@ def _read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, "np.dtype[Any]
 def _read_array(file: IO[bytes], size: int, most: int = 1 << 40) -> Array:
     shape, fortran, dtype = _read_header(file)
     if dtype.hasobject:
-        raise ValueError("holds Python objects; expected an array of numbers")
+        raise InvalidInput("holds Python objects; expected an array of numbers")
     count = math.prod(shape)
     if count < 0 or count * dtype.itemsize > size:
-        raise ValueError(f"promises {count} numbers and is shorter")
+        raise InvalidInput(f"promises {count} numbers and is shorter")
     # Numbers of fewer bytes become floats of eight.
     if count * max(dtype.itemsize, 8) > most:
-        raise ValueError(f"an array {_BOMB}")
+        raise InvalidInput(f"an array {_BOMB}")
     if dtype.kind == "c":
-        raise ValueError("holds complex numbers")
+        raise InvalidInput("holds complex numbers")
     content = file.read(count * dtype.itemsize)
     if len(content) < count * dtype.itemsize:
-        raise ValueError("is cut off")
+        raise InvalidInput("is cut off")
     if dtype.kind == "U" and count and dtype.itemsize:
         letters = np.frombuffer(content, dtype=np.dtype(np.uint32).newbyteorder(dtype.byteorder))
         if letters.max() > sys.maxunicode:
-            raise ValueError("holds letters that there are not")
+            raise InvalidInput("holds letters that there are not")
     array: Array = np.frombuffer(content, dtype=dtype)
     return array.reshape(shape[::-1]).T if fortran else array.reshape(shape)
 
@@ -193,7 +193,7 @@ def _unreadable(path: Path, error: Exception) -> UnreadableFile:
         return error
     if isinstance(error, OSError) and error.strerror:
         return UnreadableFile(f"cannot be read: {error.strerror}", file=path)
-    reason = str(error).splitlines()[0][:100] if str(error) else type(error).__name__
+    reason = describe_cause(error)
     return UnreadableFile(f"damaged, or no file of arrays: {reason}", file=path.name)
 
 
@@ -218,7 +218,7 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
         positions = np.array(arrays["positions"], dtype=np.float64)
         positions[np.isnan(positions).any(axis=-1)] = np.nan
         if (np.abs(positions) > FARTHEST).any():
-            raise ValueError("impossibly large numbers")
+            raise InvalidInput("impossibly large numbers")
         skeleton = None
         if "parents" in arrays:
             skeleton = Skeleton(
@@ -229,7 +229,7 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
             )
         rate = float(arrays["rate_hz"]) if options.rate_hz is None else options.rate_hz
         if not 0 < rate < np.inf or not names or positions.shape[1:] != (len(names), 3):
-            raise ValueError(f"{len(names)} names, positions {positions.shape}, {rate:g} Hz")
+            raise InvalidInput(f"{len(names)} names, positions {positions.shape}, {rate:g} Hz")
         return FileContent(
             names=names,
             positions=positions,
@@ -245,7 +245,7 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
     except UnreadableFile:
         raise
     except (KeyError, ValueError, TypeError, OverflowError) as error:
-        raise UnreadableFile(f"is no whole motion: {error}", file=source) from error
+        raise UnreadableFile(f"is no whole motion: {describe_cause(error)}", file=source) from error
 
 
 def _mapping(arrays: Mapping[str, Array], names: tuple[str, ...]) -> JointMapping | None:
@@ -262,9 +262,9 @@ def _rotations(arrays: Mapping[str, Array], shape: tuple[int, ...]) -> Floats | 
         return None
     rotations = np.array(arrays["rotations"], dtype=np.float64)
     if rotations.shape != (*shape, 4) or not np.isfinite(rotations).all():
-        raise ValueError(f"rotations need shape {(*shape, 4)}, got {rotations.shape}")
+        raise InvalidInput(f"rotations need shape {(*shape, 4)}, got {rotations.shape}")
     if (np.abs(np.linalg.norm(rotations, axis=-1) - 1) > 1e-6).any():
-        raise ValueError("rotations must be unit quaternions")
+        raise InvalidInput("rotations must be unit quaternions")
     return rotations
 
 

@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, UnreadableFile, check_path
+from motionary.errors import InvalidInput, UnreadableFile, check_path, describe_cause
 from motionary.files import read_bytes
 from motionary.io.cameras import natural
 from motionary.io.keypoints.views import COCO, LAYOUTS, OPENPOSE, Place, Views
-from motionary.io.text import explain_json
 
 Floats = NDArray[np.float64]
 
@@ -146,7 +145,7 @@ def _load(path: Path) -> Any:
     try:
         return json.loads(read_bytes(path))
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"{path.name}: is no JSON: {explain_json(error)}") from error
+        raise UnreadableFile(f"{path.name}: is no JSON: {describe_cause(error)}") from error
 
 
 def _number_of(name: Any) -> int | None:

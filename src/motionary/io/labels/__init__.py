@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from motionary.errors import InvalidInput, UnreadableFile, check_kind, check_path
+from motionary.errors import InvalidInput, UnreadableFile, check_kind, check_path, describe_cause
 from motionary.files import is_stdout
 from motionary.io.text import format_suffix
 from motionary.labels import LabelTrack
@@ -159,7 +159,7 @@ def read_labels(
     except (ValueError, OverflowError, LookupError, TypeError, AttributeError) as error:
         # What another program wrote is of other kinds than its layout says.
         raise UnreadableFile(
-            f"is damaged, or no {form.title}: {str(error)[:100]}", file=Path(path).name
+            f"is damaged, or no {form.title}: {describe_cause(error)}", file=Path(path).name
         ) from error
 
 

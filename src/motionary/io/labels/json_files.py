@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from motionary.errors import InvalidInput, UnreadableFile, Where
+from motionary.errors import InvalidInput, UnreadableFile, Where, describe_cause
 from motionary.io.labels.events import is_markers, read_markers
 from motionary.io.labels.lanes import (
     TRACK,
@@ -21,7 +21,7 @@ from motionary.io.labels.lanes import (
     track_of,
     with_track,
 )
-from motionary.io.text import explain_json, read_text, stem_of, write_text
+from motionary.io.text import read_text, stem_of, write_text
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording, Segment
 
@@ -49,7 +49,7 @@ def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
             return _read_tasks(tasks, path, rate_hz)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise UnreadableFile(
-            f"not as Label Studio or BABEL write it: {type(error).__name__}: {str(error)[:80]}",
+            f"not as Label Studio or BABEL write it: {describe_cause(error)}",
             file=path.name,
         ) from error
     raise UnreadableFile(
@@ -63,7 +63,7 @@ def _parse(text: str, where: Where) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"broken JSON: {explain_json(error)}", **where) from error
+        raise UnreadableFile(f"broken JSON: {describe_cause(error)}", **where) from error
 
 
 # -- lines --------------------------------------------------------------------------------
@@ -88,7 +88,7 @@ def read_lines(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTr
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UnreadableFile(
                 'expected {"recording": ..., "rate_hz": ..., "labels": [{"label", '
-                f'"start_s", "end_s"}}]}}: {type(error).__name__}: {str(error)[:80]}',
+                f'"start_s", "end_s"}}]}}: {describe_cause(error)}',
                 **where,
             ) from error
     return build_tracks(labels, unassessed, recordings)
@@ -123,7 +123,7 @@ def _to_label(item: Item) -> Label:
 
 def _number(value: Any) -> float:
     if isinstance(value, bool) or not math.isfinite(number := float(value)):
-        raise ValueError(f"expected a number, got {str(value)[:40]!r}")
+        raise InvalidInput(f"expected a number, got {str(value)[:40]!r}")
     return number
 
 

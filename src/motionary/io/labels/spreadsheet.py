@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, Where
+from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, Where, describe_cause
 from motionary.files import open_regular, write_atomically
 from motionary.io.labels.table import FrameTimes, check_columns, collect_rows, list_rows
 from motionary.io.text import Cell
@@ -50,7 +50,8 @@ def read_spreadsheet(
         except Exception as error:
             # What openpyxl raises on damaged parts is of many kinds.
             raise UnreadableFile(
-                f"no workbook of Excel (.xlsx), or a damaged one: {str(error)[:80]}", file=path.name
+                f"no workbook of Excel (.xlsx), or a damaged one: {describe_cause(error)}",
+                file=path.name,
             ) from error
     return collect_rows(rows, frames or FrameTimes(rate_hz=rate_hz))
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, Where
+from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, Where, describe_cause
 from motionary.files import open_regular
 from motionary.io.formats.mvnx import read_mvnx_sensors
 from motionary.io.formats.numbers import read_table, to_number
@@ -299,7 +299,8 @@ def _read_hdf5(path: Path, columns: Mapping[str, Any] | None) -> list[SensorReco
                 return [_apdm(file, str(key)) for key in sorted(file["Sensors"])]
             held = ", ".join(map(str, list(file)[:6]))
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-        raise UnreadableFile(f"is no readable HDF5 of sensors: {error}", file=path.name) from error
+        problem = f"is no readable HDF5 of sensors: {describe_cause(error)}"
+        raise UnreadableFile(problem, file=path.name) from error
     raise UnreadableFile(f"holds {held}; sensors of APDM or BROAD were expected", file=path.name)
 
 

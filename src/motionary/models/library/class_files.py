@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 from motionary.features import FeatureSequence, FeatureSet
 from motionary.files import read_bytes, write_atomically
 from motionary.models.keyframes import KeyframeQuery
@@ -326,16 +326,18 @@ def _read_values(path: Path, name: str) -> Arrays:
             warnings.simplefilter("ignore", UserWarning)
             loaded = np.load(io.BytesIO(read_bytes(file)), allow_pickle=False)
             if isinstance(loaded, np.ndarray):
-                raise ValueError("one array, no archive of arrays")
+                raise InvalidInput("one array, no archive of arrays")
             with loaded:
                 arrays = {key: loaded[key] for key in loaded.files}
         # NumPy gives the bytes of what is no array.
         odd = next((key for key, one in arrays.items() if not isinstance(one, np.ndarray)), None)
         if odd is not None:
-            raise ValueError(f"{odd} is no array")
+            raise InvalidInput(f"{odd} is no array")
         return arrays
     except _BROKEN_ARCHIVE as error:
-        raise UnreadableFile(f"values {name} cannot be read ({error})", file=path) from error
+        raise UnreadableFile(
+            f"values {name} cannot be read ({describe_cause(error)})", file=path
+        ) from error
 
 
 # -- names of files -----------------------------------------------------------------------

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary import __version__
-from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile, describe_cause
 from motionary.features import FeatureSet
 from motionary.files import is_leftover, open_regular, read_bytes, write_atomically
 from motionary.io import FileState, ReadOptions
@@ -187,7 +187,7 @@ def read_manifest(folder: Path) -> Manifest | None:
     try:
         content = json.loads(read_bytes(path))
     except (OSError, ValueError) as error:
-        problem = f"cannot be read as an index: {error}; {_REMEDY}"
+        problem = f"cannot be read as an index: {describe_cause(error)}; {_REMEDY}"
         raise UnreadableFile(problem, file=path) from error
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise UnreadableFile("is no index of motionary", file=path)
@@ -206,7 +206,7 @@ def read_manifest(folder: Path) -> Manifest | None:
     try:
         return _parse(content)
     except (TypeError, ValueError) as error:
-        raise UnreadableFile(f"damaged: {error}; {_REMEDY}", file=path) from error
+        raise UnreadableFile(f"damaged: {describe_cause(error)}; {_REMEDY}", file=path) from error
 
 
 def check_recipe(wanted: Recipe, found: Recipe, folder: Path) -> None:
@@ -285,7 +285,9 @@ def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
         _check_counts(names, table, packed, masks)
         return Shard(tuple(names), table, packed, masks, feature_set, planes)
     except _DAMAGE as error:
-        raise UnreadableFile(f"incomplete or damaged: {error}", file=path) from error
+        raise UnreadableFile(
+            f"incomplete or damaged: {describe_cause(error)}", file=path
+        ) from error
 
 
 def remove_shard(folder: Path, name: str) -> None:
@@ -380,7 +382,7 @@ def _parse(content: dict[str, Any]) -> Manifest:
         failures[name] = FailedFile(state, int(sidecar), str(problem), str(kind))
     shards = tuple(content["shards"])
     if not all(isinstance(name, str) and _SHARD_NAME.fullmatch(name) for name in shards):
-        raise ValueError("a shard has a name that no index gives")
+        raise InvalidInput("a shard has a name that no index gives")
     return Manifest(
         Recipe(content["feature_set"], tuple(content["features"]), content["reading"]),
         shards,
