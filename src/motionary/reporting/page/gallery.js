@@ -60,7 +60,7 @@ class Gallery extends Clock {
     this.setLoops(true);
     this.start();
     this.toggle();
-    afterFirstPaint(() => this.begin());
+    onceSeen(this.scroller, () => this.begin());
   }
 
   begin() {

@@ -15,7 +15,7 @@ class Player extends Clock {
     addEventListener("beforeunload", (event) => this.unsaved && event.preventDefault());
     this.open(0);
     this.start();
-    afterFirstPaint(() => {
+    onceSeen(this.view.host, () => {
       this.view.begin();
       this.seek(this.time);
     });

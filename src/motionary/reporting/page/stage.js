@@ -2,7 +2,7 @@
 
 const UP = new THREE.Vector3(0, 1, 0);
 const DASHES = 4;
-const REST_MS = 250;
+const REST_MS = 500;
 
 function sideColours() {
   return { l: cssColour("--left"), r: cssColour("--right"), "": cssColour("--trunk") };
@@ -199,6 +199,9 @@ function drawsWithoutCard() {
   let name = gl.getParameter(gl.RENDERER);
   const told = /webkit/i.test(name) && gl.getExtension("WEBGL_debug_renderer_info");
   if (told) name = gl.getParameter(told.UNMASKED_RENDERER_WEBGL);
+  // Browsers keep a few contexts only, and a notebook may have many pages.
+  const release = gl.getExtension("WEBGL_lose_context");
+  if (release) release.loseContext();
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
@@ -219,6 +222,15 @@ class Drawing {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !withoutCard, alpha: true });
     this.withoutCard = withoutCard;
     this.refine(!withoutCard);
+    canvas.addEventListener("webglcontextrestored", () => (this.isBack = true));
+    // Browsers keep some 16 contexts: of a notebook with more pages those in sight have one.
+    if (self !== top) new IntersectionObserver((entries) => this.hold(entries.at(-1).isIntersecting)).observe(canvas);
+  }
+
+  hold(isSeen) {
+    const isLost = this.renderer.getContext().isContextLost();
+    if (isSeen && isLost) this.renderer.forceContextRestore();
+    else if (!isSeen && !isLost) this.renderer.forceContextLoss();
   }
 
   refine(isFine) {
@@ -228,8 +240,9 @@ class Drawing {
   }
 
   // Whether to draw now, after a change or because nothing changed for a while.
-  isDue(changed) {
-    const now = performance.now();
+  isDue(moved) {
+    const now = performance.now(), changed = moved || this.isBack;
+    this.isBack = false;
     if (changed) this.changed = now;
     else if (this.isFine || now - this.changed < REST_MS) return false;
     this.refine(!changed || !this.withoutCard);

@@ -79,7 +79,7 @@ class Timeline {
   resize() {
     const width = this.host.clientWidth;
     if (!width || !this.height) return;
-    this.gutter = width < 600 ? 80 : 118;
+    this.gutter = width < 600 ? 86 : 118;
     this.width = width;
     const ratio = devicePixelRatio || 1;
     this.canvas.width = Math.round(width * ratio);

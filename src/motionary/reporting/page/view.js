@@ -56,7 +56,8 @@ class View {
   // Two bodies stand side by side and face us; one stays where it is.
   frame(poses) {
     const [body] = this.bodies, [pose] = poses, n = this.bodies.length;
-    const height = Math.max(...this.bodies.map((one) => one.recording.height));
+    // Who squats most of the time stands up, too; who climbs is not to become small.
+    const height = Math.max(...this.bodies.map(({ recording }) => clamp(recording.reach, recording.height, 1.6 * recording.height)));
     if (n > 1) this.bodies.forEach((one, i) => one.face(poses[i], (i - (n - 1) / 2) * 1.05 * height));
     const floor = body.recording.floor - body.place.y;
     body.centre(pose, this.target);

@@ -27,12 +27,17 @@ function button(text, label, onclick, extra) {
   return h("button", { type: "button", title: label, "aria-label": label, onclick, ...extra }, text);
 }
 
-// Something that may take a while: once the browser has shown what is there already.
-function afterFirstPaint(action) {
+// Something that takes a while: once the browser has shown what is there, and the element is seen.
+function onceSeen(element, action) {
   let waits = true;
   const act = () => {
-    if (waits) action();
+    if (!waits) return;
     waits = false;
+    new IntersectionObserver((entries, observer) => {
+      if (!entries.some((entry) => entry.isIntersecting)) return;
+      observer.disconnect();
+      action();
+    }).observe(element);
   };
   if ((PerformanceObserver.supportedEntryTypes || []).includes("paint")) new PerformanceObserver(act).observe({ type: "paint", buffered: true });
   // A page that is not in sight is not painted.
