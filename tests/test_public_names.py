@@ -21,7 +21,7 @@ PUBLIC_NAMES = {
     "learn", "annotate", "search", "Index", "KeyframeQuery", "Hit", "explain", "Label",
     "LabelTrack", "Recording", "count", "evaluate", "MotionaryError", "report",
     "report_comparison", "report_hits", "report_library",
-    "check_tracking", "untangle", "LiveAnnotator",
+    "check_tracking", "track", "untangle", "LiveAnnotator",
 }
 # fmt: on
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from motionary.models.library import ClassLibrary, MotionClass, learn
     from motionary.models.templates import MotionTemplate
     from motionary.motion import Motion, Skeleton
-    from motionary.multiview import untangle
+    from motionary.multiview import track, untangle
     from motionary.recording import Recording
     from motionary.reporting import report, report_comparison, report_hits, report_library
     from motionary.retrieval.annotation import annotate
@@ -61,6 +61,7 @@ __all__ = [
     "report_hits",
     "report_library",
     "search",
+    "track",
     "untangle",
     "write",
     "write_labels",
@@ -83,7 +84,7 @@ __getattr__, __dir__ = lazy_names(
         "live": "LiveAnnotator",
         "models.library": "ClassLibrary MotionClass learn",
         "motion": "Motion Skeleton",
-        "multiview": "untangle",
+        "multiview": "track untangle",
         "recording": "Recording",
         "reporting": "report report_comparison report_hits report_library",
         "retrieval.search": "Hit search",

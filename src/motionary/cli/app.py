@@ -41,6 +41,7 @@ COMMANDS = {
     "evaluate": "evaluate",
     "labels": "labels",
     "imu": "imu",
+    "track": "multiview",
     "untangle": "multiview",
     "synth": "synth",
     "live": "live",

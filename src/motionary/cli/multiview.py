@@ -1,14 +1,18 @@
-"""`motionary untangle`: keypoints of several cameras with left and right put right."""
+"""`motionary track` and `untangle`: a person in keypoints of several calibrated cameras."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motionary.cli import screen
 from motionary.cli.options import Excel, Force, check_target
 from motionary.errors import UnwritableFile
+
+if TYPE_CHECKING:
+    from motionary.multiview import Tracking
+    from motionary.multiview.steadiness import Steadiness
 
 Keypoints = Annotated[
     str,
@@ -88,3 +92,56 @@ def untangle(
         screen.warn(note)
     screen.say(f"{changed} files changed; written to {output} and {table}")
     return 0
+
+
+def track(
+    keypoints: Keypoints,
+    output: Annotated[
+        str,
+        typer.Option("--output", "-o", metavar="FILE", help="The motion: .trc, .c3d, .bvh, .npz."),
+    ],
+    options: ViewOptions,
+    force: Force = False,
+) -> int:
+    """Track a person in keypoints of several calibrated cameras.
+
+    Left and right are put right, gaps are bridged by a body of constant bones, noise is smoothed as
+    far as the views are noisy. Points are those of the keypoints, y up, in metres; a .bvh holds the
+    chain of bones.
+
+    motionary track pose --cameras Calib.toml --rate 60 -o walk.trc
+    """
+    from motionary.io import write
+    from motionary.io.keypoints import read_keypoints
+    from motionary.multiview import track as find
+
+    check_target(output, replace=force)
+    views = read_keypoints(keypoints, layout=options.layout, person=options.person)
+    found = find(
+        views, options.cameras, rate_hz=options.rate, unit=options.unit,
+        synchronise=options.synchronise,
+    )  # fmt: skip
+    rigged = Path(output).suffix.lower() == ".bvh"
+    write((found.rig if rigged else found.motion).renamed(Path(output).stem), output)
+    _show(found)
+    for note in found.notes:
+        screen.warn(note)
+    screen.say(f"{views.n_frames} frames written to {output}")
+    return 0
+
+
+def _show(found: "Tracking") -> None:
+    """The table before and after, and what was exchanged."""
+    rows = [
+        ("sliding of planted feet, cm/s", *(f"{100 * one.sliding:.1f}" for one in _both(found))),
+        ("frames below the floor, %", *(f"{100 * one.below:.1f}" for one in _both(found))),
+        ("points not known, %", *(f"{100 * one.gaps:.1f}" for one in _both(found))),
+        ("jitter, m/s²", *(f"{one.jitter:.1f}" for one in _both(found))),
+    ]
+    screen.print_table(("", ">triangulated", ">tracked"), rows)
+    frames = sum((label.end_s - label.start_s) for label in found.exchanges)
+    screen.say(f"{len(found.exchanges)} segments of limbs exchanged or unsure, {frames:.1f} s")
+
+
+def _both(found: "Tracking") -> tuple["Steadiness", "Steadiness"]:
+    return found.before, found.after

@@ -2,6 +2,7 @@
 
 from motionary.multiview.cameras import Sight, project, see, undistort
 from motionary.multiview.exchange import LIMBS, Exchange, exchange_sources, find_exchanges
+from motionary.multiview.tracking import Tracking, track
 from motionary.multiview.triangulation import Triangulated, triangulate
 from motionary.multiview.untangling import Untangled, untangle
 from motionary.multiview.views import FittedViews, find_offsets, fit_views
@@ -11,6 +12,7 @@ __all__ = [
     "Exchange",
     "FittedViews",
     "Sight",
+    "Tracking",
     "Triangulated",
     "Untangled",
     "exchange_sources",
@@ -19,6 +21,7 @@ __all__ = [
     "fit_views",
     "project",
     "see",
+    "track",
     "triangulate",
     "undistort",
     "untangle",

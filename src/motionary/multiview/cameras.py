@@ -47,6 +47,14 @@ class Sight(NamedTuple):
         directions = np.take_along_axis(self.directions, sources[..., None], axis=2)
         return self._replace(directions=directions, weights=weights)
 
+    def of_points(self, chosen: Sequence[int]) -> "Sight":
+        """What is seen of some of the points."""
+        own = np.asarray(chosen, dtype=np.intp)
+        return self._replace(
+            directions=self.directions[:, :, own], weights=self.weights[:, :, own],
+            names=tuple(self.names[k] for k in own),
+        )  # fmt: skip
+
     def of_cameras(self, chosen: Sequence[int]) -> "Sight":
         """What some of the cameras see."""
         own = np.asarray(chosen, dtype=np.intp)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.multiview.cameras import Sight, solve
-from motionary.multiview.triangulation import USUAL_FOCAL
+from motionary.multiview.triangulation import USUAL_FOCAL, triangulate
+from motionary.rotations import unit_vectors
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -30,6 +31,9 @@ _SCALE_PX = 20.0
 _COST_EXCHANGED = 0.06
 _COST_CHANGE = 0.3
 _COST_JUMP, _MOST_JUMP_M = 40.0, 0.3
+# Hips and elbows that lie against the shoulders, left where those have right, cost so much. It
+# tells a state from its opposite, which has the same rays.
+_COST_AGAINST = 0.6
 #: States whose costs differ by less are told apart by chance: "unsure".
 UNSURE = 0.25
 #: Cameras beyond so many are decided one after the other.
@@ -64,11 +68,25 @@ def find_exchanges(sight: Sight, *, near: Floats | None = None) -> tuple[Exchang
         unknown; None = by the rays alone
     """
     found = []
+    across = _shoulders(sight, near)
     for limb, parts in LIMBS.items():
         pairs = find_pairs(sight.names, parts)
         if len(pairs):
-            found.append(_decide(limb, _pair_rays(sight, pairs, near)))
+            found.append(_decide(limb, _pair_rays(sight, pairs, near), across))
     return tuple(found)
+
+
+def _shoulders(sight: Sight, near: Floats | None) -> Floats:
+    """Directions from the right shoulder to the left one, (frames, 3); NaN where unknown."""
+    pair = find_pairs(sight.names, ("Shoulder",))
+    if not len(pair):
+        return np.full((sight.weights.shape[1], 3), np.nan)
+    own = pair[0].tolist()
+    if near is None or np.isnan(near[:, own]).any():
+        shoulders = triangulate(sight.of_points(own)).points
+    else:
+        shoulders = near[:, own]
+    return unit_vectors(shoulders[:, 0] - shoulders[:, 1])
 
 
 def find_pairs(names: Sequence[str], parts: Sequence[str]) -> NDArray[np.intp]:
@@ -125,7 +143,7 @@ def _pair_rays(sight: Sight, pairs: NDArray[np.intp], near: Floats | None) -> _R
     )
 
 
-def _decide(limb: str, rays: _Rays) -> Exchange:
+def _decide(limb: str, rays: _Rays, across: Floats) -> Exchange:
     """The exchanges of one limb."""
     seen = rays.weights.sum(axis=(2, 3))
     n_cameras, n_frames = seen.shape
@@ -137,6 +155,9 @@ def _decide(limb: str, rays: _Rays) -> Exchange:
     own = rays.of(together.tolist())
     states = _states(len(together))
     unary, places = _cost_states(own, states)
+    # The first pair of a limb lies nearest to the trunk.
+    sides = unit_vectors(places[:, :, 0] - places[::-1, :, 0])
+    unary += _COST_AGAINST * np.nan_to_num(1 - (sides * across).sum(axis=-1)) / 2
     path, costs = _viterbi(unary, _Steps(states, places))
     exchanged[together] = states[path].T
     for k, camera in enumerate(together):

@@ -123,10 +123,7 @@ def _some(sight: Sight) -> Sight:
     """Some points of consecutive frames in which most is seen."""
     own = [k for k, name in enumerate(sight.names) if name[1:] in _TRIED]
     if own:
-        sight = sight._replace(
-            directions=sight.directions[:, :, own], weights=sight.weights[:, :, own],
-            names=tuple(sight.names[k] for k in own),
-        )  # fmt: skip
+        sight = sight.of_points(own)
     n_frames = sight.weights.shape[1]
     if n_frames <= _FRAMES_TRIED:
         return sight

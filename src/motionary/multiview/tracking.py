@@ -1,0 +1,273 @@
+"""A body tracked in views of several cameras: sides, points, chain, and passes over all frames.
+
+The sequence: exchanged sides first, points from rays, a chain through them, then passes in which
+exchanges are decided anew against the chain and all frames are solved together.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput
+from motionary.io.cameras import CalibratedCamera, read_cameras
+from motionary.io.keypoints import Views, read_keypoints
+from motionary.labels import LabelTrack
+from motionary.motion import Motion
+from motionary.multiview.cameras import Sight, distances
+from motionary.multiview.chain import (
+    Chain,
+    ChainPose,
+    measure_chain,
+    points_of,
+    pose_points,
+    to_skeleton,
+)
+from motionary.multiview.exchange import Exchange, exchange_sources, find_exchanges
+from motionary.multiview.solving import SolverSettings, free_points, ray_weights, solve_chain
+from motionary.multiview.steadiness import Steadiness, floor_of, measure_steadiness, stances
+from motionary.multiview.triangulation import Triangulated, triangulate
+from motionary.multiview.untangling import label_exchanges
+from motionary.multiview.views import fit_views
+from motionary.recording import Recording
+from motionary.rotations import unit_vectors
+from motionary.skeletons import named_mapping
+
+Floats = NDArray[np.float64]
+
+_FIRST_SCALES = (0.3, 0.15, 0.10)
+_PASS_SCALES = (0.08, 0.06)
+_FREE_SCALE = 0.06
+_N_PASSES = 3
+_LEAST_NOISE_M = 0.003
+# The world's up is one of its axes if the body stands within so many degrees of it.
+_AXIS_DEG = 25.0
+_TABLE = "body25"
+
+
+class TrackedPoints(NamedTuple):
+    """A chain tracked in views.
+
+    `points` (frames, points, 3) of `chain.points`; `by_pass` the same after each pass;
+    `confidence` (frames, points) in [0, 1].
+    """
+
+    chain: Chain
+    pose: ChainPose
+    points: Floats
+    confidence: Floats
+    exchanges: tuple[Exchange, ...]
+    triangulated: Triangulated
+    by_pass: tuple[Floats, ...]
+    settings: SolverSettings
+
+
+def track_points(sight: Sight, *, rate_hz: float, n_passes: int = _N_PASSES) -> TrackedPoints:
+    """The body's points in all frames, without priors."""
+    exchanges = find_exchanges(sight)
+    right = sight.exchanged(exchange_sources(sight, exchanges))
+    found = triangulate(right)
+    chain = measure_chain(sight.names, found.points)
+    pose = pose_points(chain, sight.names, bridge(found.points))
+    settings = SolverSettings(noise_m=estimate_noise(right, found))
+    pose = solve_chain(
+        chain, pose, of_chain(right, chain), scales_m=_FIRST_SCALES, rate_hz=rate_hz,
+        settings=settings,
+    )  # fmt: skip
+    passes = [points_of(chain, pose)]
+    for _ in range(n_passes):
+        near = in_sequence_of(sight.names, chain.points, passes[-1])
+        exchanges = find_exchanges(sight, near=near)
+        right = sight.exchanged(exchange_sources(sight, exchanges))
+        pose = solve_chain(
+            chain, pose, of_chain(right, chain), scales_m=_PASS_SCALES, rate_hz=rate_hz,
+            settings=settings,
+        )  # fmt: skip
+        passes.append(points_of(chain, pose))
+    own = of_chain(right, chain)
+    points = free_points(own, passes[-1], rate_hz=rate_hz, settings=settings, scale_m=_FREE_SCALE)
+    confidence = np.minimum(ray_weights(own, points, _FREE_SCALE).sum(axis=0) / 2, 1.0)
+    return TrackedPoints(chain, pose, points, confidence, exchanges, found, tuple(passes), settings)
+
+
+def of_chain(sight: Sight, chain: Chain) -> Sight:
+    """Rays of the chain's points, in its sequence; without weight where none is detected."""
+    n_cameras, n_frames = sight.weights.shape[:2]
+    directions = np.zeros((n_cameras, n_frames, len(chain.points), 3))
+    weights = np.zeros((n_cameras, n_frames, len(chain.points)))
+    for k, name in enumerate(chain.points):
+        if name in sight.names:
+            directions[:, :, k] = sight.directions[:, :, sight.names.index(name)]
+            weights[:, :, k] = sight.weights[:, :, sight.names.index(name)]
+    return sight._replace(directions=directions, weights=weights, names=chain.points)
+
+
+def bridge(points: Floats) -> Floats:
+    """Points with gaps bridged in a straight line; the ends stay as they were last seen."""
+    result = points.copy()
+    frames = np.arange(len(points))
+    for k in range(points.shape[1]):
+        known = ~np.isnan(points[:, k, 0])
+        if known.any():
+            for axis in range(3):
+                result[:, k, axis] = np.interp(frames, frames[known], points[known, k, axis])
+    return result
+
+
+def estimate_noise(sight: Sight, found: Triangulated) -> float:
+    """Standard deviation of rays at the person, by how far they miss triangulated points."""
+    far = distances(sight, np.nan_to_num(found.points))[0]
+    used = found.used & ~np.isnan(found.points[..., 0])
+    if not used.any():
+        return 0.02
+    views = np.maximum(used.sum(axis=0), 2)
+    # A point takes three of the two numbers that each ray gives.
+    freedom = np.sqrt(2 * views / np.maximum(2 * views - 3, 1))
+    missed = (far * freedom)[used]
+    # Of a normal distribution in the plane, half lies within 1.18 standard deviations.
+    return max(float(np.median(missed) / 1.18), _LEAST_NOISE_M)
+
+
+# ---- from files to a motion
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracking:
+    """What was tracked.
+
+    Attributes
+    ----------
+    motion : keypoints of all frames, y up, metres
+    rig : the chain with its turns, for formats that hold rigs; bones of constant length
+    confidence : array, shape (frames, points): 1 where two views or more agree, 0 where none tells
+    exchanges : exchanged sides as labels
+    before, after : steadiness of triangulated and of tracked points
+    floor_m : height of the floor; None if no foot is seen
+    notes : what was assumed and noticed, a sentence each
+    """
+
+    motion: Motion
+    rig: Motion
+    confidence: Floats
+    exchanges: LabelTrack
+    before: Steadiness
+    after: Steadiness
+    floor_m: float | None
+    notes: tuple[str, ...]
+
+
+def track(
+    keypoints: str | Path | Views,
+    cameras: str | Path | Sequence[CalibratedCamera],
+    *,
+    rate_hz: float,
+    unit: str | None = None,
+    synchronise: bool = False,
+) -> Tracking:
+    """A person tracked by keypoints of several calibrated cameras.
+
+    Parameters
+    ----------
+    keypoints : a folder with a folder for each camera, or what `read_keypoints` gives
+    cameras : a calibration, or what `read_cameras` gives
+    rate_hz : images a second
+    unit : of the calibration: m, dm, cm, mm; found by the length of the legs, if None
+    synchronise : move images of cameras that are late or early, instead of refusing them
+
+    Raises
+    ------
+    InvalidInput
+        If cameras and images do not fit; says what would.
+    """
+    if not 0 < rate_hz < np.inf:
+        raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
+    views = keypoints if isinstance(keypoints, Views) else read_keypoints(keypoints)
+    name = "keypoints" if isinstance(keypoints, Views) else Path(keypoints).resolve().name
+    given = read_cameras(cameras) if isinstance(cameras, str | Path) else cameras
+    fitted = fit_views(views, given, unit=unit, synchronise=synchronise)
+    upright, said = find_upright(fitted.sight)
+    sight = fitted.sight._replace(
+        directions=fitted.sight.directions @ upright.T, origins=fitted.sight.origins @ upright.T
+    )
+    found = track_points(sight, rate_hz=rate_hz)
+    recording = Recording(
+        name, rate_hz=rate_hz, n_frames=views.n_frames, first_frame=views.first_frame
+    )
+    names = found.chain.points
+    floor = floor_of(names, found.points)
+    standing = stances(names, found.points, rate_hz)
+    before, after = (
+        measure_steadiness(names, points, rate_hz, standing=standing, floor=floor)
+        for points in (in_sequence_of(names, sight.names, found.triangulated.points), found.points)
+    )
+    return Tracking(
+        Motion(names, found.points, recording, mapping=named_mapping(_TABLE, names)),
+        _rig(found, recording),
+        found.confidence,
+        label_exchanges(found.exchanges, views.cameras, recording),
+        before,
+        after,
+        floor,
+        (*views.notes, *fitted.notes, said, *_describe(found)),
+    )
+
+
+def in_sequence_of(wanted: tuple[str, ...], names: tuple[str, ...], points: Floats) -> Floats:
+    """Points in another sequence of names; NaN for those that are not there."""
+    result = np.full((len(points), len(wanted), 3), np.nan)
+    for k, name in enumerate(wanted):
+        if name in names:
+            result[:, k] = points[:, names.index(name)]
+    return result
+
+
+def find_upright(sight: Sight) -> tuple[Floats, str]:
+    """The turn that puts the world's up along y, and what was found.
+
+    The axis of the world along which the body stands, or where the body stands along none, the
+    mean direction of its trunk and legs.
+    """
+    points = triangulate(sight).points
+
+    def middle(part: str) -> Floats:
+        own = [k for k, name in enumerate(sight.names) if name in (f"L{part}", f"R{part}", part)]
+        return points[:, own].mean(axis=1) if own else np.full((len(points), 3), np.nan)
+
+    long = np.nan_to_num(unit_vectors(middle("Shoulder") - middle("Ankle")))
+    if not long.any():
+        long = np.nan_to_num(unit_vectors(middle("Shoulder") - middle("Hip")))
+    up = unit_vectors(np.median(long[long.any(axis=1)], axis=0)) if long.any() else np.eye(3)[1]
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    nearest = int((axes @ up).argmax())
+    angle = float(np.degrees(np.arccos(np.clip(axes[nearest] @ up, -1, 1))))
+    if angle <= _AXIS_DEG:
+        up = axes[nearest]
+        said = f"up is {'-' if nearest > 2 else ''}{'xyz'[nearest % 3]} of the calibration"
+    else:
+        said = (
+            f"up is along the body: it stands {angle:.0f} degrees away from any axis of the "
+            "calibration"
+        )
+    # Axes keep their cycle: of a world with z up, y, z, x become x, y, z, as in Pose2Sim's files.
+    side = np.eye(3)[(int(np.abs(up).argmax()) + 2) % 3]
+    x = unit_vectors(side - (side @ up) * up)
+    return np.stack([x, up, np.cross(x, up)]), said
+
+
+def _rig(found: TrackedPoints, recording: Recording) -> Motion:
+    skeleton, rotations, places = to_skeleton(found.chain, found.pose)
+    return Motion(
+        skeleton.names, places, recording, mapping=None, skeleton=skeleton, rotations=rotations
+    )
+
+
+def _describe(found: TrackedPoints) -> list[str]:
+    """Notes on what the views are worth."""
+    alone = float((found.confidence <= 0.05).mean())
+    notes = [f"rays at the person are certain to {1000 * found.settings.noise_m:.0f} mm"]
+    if alone > 0:
+        notes.append(f"{100 * alone:.1f} % of points are told by no view, but by the chain alone")
+    return notes

@@ -1,0 +1,103 @@
+"""A person tracked in synthetic views of a walk."""
+
+import numpy as np
+import pytest
+
+import motionary as mo
+from cli_cases import run
+from motionary.multiview.chain import linearise, measure_chain, move, points_of, pose_points
+from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
+from view_cases import NAMES, detect, exchange, ring, walker, write_openpose, write_toml
+
+FRAMES = 40
+LEGS = ("Hip", "Knee", "Ankle", "BigToe", "SmallToe", "Heel")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """Views of a walk with exchanged legs, lost points and outliers."""
+    folder = tmp_path_factory.mktemp("track")
+    pixels, scores = detect(walker(FRAMES), ring(), noise_px=4.0)
+    rng = np.random.default_rng(3)
+    wild = rng.uniform(size=scores.shape) < 0.02
+    pixels[wild] += rng.normal(0, 100, (wild.sum(), 2))
+    scores[:, 12:20, NAMES.index("LWrist")] = 0
+    for values in (pixels, scores):
+        exchange(values, 0, slice(5, 18), LEGS)
+        exchange(values, 1, slice(10, 25), LEGS)
+    write_openpose(folder / "pose", pixels, scores)
+    write_toml(folder / "calib.toml", ring())
+    return folder
+
+
+def to_y_up(points):
+    return points[..., [1, 2, 0]]
+
+
+def test_the_track_is_near_the_truth_and_has_no_gaps(session):
+    found = mo.track(session / "pose", session / "calib.toml", rate_hz=60)
+    names = found.motion.names
+    truth = to_y_up(walker(FRAMES))[:, [NAMES.index(name) for name in names]]
+    far = np.linalg.norm(found.motion.positions - truth, axis=-1)
+    assert far.mean() < 0.02
+    unseen = far[12:20, names.index("LWrist")]
+    assert unseen.max() < 0.08
+    assert (found.confidence[13:19, names.index("LWrist")] < 0.05).all()
+    assert np.median(found.confidence) > 0.9
+    assert found.before.gaps > found.after.gaps == 0
+    assert found.after.jitter < 0.5 * found.before.jitter
+    assert not np.isnan(found.motion.generic_positions()[:, 1:9]).any()
+
+
+@pytest.mark.parametrize("suffix", [".trc", ".bvh", ".c3d"])
+def test_the_command_writes_what_can_be_read(session, tmp_path, capsys, monkeypatch, suffix):
+    path = tmp_path / f"walk{suffix}"
+    given = ("--cameras", session / "calib.toml", "--rate", "60", "-o", path)
+    done = run(capsys, monkeypatch, "track", session / "pose", *given)
+    assert (done.code, "sliding" in done.out) == (0, True)
+    motion = mo.read(path)
+    joint = "LKnee" if suffix != ".bvh" else "lknee"
+    truth = to_y_up(walker(FRAMES))[:, NAMES.index("LKnee")]
+    far = np.linalg.norm(motion.positions[:, motion.names.index(joint)] - truth, axis=-1)
+    assert far.mean() < 0.03
+
+
+def a_chain():
+    points = to_y_up(walker(FRAMES))
+    chain = measure_chain(NAMES, points)
+    return chain, points, pose_points(chain, NAMES, points)
+
+
+def test_the_chain_has_the_lengths_of_the_person_and_goes_through_the_points():
+    chain, points, pose = a_chain()
+    lengths = dict(zip(chain.joints, np.linalg.norm(chain.offsets, axis=1), strict=True))
+    assert lengths["lknee"] == pytest.approx(0.43, abs=1e-6)
+    assert lengths["rankle"] == pytest.approx(0.42, abs=1e-6)
+    assert lengths["lhip"] == pytest.approx(0.1, abs=1e-6)
+    own = [NAMES.index(name) for name in chain.points]
+    assert np.linalg.norm(points_of(chain, pose) - points[:, own], axis=-1).max() < 0.03
+
+
+def test_points_move_by_the_twists_of_the_joints_above_them():
+    """Against central differences of the product of exponentials, joint by joint."""
+    chain, _, pose = a_chain()
+    one = type(pose)(pose.turns[:1], pose.centres[:1])
+    points = points_of(chain, one)
+    rows = linearise(chain, one, points)
+    step = 1e-5
+    for unknown in range(rows.shape[-1]):
+        twist = np.zeros((1, rows.shape[-1]))
+        twist[0, unknown] = step
+        ahead, behind = (points_of(chain, move(chain, one, sign * twist)) for sign in (1, -1))
+        assert rows[..., unknown] == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
+
+
+def test_a_turn_of_the_root_turns_all_points():
+    chain, _, pose = a_chain()
+    vector = np.array([0.3, -0.2, 0.5])
+    twists = np.zeros((FRAMES, 3 + 3 * len(chain.joints)))
+    twists[:, 3:6] = vector
+    turn = quaternions_to_matrices(rotation_vectors_to_quaternions(vector))
+    root = pose.centres[:, :1]
+    expected = (points_of(chain, pose) - root) @ turn.T + root
+    assert points_of(chain, move(chain, pose, twists)) == pytest.approx(expected, abs=1e-9)
