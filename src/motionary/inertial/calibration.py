@@ -370,6 +370,8 @@ def calibrate_direction(
     starts = np.linspace(0, 2 * np.pi, 8, endpoint=False)
     tried = [_descend_direction(d, q, float(start), scale_deg, 6) for start in starts]
     tried.sort(key=lambda one: one[2])
+    chosen = _choose(measured, np.asarray(seen), _MOST_REFINED)
+    d, q = directions[chosen], measured[chosen]
     finest = [_descend_direction(d, q, angle, scale_deg, 24) for angle, _, _ in tried[:2]]
     angle, axis, _ = min(finest, key=lambda one: one[2])
     residual = np.full(len(directions), np.nan)
