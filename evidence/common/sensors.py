@@ -1,6 +1,6 @@
 """What pages on sensors share: rules, planted errors, counts, and simulated takes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,7 +51,7 @@ DEVELOPMENT = {"bd", "bk", "dg", "02", "05", "07", "16", "35", "86"}
 #: Frames a second at which limbs and sensors are compared, and of simulated sensors.
 RATE_HZ, SENSOR_HZ = 30.0, 100.0
 #: Frames below which a take is too short to calibrate on.
-_LEAST = 120
+LEAST = 120
 #: A limb that turns by more in 1/120 s is an error of the recording: 7200 degrees a second.
 JUMP_DEG = 60.0
 
@@ -187,27 +187,27 @@ class SensedLimb(NamedTuple):
     fusing: tuple[float, float, float]
 
 
-def sense_limbs(path: Path, *, seed: int = 0) -> Iterator[SensedLimb]:
+def sense_limbs(path: Path, *, seed: int = 0, limbs: Sequence[str] = LIMBS) -> Iterator[SensedLimb]:
     """Limbs of a take with simulated sensors, tracked with 4 degrees of smooth noise."""
     # The exercises have no skeleton of their own; one of another person turns alike.
     asf = path.parents[1] / "86.asf" if path.parent.name == "exercises" else None
     motion = read(path, asf=asf)
     step = motion.rate_hz / RATE_HZ
     n = int((motion.n_frames - 1) / step) + 1
-    if n < _LEAST:
+    if n < LEAST:
         return
-    limbs, at = track_limbs(motion), np.asarray(np.arange(n) * step)
-    turns = {limb: resample_orientations(one, at) for limb, one in limbs.turns.items()}
+    true, at = track_limbs(motion), np.asarray(np.arange(n) * step)
+    turns = {limb: resample_orientations(one, at) for limb, one in true.turns.items()}
     n_fast = int((motion.n_frames - 1) / motion.rate_hz * SENSOR_HZ) + 1
     fast: Floats = np.arange(n_fast) / SENSOR_HZ * motion.rate_hz
     root = motion.generic_positions()[:, 0]
     root = resample(root, rate_hz=motion.rate_hz, to_hz=SENSOR_HZ)[:n_fast]
     places = rotate(np.tile(SENSORS_FROM_TRACKING, (n_fast, 1)), root)
     for number, limb in enumerate(LIMBS):
-        if limb not in turns:
+        if limb not in turns or limb not in limbs:
             continue
         rng = np.random.default_rng([seed, number, len(path.stem), motion.n_frames])
-        own = limbs.turns[limb]
+        own = true.turns[limb]
         read_out = simulate_sensor(
             resample_orientations(own, fast), places, rate_hz=SENSOR_HZ,
             mount=draw_quaternion(rng), seed=int(rng.integers(1 << 30)),
@@ -219,7 +219,7 @@ def sense_limbs(path: Path, *, seed: int = 0) -> Iterator[SensedLimb]:
         steps = distance_deg(own[1:], own[:-1]) * motion.rate_hz / 120
         jumps = np.unique((np.flatnonzero(steps > JUMP_DEG) / step).round().astype(np.intp))
         yield SensedLimb(
-            limb, tracked, measured, limbs.axes[limb], jumps, rng,
+            limb, tracked, measured, true.axes[limb], jumps, rng,
             (_median_fit(turns[limb], measured), *_biases(read_out)),
         )  # fmt: skip
 
