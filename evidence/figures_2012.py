@@ -50,7 +50,7 @@ from motionary.io import read
 from motionary.io.sensors import read_sensors
 from motionary.motion import GENERIC_JOINTS
 from motionary.recording import find_runs
-from motionary.rotations import multiply_quaternions, rotate, rotation_vectors_to_quaternions
+from motionary.rotations import multiply_quaternions, rotate, rotation_vectors_to_quaternions, slerp
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,6 +81,7 @@ PUBLISHED = {"legs": ((0.65, 0.91), (0.64, 0.96)), "hands": ((0.36, 0.78), (0.45
 WALK = slice(1119, 2074)
 SENSOR = "00B40C44"
 WRONG_S = (4.6, 6.6)
+SLIDING_S = 0.3
 #: Legs of the walk with their sensors, and the joint near which each sits.
 WORN = {
     "lthigh": ("00B40C45", "lknee"), "rthigh": ("00B40C3C", "rknee"),
@@ -217,10 +218,12 @@ def _as_measured(
 
 def _example(walk: _Walk) -> Results:
     """Rates and accelerations of a leg that is taken for the other for two seconds (7.13)."""
-    first, stop = (round(100 * at) for at in WRONG_S)
-    wrong, places = walk.turns["lshank"].copy(), walk.joints["lankle"].copy()
-    wrong[first:stop] = walk.turns["rshank"][first:stop]
-    places[first:stop] = walk.joints["rankle"][first:stop]
+    times = np.arange(len(walk.turns["lshank"])) / 100
+    # A tracker slides into an error and out of it.
+    edges = np.minimum(times - WRONG_S[0], WRONG_S[1] - times) / SLIDING_S
+    share = np.clip(edges, 0, 1)[:, None]
+    wrong = slerp(walk.turns["lshank"], walk.turns["rshank"], share)
+    places = (1 - share) * walk.joints["lankle"] + share * walk.joints["rankle"]
     angle, rates, forces = _as_measured(walk, "lshank", wrong, places)
     return {
         "angle_deg": angle[::5],
@@ -349,7 +352,8 @@ def _draw_example(example: Results) -> "Figure":
         for who, colour in (("tracked", BLACK), ("sensor", VERMILLION)):
             ax.plot(times, np.array(of[who])[:, row % 3], color=colour, lw=0.8, label=who)
         ax.set_ylabel(f"{'xyz'[row % 3]}\n{names[row // 3]}" if row % 3 == 1 else "xyz"[row % 3])
-    axes[0].legend(loc="upper right", ncols=2, frameon=False)
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
+    figure.align_ylabels(axes)
     axes[-1].set_xlabel("seconds")
     return figure
 
