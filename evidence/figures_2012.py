@@ -25,6 +25,7 @@ from evidence.common.sensors import (
     RATE_HZ,
     WRONG_DEG,
     Tally,
+    describe_takes,
     draw_quaternion,
     end_moved_m,
     find_errors,
@@ -60,8 +61,8 @@ SPLIT = "nothing is learned; simulated sensors on people on whom no limit was ch
 SEED = 0
 DATA = (
     (
-        f"sensors simulated on {CMU}; {HDM05}; a walk with nine Xsens MTw (NEURA, GPL-3)",
-        lambda recordings: (1 + len(find_takes(recordings.folder, development=False)), 8.2),
+        f"sensors simulated on {CMU}; {HDM05}; beside them a walk with real ones (NEURA, GPL-3)",
+        lambda recordings: describe_takes(recordings.folder, development=(False,)),
     ),
 )
 
@@ -154,7 +155,7 @@ def _count_take(path: Path) -> dict[str, Any]:
                 "turned": np.asarray(distance_deg(wrong, own) > WRONG_DEG),
                 "seen": end_moved_m(own, wrong, limb.axis, length) > SEEN_M,
             }
-            found = find_errors(wrong, limb.measured, RATE_HZ, DEFAULT)
+            found = find_errors(wrong, limb.measured, RATE_HZ, (DEFAULT,))[DEFAULT]
             for name, truth in truths.items():
                 for row, limit in enumerate(THRESHOLDS):
                     marked = away > limit

@@ -361,9 +361,8 @@ def _planted(folder: Path) -> Results:
             for limb, name in legs.items():
                 wrong = plant(kind, turns, limb, walk.axes[limb], 100.0, rng)
                 truth = np.asarray(distance_deg(wrong, turns[limb]) > WRONG_DEG)
-                for rule, tally in tallies.items():
-                    measured = walk.fused[name][950:2150]
-                    tally.add(find_errors(wrong, measured, 100.0, rule), truth)
+                for rule, found in find_errors(wrong, walk.fused[name][950:2150], 100.0).items():
+                    tallies[rule].add(found, truth)
                 moved = end_moved_m(turns[limb], wrong, walk.axes[limb], lengths[limb])
                 by_joints.add([(int(a), int(b)) for a, b in find_runs(moved > 0.1)], truth)
         result[kind] = {rule: tally.scores() for rule, tally in tallies.items()}

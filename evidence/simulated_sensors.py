@@ -12,12 +12,12 @@ from evidence.common.sensors import (
     DEFAULT,
     ERRORS,
     JUMP_DEG,
-    LEAST,
     RATE_HZ,
     RULES,
     WRONG_DEG,
     SensedLimb,
     Tally,
+    describe_takes,
     find_errors,
     find_takes,
     plant,
@@ -33,7 +33,12 @@ SPLIT = (
     "chosen on HDM05 bd, bk, dg and CMU 02, 05, 07, 16, 35, 86; reported on all others at hand"
 )
 SEED = 0
-DATA = ((f"sensors are simulated on {CMU}; {HDM05}", lambda recordings: _used(recordings.folder)),)
+DATA = (
+    (
+        f"sensors are simulated on {CMU}; {HDM05}",
+        lambda recordings: describe_takes(recordings.folder),
+    ),
+)
 
 #: Groups of limbs that are told apart.
 GROUPS = {
@@ -44,51 +49,41 @@ GROUPS = {
 }
 #: From so many seconds on a filter may have found the bias of a gyroscope.
 LONG_S = 25
-#: Seeds of the clean takes of people on whom rules were chosen.
+#: Seeds of clean takes; errors are planted with the first.
 CLEAN_SEEDS = 2
-
-
-def _used(folder: Path) -> tuple[int, float]:
-    """Takes that are long enough, and their minutes."""
-    paths = [path for one in (False, True) for path in find_takes(folder, development=one)]
-    frames = [
-        sum(line.strip().isdigit() for line in path.open(encoding="latin-1")) for path in paths
-    ]
-    long = [n for n in frames if n >= LEAST * 4]
-    return len(long), round(sum(long) / 120 / 60, 2)
 
 
 def measure(recordings: Recordings) -> Results:
     """All tables of the page."""
     folder = recordings.folder
-    return {"development": _development(folder), "report": _report(folder)}
+    return {
+        "development": _clean(folder, development=True),
+        "report": _clean(folder, development=False),
+        "errors": _planted(folder),
+    }
 
 
-def _development(folder: Path) -> Results:
-    """Clean takes of people on whom rules were chosen."""
-    items = [
-        (path, seed) for path in find_takes(folder, development=True) for seed in range(CLEAN_SEEDS)
-    ]
+def _clean(folder: Path, *, development: bool) -> Results:
+    """What rules find in clean takes."""
+    paths = find_takes(folder, development=development)
+    items = [(path, SEED + seed) for path in paths for seed in range(CLEAN_SEEDS)]
     return _sum_clean(compute_all(_count_clean, items))
 
 
-def _report(folder: Path) -> Results:
+def _planted(folder: Path) -> Results:
     parts = compute_all(_count_planted, find_takes(folder, development=False))
     groups = [*GROUPS, "all"]
     tallies = {kind: {rule: {of: Tally() for of in groups} for rule in RULES} for kind in ERRORS}
-    for _, counts in parts:
+    for counts in parts:
         for (kind, rule, group), one in counts.items():
             for of in (group, "all"):
                 tallies[kind][rule][of].counts += one
     return {
-        **_sum_clean([clean for clean, _ in parts]),
-        "errors": {
-            kind: {
-                rule: {of: tally.scores() for of, tally in by.items() if tally.counts.any()}
-                for rule, by in rules.items()
-            }
-            for kind, rules in tallies.items()
-        },
+        kind: {
+            rule: {of: tally.scores() for of, tally in by.items() if tally.counts.any()}
+            for rule, by in rules.items()
+        }
+        for kind, rules in tallies.items()
     }
 
 
@@ -133,13 +128,10 @@ def _count_clean(item: tuple[Path, int]) -> list[dict[str, Any]]:
     return [_judge_clean(path, limb) for limb in sense_limbs(path, seed=seed)]
 
 
-def _count_planted(
-    path: Path,
-) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str], NDArray[np.float64]]]:
-    rows = []
+def _count_planted(path: Path) -> dict[tuple[str, str, str], NDArray[np.float64]]:
+    """Counts by kind of error, rule and group of limbs."""
     counts: dict[tuple[str, str, str], NDArray[np.float64]] = {}
     for limb in sense_limbs(path, seed=SEED):
-        rows.append(_judge_clean(path, limb))
         if len(limb.jumps):
             continue
         own, group = limb.tracked[limb.name], _group_of(limb.name)
@@ -148,18 +140,18 @@ def _count_planted(
                 continue
             wrong = plant(kind, limb.tracked, limb.name, limb.axis, RATE_HZ, limb.rng)
             truth = np.asarray(distance_deg(wrong, own) > WRONG_DEG)
-            for rule in RULES:
+            for rule, found in find_errors(wrong, limb.measured, RATE_HZ).items():
                 tally = Tally()
-                tally.add(find_errors(wrong, limb.measured, RATE_HZ, rule), truth)
+                tally.add(found, truth)
                 key = kind, rule, group
                 counts[key] = counts.get(key, np.zeros(7)) + tally.counts
-    return rows, counts
+    return counts
 
 
 def _judge_clean(path: Path, limb: SensedLimb) -> dict[str, Any]:
     """What rules find in a limb that is tracked with noise only."""
     tracked = limb.tracked[limb.name]
-    found = {rule: find_errors(tracked, limb.measured, RATE_HZ, rule) for rule in RULES}
+    found = find_errors(tracked, limb.measured, RATE_HZ)
     refused, trunk = False, np.zeros(0)
     try:
         fit = calibrate_drifting(tracked, limb.measured, RATE_HZ).calibration

@@ -1,6 +1,6 @@
 """What pages on sensors share: rules, planted errors, counts, and simulated takes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,12 +34,28 @@ Floats = NDArray[np.float64]
 Stretches = list[tuple[int, int]]
 
 ERRORS = ("twist 30", "twist 60", "twist 90", "drift 60", "swapped", "frozen")
-#: Whether the calibration is the robust one, and what counts as wrong.
+
+
+def _by_print(tracked: Floats, measured: Floats, rate_hz: float) -> Floats:
+    world, mount = calibrate_published(tracked, measured)
+    told = multiply_quaternions(multiply_quaternions(world, tracked), mount)
+    return distance_deg(measured, told)
+
+
+def _robustly(tracked: Floats, measured: Floats, rate_hz: float) -> Floats:
+    return calibrate(tracked, measured).residual_deg
+
+
+def _drifting(tracked: Floats, measured: Floats, rate_hz: float) -> Floats:
+    return calibrate_drifting(tracked, measured, rate_hz).calibration.residual_deg
+
+
+#: How residuals are found, and what counts as wrong.
 RULES = {
-    "printed solver, 45°": (False, DetectionSettings(45, 45, 0.0, 0.0)),
-    "robust, 45°": (True, DetectionSettings(45, 45, 0.0, 0.0)),
-    "robust, 20°": (True, DetectionSettings(20, 20, 0.0, 0.0)),
-    "robust and drift, 25°/12°": (True, DetectionSettings()),
+    "printed solver, 45°": (_by_print, DetectionSettings(45, 45, 0.0, 0.0)),
+    "robust, 45°": (_robustly, DetectionSettings(45, 45, 0.0, 0.0)),
+    "robust, 20°": (_robustly, DetectionSettings(20, 20, 0.0, 0.0)),
+    "robust and drift, 25°/12°": (_drifting, DetectionSettings()),
 }
 DEFAULT = "robust and drift, 25°/12°"
 #: A planted error counts where the limb is turned by more.
@@ -107,21 +123,21 @@ def end_moved_m(turns: Floats, wrong: Floats, axis: Floats, length_m: float) -> 
     return np.asarray(2 * length_m * np.sin(np.radians(swing) / 2))
 
 
-def find_errors(tracked: Floats, measured: Floats, rate_hz: float, rule: str) -> Stretches:
-    """What a rule finds wrong, calibrated on the very motion; nothing where it is refused."""
-    robust, settings = RULES[rule]
-    try:
-        if not robust:
-            world, mount = calibrate_published(tracked, measured)
-            told = multiply_quaternions(multiply_quaternions(world, tracked), mount)
-            return find_wrong(distance_deg(measured, told), rate_hz, settings)
-        if rule == DEFAULT:
-            found = calibrate_drifting(tracked, measured, rate_hz).calibration
-        else:
-            found = calibrate(tracked, measured)
-    except InvalidInput:
-        return []
-    return find_wrong(found.residual_deg, rate_hz, settings)
+def find_errors(
+    tracked: Floats, measured: Floats, rate_hz: float, rules: Iterable[str] = RULES
+) -> dict[str, Stretches]:
+    """What rules find wrong, calibrated on the very motion; nothing where that is refused."""
+    found: dict[str, Stretches] = {}
+    residuals: dict[Callable[[Floats, Floats, float], Floats], Floats] = {}
+    for rule in rules:
+        solve, settings = RULES[rule]
+        if solve not in residuals:
+            try:
+                residuals[solve] = solve(tracked, measured, rate_hz)
+            except InvalidInput:
+                residuals[solve] = np.full(len(tracked), np.nan)
+        found[rule] = find_wrong(residuals[solve], rate_hz, settings)
+    return found
 
 
 class Tally:
@@ -161,6 +177,18 @@ def find_takes(folder: Path, *, development: bool) -> list[Path]:
             if (person in DEVELOPMENT) == development:
                 found.setdefault(path.stem, path)
     return [found[name] for name in sorted(found)]
+
+
+def describe_takes(
+    folder: Path, *, development: Sequence[bool] = (False, True)
+) -> tuple[int, float]:
+    """How many takes are long enough, and their minutes."""
+    paths = [path for one in development for path in find_takes(folder, development=one)]
+    frames = [
+        sum(line.strip().isdigit() for line in path.open(encoding="latin-1")) for path in paths
+    ]
+    long = [n for n in frames if n >= LEAST * 120 / RATE_HZ]
+    return len(long), round(sum(long) / 120 / 60, 2)
 
 
 class SensedLimb(NamedTuple):

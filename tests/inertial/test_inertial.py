@@ -1,6 +1,7 @@
 """Sensors beside tracked motion, on simulated sensors whose truth is known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from motionary.body.sensors import (
 from motionary.errors import InvalidInput
 from motionary.inertial import (
     CalibrationSettings,
+    CheckSettings,
     DetectionSettings,
     calibrate,
     calibrate_direction,
@@ -29,6 +31,7 @@ from motionary.inertial import (
     track_limbs,
     without_drift,
 )
+from motionary.inertial.fusion import orient_all
 from motionary.inertial.orientations import (
     distance_deg,
     heading,
@@ -41,6 +44,7 @@ from motionary.rotations import (
     conjugate_quaternions,
     continuous_signs,
     multiply_quaternions,
+    quaternions_to_matrices,
     quaternions_to_rotation_vectors,
     rotate,
     rotation_vectors_to_quaternions,
@@ -48,6 +52,7 @@ from motionary.rotations import (
 from motionary.samples import synthetic_stream
 
 ANY = CalibrationSettings(world="any")
+FUSED = CheckSettings(fused=True)
 
 
 def turning(n=400, *, seed=0, size=0.06):
@@ -323,9 +328,6 @@ def worn():
 
 
 def test_a_check_finds_clocks_limbs_and_planted_twists(worn):
-    from dataclasses import replace
-
-    from motionary.inertial import CheckSettings
     from motionary.motion import forward_kinematics
     from motionary.rotations import quaternions_to_matrices
 
@@ -358,9 +360,6 @@ def test_a_check_finds_clocks_limbs_and_planted_twists(worn):
 
 
 def test_a_check_by_directions_where_a_motion_holds_no_turns(worn):
-    from dataclasses import replace
-
-    from motionary.inertial import CheckSettings
 
     motion, sensors = worn
     points = replace(motion, skeleton=None, rotations=None)
@@ -374,7 +373,6 @@ def test_a_check_by_directions_where_a_motion_holds_no_turns(worn):
 
 
 def test_what_cannot_be_checked_is_told(worn):
-    from motionary.inertial import CheckSettings
 
     motion, sensors = worn
     fused = CheckSettings(fused=True)
@@ -390,6 +388,95 @@ def test_what_cannot_be_checked_is_told(worn):
         check_tracking(motion, [])
     with pytest.raises(InvalidInput, match="no sensor can be compared"):
         check_tracking(motion, [still])
+
+
+@pytest.mark.parametrize(
+    ("misread", "reason"),
+    [
+        (lambda q: q * [1, -1, 1, -1], "its axes are left-handed"),
+        (lambda q: q * [1, -1, -1, -1], "turns from the world to the sensor"),
+        (lambda q: q[:, [1, 2, 3, 0]], "in the order xyzw"),
+    ],
+)
+def test_orientations_that_are_misread_are_named_and_call_no_limb_wrong(worn, misread, reason):
+    motion, sensors = worn
+    thigh = sensors[1]
+    wrong = replace(thigh, orientations=misread(thigh.orientations))
+    (found,) = check_tracking(motion, [wrong], limbs={"S1": "lthigh"}, settings=FUSED).limbs
+    assert reason in found.notes[0]
+    assert found.wrong == []
+
+
+def test_what_makes_a_check_doubtful_is_told(worn):
+    motion, sensors = worn
+    thigh, limbs = sensors[1], {"S1": "lthigh"}
+
+    def notes(sensor, part=motion, settings=FUSED):
+        found = check_tracking(part, [sensor], limbs=limbs, settings=settings)
+        return " ".join([*found.notes, *found.limbs[0].notes])
+
+    assert notes(thigh) == ""
+    gap = thigh.orientations.copy()
+    gap[100:400] = np.nan
+    assert "known together in 78% of the frames" in notes(replace(thigh, orientations=gap))
+    assert "below 4 s calibrations" in notes(thigh, motion.cut(0, 120))
+    with pytest.raises(InvalidInput, match="at least 20 frames, got 15"):
+        notes(thigh, motion.cut(0, 15))
+    turned = np.tile(drawn_quaternion(np.random.default_rng(0)), (len(gap), 1))
+    still = replace(thigh, orientations=turned)
+    with pytest.raises(InvalidInput, match="does not move"):
+        notes(still)
+    slow = heading(np.radians(np.linspace(0, 50, len(gap))))
+    drifting = replace(thigh, orientations=multiply_quaternions(slow, thigh.orientations))
+    assert "slow turn about the vertical" in notes(drifting)
+
+
+def test_fields_and_units_that_cannot_be_are_told(worn):
+    pytest.importorskip("vqf")
+    motion, sensors = worn
+    thigh = sensors[1]
+    field = rotate(
+        conjugate_quaternions(thigh.orientations), np.tile([20.0, 0, -40], (len(thigh.gyr), 1))
+    )
+    calm, near = (
+        replace(thigh, mag=field),
+        replace(thigh, mag=field * np.linspace(1, 2, len(field))[:, None]),
+    )
+    notes = [orient_all([one], magnetic=True)[1] for one in (calm, near)]
+    assert notes[0] == []
+    assert "the field about S1 varies by" in notes[1][0]
+    fast = replace(thigh, gyr=np.degrees(thigh.gyr), orientations=None)
+    found = check_tracking(motion, [fast], limbs={"S1": "lthigh"})
+    assert "times as fast as lthigh" in found.notes[0]
+
+
+def test_the_rotation_nearest_to_the_scatter_is_that_of_opencv_and_of_print():
+    tracked = turning(40, seed=9, size=0.1)
+    rng = np.random.default_rng(9)
+    world, mount = drawn_quaternion(rng), drawn_quaternion(rng)
+    measured = measured_from(tracked, world, mount)
+    logs = [
+        quaternions_to_rotation_vectors(
+            multiply_quaternions(conjugate_quaternions(one[:-7]), one[7:])
+        )
+        for one in (measured, tracked)
+    ]
+    both = logs[1].T @ logs[0]
+    # (7.14) as printed: (M'M)^-1/2 M', M the scatter of the logs.
+    values, vectors = np.linalg.eigh(both.T @ both)
+    printed = vectors @ np.diag(values**-0.5) @ vectors.T @ both.T
+    found = quaternions_to_matrices(
+        conjugate_quaternions(calibrate_published(tracked, measured)[1])
+    )
+    np.testing.assert_allclose(printed, found, atol=1e-6)
+    cv2 = pytest.importorskip("cv2")
+    if not hasattr(cv2, "calibrateHandEye"):
+        pytest.skip("OpenCV 5 has no calibrateHandEye")
+    sensor = list(quaternions_to_matrices(measured))
+    limb = list(quaternions_to_matrices(conjugate_quaternions(tracked)))
+    nowhere = [np.zeros((3, 1))] * len(sensor)
+    turn, _ = cv2.calibrateHandEye(sensor, nowhere, limb, nowhere, method=cv2.CALIB_HAND_EYE_PARK)
+    np.testing.assert_allclose(turn, found, atol=1e-6)
 
 
 def test_raw_measurements_are_fused():

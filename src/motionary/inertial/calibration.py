@@ -102,20 +102,20 @@ def calibrate(
     world, mount, deviation = _refine(
         tracked[chosen], measured[chosen], shares @ axes, mount, settings
     )
-    found = Calibration(world, mount, np.full(len(tracked), np.nan), np.nan)
-    residual = found.residual_deg.copy()
-    residual[seen] = distance_deg(measured[seen], found.predict(tracked[seen]))
+    found = Calibration(world, mount, np.zeros(0), deviation)
+    residual = distance_deg(measured, found.predict(tracked))
     if not deviation <= settings.refused_deg:
         raise InvalidInput(
-            f"the motion does not determine how the sensor sits: expected error {deviation:.0f} "
-            "degrees; it needs turns about two axes, such as a squat, a step and a turn round"
+            "the motion does not determine how the sensor sits: expected error "
+            f"{min(deviation, 180):.0f} degrees; it needs turns about two axes, such as a squat, a "
+            "step and a turn round"
         )
     notes: tuple[str, ...] = ()
     if deviation > settings.doubted_deg:
         notes = (
             f"turns about one axis only: expected error of the calibration {deviation:.0f} degrees",
         )
-    return Calibration(world, mount, residual, deviation, notes)
+    return found._replace(residual_deg=residual, notes=notes)
 
 
 def _check_pairs(tracked: Floats, measured: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
@@ -150,7 +150,7 @@ def _check_pairs(tracked: Floats, measured: Floats) -> tuple[Floats, Floats, NDA
 
 
 def match_limb(tracked: Floats, measured: Floats, *, most_frames: int = 80) -> float:
-    """How badly a sensor fits a limb, in degrees: root mean square of what a rough fit leaves.
+    """Root mean square of what a rough fit of a sensor to a limb leaves, in degrees.
 
     Frames are weighed by how much the sensor turns: standing still fits everywhere.
     """

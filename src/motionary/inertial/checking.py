@@ -23,10 +23,12 @@ from motionary.inertial.detection import (
     OF_DIRECTIONS,
     DetectionSettings,
     calibrate_drifting,
+    doubt,
     find_wrong,
+    name_misreading,
 )
-from motionary.inertial.fusion import orient
-from motionary.inertial.limbs import TrackedLimbs, track_limbs
+from motionary.inertial.fusion import orient_all
+from motionary.inertial.limbs import TrackedLimbs, compare_speeds, track_limbs
 from motionary.inertial.orientations import (
     resample_orientations,
     swing_twist_deg,
@@ -50,8 +52,8 @@ _MOST_LAG_S = 15.0
 # decides among them.
 _NEARLY = 0.35
 _UNSURE_PEAK = 0.5
-# Radians a second that no limb of a person stays below.
-_STILL = 0.05
+# Frames below which nothing is calibrated, and seconds below which it is doubted.
+_LEAST, _SHORT_S = 20, 4.0
 # So many times worse must the next best limb fit.
 _SURE = 1.3
 _NO_LIMB = "fits no limb, or the map names none for it"
@@ -152,8 +154,10 @@ def check_tracking(
     settings = settings or CheckSettings()
     if not sensors:
         raise InvalidInput("a check needs at least one sensor")
+    if motion.n_frames < _LEAST:
+        raise InvalidInput(f"a check needs at least {_LEAST} frames, got {motion.n_frames}")
     tracked = track_limbs(motion)
-    measured, problems = _orientations(sensors, settings)
+    measured, problems = orient_all(sensors, fused=settings.fused, magnetic=settings.magnetic)
     if not measured:
         raise InvalidInput(f"no sensor can be compared: {problems[0]}")
     given = _checked_limbs(limbs, measured, tracked) if limbs is not None else None
@@ -174,36 +178,17 @@ def check_tracking(
         checks.append(
             _check_limb(name, limb, tracked, seen[name], margins.get(name, np.nan), settings)
         )
-    notes = list(problems)
+    notes = [*problems, *compare_speeds(tracked, seen, placed)]
+    if motion.duration_s < _SHORT_S:
+        notes.append(
+            f"the motion is {motion.duration_s:.1f} s long: below {_SHORT_S:.0f} s calibrations "
+            "are several degrees less sure than is told"
+        )
     if lag.peak < _UNSURE_PEAK:
         notes.append(
             f"rates of turn agree by {lag.peak:.2f} only: the lag of {lag.offset_s:.2f} s is unsure"
         )
     return TrackingCheck(checks, lag, _to_track(motion, checks), tuple(notes))
-
-
-def _orientations(
-    sensors: Sequence[SensorRecording], settings: CheckSettings
-) -> tuple[dict[str, Floats], list[str]]:
-    """Orientations of each sensor by name, and why there are none of the others."""
-    found, problems = {}, []
-    for sensor in sensors:
-        if sensor.name in found:
-            problems.append(f"{sensor.name} is there twice; the second one is left out")
-            continue
-        raw = sensor.gyr is not None and sensor.acc is not None
-        try:
-            if sensor.orientations is not None and (settings.fused or not raw):
-                found[sensor.name] = sensor.orientations
-            else:
-                found[sensor.name] = orient(sensor, magnetic=settings.magnetic)
-        except InvalidInput as error:
-            problems.append(str(error))
-            continue
-        if np.nanmax(speeds_of_turn(found[sensor.name], sensor.rate_hz), initial=0.0) < _STILL:
-            problems.append(f"{sensor.name} does not move and is left out")
-            del found[sensor.name]
-    return found, problems
 
 
 def _checked_limbs(
@@ -324,11 +309,15 @@ def _check_limb(
         return refused._replace(notes=(str(error),))
     swing, twist = _parts(tracked.turns[limb], steadied, found, tracked.axes[limb])
     wrong, notes = _judge(found.residual_deg, margin, tracked.rate_hz, settings.detection)
+    drift_deg = float(np.degrees(np.abs(drift - np.median(drift))).max())
+    notes += doubt(found.residual_deg, drift_deg)
+    # Only what disagrees can be misread.
+    if wrong and (misread := name_misreading(tracked.turns[limb], measured)):
+        wrong, notes = [], (misread, *notes)
     return LimbCheck(
         name, limb, found.residual_deg, swing, twist,
         float(np.degrees(2 * np.arctan2(found.world[3], found.world[0])) % 360),
-        found.deviation_deg, float(np.degrees(np.abs(drift - np.median(drift))).max()), margin,
-        wrong, (*found.notes, *notes),
+        found.deviation_deg, drift_deg, margin, wrong, (*found.notes, *notes),
     )  # fmt: skip
 
 
@@ -354,7 +343,7 @@ def _check_direction(
     wrong, notes = _judge(found.residual_deg, margin, tracked.rate_hz, settings.of_directions)
     return LimbCheck(
         name, limb, found.residual_deg, None, None, float(np.degrees(found.heading_rad) % 360),
-        np.nan, 0.0, margin, wrong, (_DIRECTION_ONLY, *notes),
+        np.nan, 0.0, margin, wrong, (_DIRECTION_ONLY, *notes, *doubt(found.residual_deg)),
     )  # fmt: skip
 
 

@@ -10,7 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.inertial.calibration import Calibration, CalibrationSettings, calibrate
+from motionary.inertial.calibration import (
+    Calibration,
+    CalibrationSettings,
+    calibrate,
+    match_limb,
+)
 from motionary.inertial.orientations import heading
 from motionary.recording import find_runs
 from motionary.rotations import conjugate_quaternions, multiply_quaternions
@@ -21,6 +26,17 @@ Floats = NDArray[np.float64]
 PUBLISHED_DEG = 45.0
 _KNOTS_S = 8.0
 _ROUNDS = 2
+# From which on a drift, a disagreement all the time, and gaps of the sensor are told.
+_LARGE_DRIFT_DEG = 10.0
+_DISAGREES_DEG = 15.0
+_MOSTLY = 0.9
+# So many times better must a sensor fit if it is read otherwise: of errors of tracking, planted
+# into limbs of people on whom limits were chosen, none comes near 1.
+_MISREAD = 1.3
+_MISREADINGS = {
+    "its axes are left-handed": np.array([1.0, -1.0, 1.0, -1.0]),
+    "it turns from the world to the sensor": np.array([1.0, -1.0, -1.0, -1.0]),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +144,8 @@ def calibrate_drifting(
     )
     for _ in range(_ROUNDS):
         drift = heading_drift(found.calibration.predict(tracked), measured, rate_hz)
+        if not drift.any():
+            break
         steadied = without_drift(measured, drift)
         found = DriftingCalibration(calibrate(tracked, steadied, settings), steadied, drift)
     return found
@@ -136,3 +154,33 @@ def calibrate_drifting(
 def without_drift(measured: Floats, drift_rad: Floats) -> Floats:
     """Orientations of a sensor with its heading's drift turned back."""
     return multiply_quaternions(conjugate_quaternions(heading(drift_rad)), measured)
+
+
+def doubt(residual_deg: Floats, drift_deg: float = 0.0) -> tuple[str, ...]:
+    """Notes on what makes a comparison of limb and sensor doubtful, whatever is wrong in it."""
+    notes = []
+    known = residual_deg[~np.isnan(residual_deg)]
+    if len(known) < _MOSTLY * len(residual_deg):
+        notes.append(f"known together in {len(known) / len(residual_deg):.0%} of the frames")
+    if len(known) and np.median(known) > _DISAGREES_DEG:
+        notes.append(
+            f"limb and sensor disagree by {np.median(known):.0f} degrees (median): another limb, "
+            "other axes or units, or tracked wrongly most of the time"
+        )
+    if drift_deg > _LARGE_DRIFT_DEG:
+        notes.append(
+            f"{drift_deg:.0f} degrees of slow turn about the vertical are taken for drift of the "
+            "sensor's heading; of the limb they would be an error"
+        )
+    return tuple(notes)
+
+
+def name_misreading(tracked: Floats, measured: Floats) -> str:
+    """How a sensor's orientations seem to be misread, or nothing if they fit best as they are."""
+    readings = {how: measured * signs for how, signs in _MISREADINGS.items()}
+    readings["its numbers are in the order xyzw"] = measured[:, [3, 0, 1, 2]]
+    costs = {how: match_limb(tracked, one) for how, one in readings.items()}
+    best = min(costs, key=lambda how: costs[how])
+    if match_limb(tracked, measured) <= _MISREAD * costs[best]:
+        return ""
+    return f"fits better as if {best}: check how it is read; nothing is called wrong here"

@@ -4,15 +4,69 @@ Offline and without the magnetometer unless asked: near the floor of a laborator
 disturbed by more than any filter forgives. Heading is then free, and drifts a little.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
+from motionary.inertial.synchronising import speeds_of_turn
 from motionary.io.sensors import SensorRecording
 
 Floats = NDArray[np.float64]
+
+# Radians a second that no limb of a person stays below.
+_STILL = 0.05
+# A field that varies by more of its size between its 5 and 95 % is not the earth's.
+_STEADY = 0.25
+
+
+def orient_all(
+    sensors: Sequence[SensorRecording], *, fused: bool = False, magnetic: bool = False
+) -> tuple[dict[str, Floats], list[str]]:
+    """Orientations of each sensor by name, and notes on those that have none or doubtful ones.
+
+    Parameters
+    ----------
+    sensors : of one system
+    fused : take orientations that the files bring instead of fusing raw measurements
+    magnetic : let magnetometers tell headings
+    """
+    found: dict[str, Floats] = {}
+    notes = []
+    for sensor in sensors:
+        if sensor.name in found:
+            notes.append(f"{sensor.name} is there twice; the second one is left out")
+            continue
+        raw = sensor.gyr is not None and sensor.acc is not None
+        try:
+            if sensor.orientations is not None and (fused or not raw):
+                turns = sensor.orientations
+            else:
+                turns = orient(sensor, magnetic=magnetic)
+                notes += _note_field(sensor) if magnetic else []
+        except InvalidInput as error:
+            notes.append(str(error))
+            continue
+        if np.nanmax(speeds_of_turn(turns, sensor.rate_hz), initial=0.0) < _STILL:
+            notes.append(f"{sensor.name} does not move and is left out")
+        else:
+            found[sensor.name] = turns
+    return found, notes
+
+
+def _note_field(sensor: SensorRecording) -> list[str]:
+    """A note where the magnetic field about a sensor is disturbed."""
+    assert sensor.mag is not None
+    sizes = np.linalg.norm(sensor.mag, axis=1)
+    low, middle, high = np.nanpercentile(sizes, [5, 50, 95])
+    if high - low <= _STEADY * middle:
+        return []
+    return [
+        f"the field about {sensor.name} varies by {(high - low) / middle:.0%} of its size: a "
+        "magnetometer cannot tell headings there"
+    ]
 
 
 def orient(sensor: SensorRecording, *, magnetic: bool = False, online: bool = False) -> Floats:

@@ -1,6 +1,6 @@
 """Limbs of a motion as sensors see them, in a world with z up, and sensors simulated on them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,9 @@ Floats = NDArray[np.float64]
 
 #: What people usually wear.
 WORN = ("root", "lthigh", "lshank", "lfoot", "rthigh", "rshank", "rfoot", "lforearm", "rforearm")
+
+# So many times faster than a limb no sensor on it turns.
+_OTHER_UNIT = 8.0
 
 
 class TrackedLimbs(NamedTuple):
@@ -60,6 +63,24 @@ def track_limbs(motion: Motion) -> TrackedLimbs:
         if np.isfinite(one).all(axis=1).sum() >= 20
     }
     return TrackedLimbs(quaternions, directions, turns.rest, motion.rate_hz)
+
+
+def compare_speeds(
+    tracked: TrackedLimbs, seen: Mapping[str, Floats], placed: Mapping[str, str]
+) -> list[str]:
+    """Notes on sensors that turn many times as fast or as slowly as their limbs."""
+    notes = []
+    for name, limb in sorted(placed.items()):
+        own, of_limb = (
+            np.nanpercentile(one, 90) if np.isfinite(one).any() else np.nan
+            for one in (speeds_of_turn(seen[name], tracked.rate_hz), tracked.speeds(limb))
+        )
+        if own > _OTHER_UNIT * of_limb or of_limb > _OTHER_UNIT * own:
+            notes.append(
+                f"{name} turns {own / of_limb:.2g} times as fast as {limb}: rates of turn need "
+                "radians a second, or a unit in a map of columns"
+            )
+    return notes
 
 
 def simulate_sensors(
