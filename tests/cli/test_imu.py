@@ -1,6 +1,8 @@
 """`motionary imu` and `motionary synth`, on synthetic recordings."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,11 @@ import motionary as mo
 from motionary.samples import synthetic_stream
 
 pytest.importorskip("vqf")
+
+#: Of an object of `imu check --json`, as documented.
+KEYS = ["recording", "sensor", "limb", "median_deg", "p95_deg", "swing_deg", "twist_deg",
+        "deviation_deg", "heading_deg", "drift_deg", "margin", "lag_s", "wrong_s", "wrong",
+        "notes"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +41,10 @@ def test_sensors_are_made_and_checked(take, motionary):
         "synthetic-lthigh": "lthigh", "synthetic-rthigh": "rthigh"}  # fmt: skip
     assert all(row["wrong"] == [] and row["median_deg"] < 4 for row in rows)
     assert abs(rows[0]["lag_s"]) < 0.02
+    assert all(list(row) == KEYS for row in rows)
+    assert {key: type(rows[0][key]).__name__ for key in KEYS} == {
+        **dict.fromkeys(KEYS, "float"), "recording": "str", "sensor": "str", "limb": "str",
+        "notes": "str", "wrong": "list"}  # fmt: skip
     assert (take / "t.csv").read_text("utf-8").startswith("recording,sensor,limb,median_deg")
     assert (take / "p.png").stat().st_size > 5000
     again = motionary("imu", "check", take / "take.bvh", "--imu", take / "s", "-o", take / "t.csv")
@@ -43,6 +54,13 @@ def test_sensors_are_made_and_checked(take, motionary):
     limbs.write_text('"synthetic-lthigh" = "rthigh"\n"synthetic-rthigh" = "lthigh"\n', "utf-8")
     swapped = motionary("imu", "check", take / "take.bvh", "--imu", take / "s", "--map", limbs)
     assert "thigh off" in swapped.out
+    assert "fits lthigh much better" in swapped.out
+
+
+def test_the_keys_of_a_check_are_documented():
+    page = (Path(__file__).parents[2] / "docs" / "reference.md").read_text("utf-8")
+    said = page.partition("gives an object per sensor with `--json`")[2].partition("\n\n")[0]
+    assert re.findall(r"`(\w+)`", said) == KEYS
 
 
 def test_orientations_are_written_for_opensense(take, motionary):
@@ -85,6 +103,8 @@ def test_two_runs_do_not_mix(take, motionary):
     [
         (["imu", "check", "TAKE", "--imu", "nowhere"], "nowhere"),
         (["imu", "check", "TAKE", "--imu", "TAKE"], "recordings of sensors are"),
+        (["imu", "check", "TAKE", "--imu", "FOLDER"], "no recordings of sensors"),
+        (["imu", "check", "TAKE", "--imu", "FOLDER", "--map", "no.toml"], "no.toml"),
         (["synth", "imu", "TAKE", "-o", "x", "--limb", "tail"], "'tail' are not known"),
         (["synth", "depth", "TAKE", "-o", "x", "--noise", "snow"], "choose one of"),
         (["synth", "depth", "TAKE", "-o", "x", "--images", "0"], "images_hz needs"),
@@ -94,7 +114,9 @@ def test_two_runs_do_not_mix(take, motionary):
     ],
 )
 def test_wrong_use_is_told(take, motionary, arguments, message):
-    told = [str(take / "take.bvh") if one == "TAKE" else one for one in arguments]
+    (take / "empty").mkdir(exist_ok=True)
+    known = {"TAKE": str(take / "take.bvh"), "FOLDER": str(take / "empty")}
+    told = [known.get(one, one) for one in arguments]
     done = motionary(*told)
     assert done.code in (1, 2)
     assert message in done.err

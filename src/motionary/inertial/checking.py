@@ -54,8 +54,8 @@ _NEARLY = 0.35
 _UNSURE_PEAK = 0.5
 # Frames below which nothing is calibrated, and seconds below which it is doubted.
 _LEAST, _SHORT_S = 20, 4.0
-# So many times worse must the next best limb fit.
-_SURE = 1.3
+# So many times worse must the next best limb fit; and a limb that a map tells to be doubted.
+_SURE, _EXCHANGED = 1.3, 2.0
 _NO_LIMB = "fits no limb, or the map names none for it"
 _DIRECTION_ONLY = "only the direction is tracked: twist is not checked"
 _UNSURE_LIMB = "the next best limb fits nearly as well: give a map; nothing is called wrong here"
@@ -178,6 +178,8 @@ def check_tracking(
         checks.append(
             _check_limb(name, limb, tracked, seen[name], margins.get(name, np.nan), settings)
         )
+    if given is not None:
+        checks = [_name_exchanged(one, tracked, seen) for one in checks]
     notes = [*problems, *compare_speeds(tracked, seen, placed)]
     if motion.duration_s < _SHORT_S:
         notes.append(
@@ -189,6 +191,19 @@ def check_tracking(
             f"rates of turn agree by {lag.peak:.2f} only: the lag of {lag.offset_s:.2f} s is unsure"
         )
     return TrackingCheck(checks, lag, _to_track(motion, checks), tuple(notes))
+
+
+def _name_exchanged(
+    check: LimbCheck, tracked: TrackedLimbs, seen: Mapping[str, Floats]
+) -> LimbCheck:
+    """The check, with a note if a map puts the sensor where it fits far worse than elsewhere."""
+    if not check.wrong:
+        return check
+    costs = _misfits(tracked, tracked.limbs, seen[check.sensor])
+    best = min(costs, key=lambda limb: costs[limb])
+    if costs[check.limb] <= _EXCHANGED * costs[best]:
+        return check
+    return check._replace(notes=(f"fits {best} much better: is the map right?", *check.notes))
 
 
 def _checked_limbs(
@@ -258,12 +273,7 @@ def _place(
     """
     placed, margins = {}, {}
     for name, limbs in likely.items():
-        costs = {}
-        for limb in limbs:
-            try:
-                costs[limb] = _misfit(tracked, limb, seen[name])
-            except InvalidInput:
-                continue
+        costs = _misfits(tracked, limbs, seen[name])
         if not costs:
             continue
         least = min(costs.values())
@@ -278,11 +288,19 @@ def _place(
     return placed, margins
 
 
-def _misfit(tracked: TrackedLimbs, limb: str, measured: Floats) -> float:
-    if limb in tracked.turns:
-        return match_limb(tracked.turns[limb], measured)
-    residual = calibrate_direction(tracked.directions[limb], measured).residual_deg
-    return float(np.sqrt(np.nanmean(np.minimum(residual, 45.0) ** 2)))
+def _misfits(tracked: TrackedLimbs, limbs: Sequence[str], measured: Floats) -> dict[str, float]:
+    """How badly a sensor fits each of some limbs, degrees; without those that do not tell."""
+    costs = {}
+    for limb in limbs:
+        try:
+            if limb in tracked.turns:
+                costs[limb] = match_limb(tracked.turns[limb], measured)
+            else:
+                away = calibrate_direction(tracked.directions[limb], measured).residual_deg
+                costs[limb] = float(np.sqrt(np.nanmean(np.minimum(away, 45.0) ** 2)))
+        except InvalidInput:
+            continue
+    return costs
 
 
 def _check_limb(
