@@ -20,7 +20,7 @@ SCRIPTS = (
     "body", "stream_decisions", "corrections", "styles", "kills",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("everyday_classes",)
+FURTHER = ("everyday_classes", "simulated_sensors", "figures_2012")
 
 
 def main(arguments: list[str]) -> int:
