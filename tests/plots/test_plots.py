@@ -588,6 +588,24 @@ def test_a_sheet_says_times_and_shows_the_strongest_change():
         plots.plot_sheet(("query", positions, times[1:]), [])
 
 
+def test_sheets_of_many_hits_are_pages_at_one_scale(tmp_path):
+    wide = person(1) * [1.0, 1.0, 1.5]
+    hits = [(f"{i}", person(1) if i < 20 else wide) for i in range(1, 27)]
+    pages = plots.plot_sheets(("query", person(1)), hits)
+    titles = [page.texts[0].get_text() for page in pages]
+    assert [title.split(", ")[1] for title in titles] == ["1 to 12", "13 to 24", "25 to 26"]
+    rows = [[text.get_text() for text in page.axes[0].texts] for page in pages]
+    assert [row[0] for row in rows] == ["query"] * 3
+    assert [name for row in rows for name in row[1:] if name] == [name for name, _ in hits]
+    lines = [page.axes[0].lines[0].get_xydata() for page in pages]
+    assert np.allclose(np.ptp(lines[0], axis=0), np.ptp(lines[2], axis=0))
+    (alone,) = plots.plot_sheets(("query", person(1)), hits[:12])
+    assert "to" not in alone.texts[0].get_text().split()
+    paths = plots.save_pages(pages[:2], tmp_path / "sheet.svg")
+    assert [path.name for path in paths] == ["sheet.svg", "sheet-2.svg"]
+    assert all(path.is_file() for path in paths)
+
+
 def test_distances_have_a_named_axis_and_hits_their_length_and_end():
     hits = {"a": [Label("a", 1.0, 4.0, cost=0.04)]}
     figure = plots.plot_distance({"a": np.linspace(0, 1, 300)}, hits=hits, threshold=0.1)

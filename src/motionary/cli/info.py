@@ -196,16 +196,13 @@ def _readable(files: Mapping[str, Path], reading: ReadOptions) -> "Iterator[tupl
 
 def _draw(files: Mapping[str, Path], path: str, reading: ReadOptions) -> None:
     """The first poses of the recordings that can be read, in pages of as many as one holds."""
-    from motionary.plots import MOST_RECORDINGS, plot_recordings, save
+    from motionary.plots import MOST_RECORDINGS, plot_recordings, save_pages
 
     motions = (motion.renamed(name) for name, motion in _readable(files, reading))
-    number = 0
-    while page := list(islice(motions, MOST_RECORDINGS)):
-        number += 1
-        target = Path(path) if number == 1 else Path(path).with_stem(f"{Path(path).stem}-{number}")
-        save(plot_recordings(page), target)
-    if number > 1:
-        screen.warn(f"{path}: {number} pages, the last one {target.name}")
+    pages = iter(lambda: list(islice(motions, MOST_RECORDINGS)), [])
+    paths = save_pages(map(plot_recordings, pages), path)
+    if len(paths) > 1:
+        screen.warn(f"{path}: {len(paths)} pages, the last one {paths[-1].name}")
 
 
 def _write(rows: Sequence[dict[str, Any]], path: str, *, excel: bool) -> None:

@@ -295,7 +295,7 @@ def _draw_sheet(
     reading: ReadOptions,
 ) -> None:
     """Stick figures of an example and its hits; without an example the best hit leads."""
-    from motionary.plots import plot_sheet, save
+    from motionary.plots import plot_sheets, save_pages
 
     motions: dict[str, Motion] = {}
     rows = []
@@ -311,7 +311,9 @@ def _draw_sheet(
         title = f"{rank}: {name} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
         rows.append((title, *cut_frames(motions[name], hit.start_frame, hit.end_frame)))
     if rows:
-        save(plot_sheet(rows[0], rows[1:]), path)
+        paths = save_pages(plot_sheets(rows[0], rows[1:]), path)
+        if len(paths) > 1:
+            screen.warn(f"{path}: {len(paths)} pages, the last one {paths[-1].name}")
 
 
 def cut_frames(motion: "Motion", first: int, last: int) -> "tuple[Floats, Floats]":

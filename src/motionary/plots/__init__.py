@@ -8,13 +8,21 @@ from motionary.plots.animation import MOVING, check_moving, render
 from motionary.plots.features import plot_features
 from motionary.plots.figures import BONES, plot_pose
 from motionary.plots.sensors import plot_check
-from motionary.plots.sheets import MOST_RECORDINGS, describe_facing, plot_recordings, plot_sheet
-from motionary.plots.style import save
+from motionary.plots.sheets import (
+    HITS_A_PAGE,
+    MOST_RECORDINGS,
+    describe_facing,
+    plot_recordings,
+    plot_sheet,
+    plot_sheets,
+)
+from motionary.plots.style import save, save_pages
 from motionary.plots.templates import plot_library, plot_template
 from motionary.plots.timelines import plot_annotation, plot_distance
 
 __all__ = [
     "BONES",
+    "HITS_A_PAGE",
     "MOST_RECORDINGS",
     "MOVING",
     "check_moving",
@@ -27,7 +35,9 @@ __all__ = [
     "plot_pose",
     "plot_recordings",
     "plot_sheet",
+    "plot_sheets",
     "plot_template",
     "render",
     "save",
+    "save_pages",
 ]

@@ -6,7 +6,7 @@ the figure faces to the right and its left side is blue; beside it stands what w
 detected. Points that are no known body are drawn as points.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -46,6 +46,8 @@ _FULL = 0.9
 _TIMES = 0.14
 #: More rows make a picture that no program opens any more.
 _MOST_HITS = 100
+#: Hits of one of several pages.
+HITS_A_PAGE = 12
 #: A joint that flies off must not shrink all others: extents beyond so many medians are cut.
 _OUTLIER = 1.6
 
@@ -106,38 +108,61 @@ def plot_sheet(
     InvalidInput
         If positions have another shape, `n_figures` is below 1, or there is nothing to draw.
     """
+    (figure,) = _draw_pages(query, hits, n_figures, most=_MOST_HITS, a_page=_MOST_HITS)
+    return figure
+
+
+@style.house_style()
+def plot_sheets(
+    query: SheetRow | None, hits: Sequence[SheetRow], *, n_figures: int = 8
+) -> "list[Figure]":
+    """Pictures of a query above twelve of its hits each, all at one scale; as `plot_sheet`."""
+    return list(_draw_pages(query, hits, n_figures, most=len(hits), a_page=HITS_A_PAGE))
+
+
+def _draw_pages(
+    query: SheetRow | None, hits: Sequence[SheetRow], n_figures: int, *, most: int, a_page: int
+) -> "Iterator[Figure]":
     if n_figures < 1:
         raise InvalidInput(f"n_figures must be 1 or more, got {n_figures}")
-    shown = [*([] if query is None else [query]), *hits[:_MOST_HITS]]
-    if not shown:
+    queries = [] if query is None else [query]
+    if not queries and not hits:
         raise InvalidInput("a sheet needs a query or hits, got neither")
-    strips = [_strip(row, n_figures) for row in shown]
-    slot = _WIDTH / max(len(strip.frames) for strip in strips)
-    scale = _scale(strips, slot)
+    leads, others = ([_strip(row, n_figures) for row in rows] for rows in (queries, hits[:most]))
+    note = f"and {len(hits) - most} more hits" if len(hits) > most else ""
+    for at in range(0, max(len(others), 1), a_page):
+        shown = others[at : at + a_page]
+        title = _title(len(hits), with_query=bool(leads))
+        if len(others) > a_page:
+            title += f", {at + 1} to {at + len(shown)}"
+        yield _draw_strips([*leads, *shown], [*leads, *others], title, note, n_queries=len(leads))
+
+
+def _draw_strips(
+    strips: Sequence[_Strip], every: Sequence[_Strip], title: str, note: str, *, n_queries: int
+) -> "Figure":
+    """A page of strips, at the scale at which the figures of all pages fit."""
+    from matplotlib.lines import Line2D
+
+    slot = _WIDTH / max(len(strip.frames) for strip in every)
+    scale = _scale(every, slot)
     heights = [_row_height(strip, scale) for strip in strips]
-    note = _note(len(hits))
     layout = page.Layout(
         left=0.0, width=_WIDTH, heights=(sum(heights) + (_TITLE if note else 0.0),), below=0.0
     )
-    title = _title(len(hits), with_query=query is not None)
     figure, ((axes,),) = page.new_page(layout, title=title)
     top = layout.heights[0]
     axes.set(xlim=(0.0, _WIDTH), ylim=(0.0, top), xticks=[], yticks=[])
     axes.axis("off")
     for row, (strip, height) in enumerate(zip(strips, heights, strict=True)):
-        is_query = query is not None and row == 0
-        _draw_row(axes, strip, top, height, slot=slot, scale=scale, is_query=is_query)
+        _draw_row(axes, strip, top, height, slot=slot, scale=scale, is_query=row < n_queries)
         top -= height
     axes.text(0.06, 0.08, note, color=style.TRUNK)
-    has_bold = any(strip.times_s is not None and strip.strongest >= 0 for strip in strips)
-    page.add_legend(figure, [*legend_of_sides(), *([_legend_of_bold()] if has_bold else [])])
+    legend: list[Artist] = [*legend_of_sides()]
+    if any(strip.times_s is not None and strip.strongest >= 0 for strip in strips):
+        legend.append(Line2D([], [], linestyle="", label="bold time: where the pose changes most"))
+    page.add_legend(figure, legend)
     return figure
-
-
-def _legend_of_bold() -> "Artist":
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], linestyle="", label="bold time: where the pose changes most")
 
 
 def _strip(row: SheetRow, n_figures: int) -> _Strip:
@@ -249,10 +274,6 @@ def _title(n_hits: int, *, with_query: bool) -> str:
         return "query without hits"
     hits = "1 hit" if n_hits == 1 else f"{n_hits} hits"
     return f"query and {hits}" if with_query else hits
-
-
-def _note(n_hits: int) -> str:
-    return f"and {n_hits - _MOST_HITS} more hits" if n_hits > _MOST_HITS else ""
 
 
 @style.house_style()

@@ -6,7 +6,7 @@ lightness, so that a print in grey still shows which is which. The width of text
 not guessed: what does not fit is shortened before it is drawn.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
@@ -178,6 +178,15 @@ def wrap(text: str, inches: float, *, most: int = 3) -> list[str]:
 def _elide(line: str, keep: int) -> str:
     head = -(-keep // 2)
     return f"{line[:head].rstrip()}…{line[len(line) - (keep - head) :].lstrip()}"
+
+
+def save_pages(figures: "Iterable[Figure]", path: str | Path) -> list[Path]:
+    """Write pictures, the second as `name-2.png` and so on; their paths come back."""
+    first, paths = Path(path), []
+    for number, figure in enumerate(figures, start=1):
+        paths.append(first if number == 1 else first.with_stem(f"{first.stem}-{number}"))
+        save(figure, paths[-1])
+    return paths
 
 
 @house_style()
