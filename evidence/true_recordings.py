@@ -14,6 +14,7 @@ from evidence.common.labelling import (
     curve_of,
     find_all,
     label_all,
+    label_by_scores,
     learn_all,
     merit,
     tasks_of,
@@ -97,12 +98,15 @@ def measure(recordings: Recordings) -> Results:
         name: _label(tasks, found[SELF_INFORMATION], own) for name, own in calibrated.items()
     }
     seen_best = best_of(measured[SELF_INFORMATION])
+    scored = _rename(label_by_scores(tasks))
     one = {way: curves[way][chosen[way]] for way in WAYS}
     return {
         "thresholds": THRESHOLDS,
         "chosen": chosen,
         "curves": {way: list(curve.values()) for way, curve in measured.items()},
         "one": {way: measured[way][chosen[way]] for way in WAYS},
+        "scores": measure_labels(scored.values()),
+        "scores_by_recording": {name: measure_labels([own]) for name, own in scored.items()},
         "everyone": measure_labels(_label(tasks, by_all, chosen[SELF_INFORMATION]).values()),
         "to_plateau_end": {
             way: measure_labels(_label(tasks, longer[way], chosen[way]).values()) for way in WAYS
@@ -160,10 +164,14 @@ def _calibrate(clips: Sequence[Clip], others: Sequence[Any]) -> dict[str, float]
 def _label(
     tasks: Tasks, found: Found, thresholds: float | Mapping[str, float]
 ) -> dict[str, Labelled]:
-    """Labels under the names of the truth."""
+    """Labels by costs, under the names of the truth."""
+    return _rename(label_all(tasks, found, thresholds))
+
+
+def _rename(labelled: Mapping[str, Labelled]) -> dict[str, Labelled]:
     return {
         name: own._replace(predicted=rename_segments(own.predicted, NAMES))
-        for name, own in label_all(tasks, found, thresholds).items()
+        for name, own in labelled.items()
     }
 
 

@@ -23,11 +23,19 @@ from motionary.evaluation import (
     interval,
     pool_counts,
 )
-from motionary.features import FeatureSequence
+from motionary.features import FULL_BODY, FeatureSequence
 from motionary.matching import SKIP_WEIGHT, Alignment, annotate_distances, distance_function, modify
-from motionary.models.library import MotionClass, TrainingOptions, learn_classes, measure_background
+from motionary.models.library import (
+    ClassLibrary,
+    MotionClass,
+    TrainingOptions,
+    learn_classes,
+    measure_background,
+    mix_prior,
+    scoring_for,
+)
 from motionary.recording import split_runs
-from motionary.retrieval.annotation import ClassDistance, class_distance
+from motionary.retrieval.annotation import ClassDistance, annotate, class_distance
 
 #: Overlap at which average precision is reported.
 IOU = 0.5
@@ -129,6 +137,24 @@ def label_all(
         labels = labels_at(matches, thresholds, names=names, extended=extended)
         result[key] = Labelled(labels, truth, task.seconds)
     return result
+
+
+def label_by_scores(tasks: Tasks, *, names: Sequence[str] | None = None) -> dict[Any, Labelled]:
+    """Labels of every task by scores, the default, with mirror images; of some classes only."""
+    scoring = scoring_for(FULL_BODY)
+    found = {}
+    for key, task in tasks.items():
+        clips = [c.packed for c in task.clips if names is None or c.motion_class in names]
+        prior = mix_prior(clips, scoring, mirror=True)
+        known = [one for one in task.learned if names is None or one.name in names]
+        library = ClassLibrary(
+            tuple(replace(one, prior=prior) for one in known), FULL_BODY, scoring=scoring
+        )
+        track = annotate(task.packed, library, assignment="scores")
+        labels = [LabelledSegment(x.name, x.start_s, x.end_s) for x in track]
+        truth = [s for s in task.truth if names is None or s.name in names]
+        found[key] = Labelled(labels, truth, task.seconds)
+    return found
 
 
 def curve_of(
