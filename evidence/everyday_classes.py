@@ -24,7 +24,6 @@ def measure(recordings: Recordings) -> Results:
     sources = read_sources(recordings.folder, jobs=2)
     judged = judge_people(sources, partial(build_whole, sources), jobs=2)
     least = dict(zip(library.names, thresholds_for(library).tolist(), strict=True))
-    elsewhere = read_record("everyday")["results"]["by_class"]
     classes = []
     for one in library:
         own = [p for p in one.prototypes if not p.mirror_of]
@@ -46,13 +45,19 @@ def measure(recordings: Recordings) -> Results:
             "templates": [[p.name, p.template.provenance, p.template.n_columns / 30] for p in own],
             "right": right, "wrong": wrong, "shown": shown, "found": found,
             "taken": _most(taken), "missed": _most(missed),
-            "elsewhere": {
-                name: row for name, rows in elsewhere.items()
-                for content, row in rows.items() if one.name in content.split(" or ")
-            },
         })  # fmt: skip
     people = {part: sorted({x.person for x in judged if x.part == part}) for part in FOLDERS}
     return {"classes": classes, "people": people, "minutes": sum(x.minutes for x in judged)}
+
+
+def elsewhere(name: str) -> dict[str, list[int]]:
+    """Files right and files of a class in each other set, as the page of the sets has them."""
+    return {
+        title: row
+        for title, rows in read_record("everyday")["results"]["by_class"].items()
+        for content, row in rows.items()
+        if name in content.split(" or ")
+    }
 
 
 def _most(counts: Counter[str]) -> list[list[object]]:
