@@ -8,6 +8,7 @@ import pytest
 from motionary.errors import NotAMotion, UnreadableFile
 from motionary.features import compute_features
 from motionary.io import ReadOptions, read, write
+from motionary.io.finding import list_takes
 from motionary.io.formats.mvnx import read_mvnx_sensors
 from motionary.samples import synthetic_motion
 from oracles.rig_files import XSENS, mvnx_text
@@ -106,3 +107,9 @@ def test_of_several_people_one_is_named(tmp_path, written):
     with pytest.raises(ValueError, match=r"holds 2 recordings .*P1, P2"):
         read(put(tmp_path, text))
     assert read(put(tmp_path, text), take="P2").n_frames == 50
+    assert list_takes(put(tmp_path, text)) == ["P1", "P2"]
+    # The second tag lies across two pieces that are looked through.
+    at = text.rindex("<subject")
+    padded = text[:at] + " " * ((1 << 20) - at - 4) + text[at:]
+    assert list_takes(put(tmp_path, padded)) == ["P1", "P2"]
+    assert list_takes(put(tmp_path, written[0])) == []

@@ -8,6 +8,7 @@ the joint to the one above; ends of head, hands and toes are computed from the p
 file lists for them. Poses of calibration (`identity`, `tpose`, `npose`) are no frames.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import NotAMotion, UnreadableFile
+from motionary.errors import NotAMotion, SeveralRecordings, UnreadableFile
 from motionary.files import open_regular
 from motionary.io.formats.content import FileContent, number_doubles
 from motionary.io.formats.numbers import parse_number
@@ -40,6 +41,7 @@ _ENDS = {
     "LeftToe": "pLeftToe",
 }
 _PIECE = 1 << 20
+_SUBJECT, _TAG_BYTES = re.compile(rb"<(?:[\w-]+:)?subject[\s>]"), 80
 # Joints of the model may give way by as much; beyond, turns and places are not of one rig.
 _LOOSE_M = 0.01
 _UNIT = 0.01
@@ -173,13 +175,29 @@ def read_mvnx_sensors(path: Path, options: ReadOptions) -> Sensors:
 
 def _choose(path: Path, wanted: tuple[str, ...], options: ReadOptions) -> _Subject:
     """The person that is meant, with the numbers of the wanted elements."""
-    # Where only people are asked for, no numbers are kept.
-    wanted = () if options.take == EVERY else wanted
+    if options.take == EVERY:
+        # Only people are asked for: one needs no parsing, and several no numbers.
+        if _has_one_subject(path):
+            raise SeveralRecordings(path.name, ["1"])
+        wanted = ()
     subjects = [s for s in _Reader(path.name, wanted).read(path) if s.times_s]
     if not subjects:
         raise NotAMotion("holds no frames of motion; expected an MVNX file", file=path.name)
     labels = number_doubles([subject.label or "subject" for subject in subjects])
     return subjects[choose_take(labels, options.take, path.name)]
+
+
+def _has_one_subject(path: Path) -> bool:
+    """Whether the tag of a person is found once; other encodings than UTF-8 hide it."""
+    found, kept = 0, b""
+    with open_regular(path) as file:
+        while piece := file.read(_PIECE):
+            # A tag may lie across two pieces.
+            found += sum(x.end() > len(kept) for x in _SUBJECT.finditer(kept + piece))
+            if found > 1:
+                return False
+            kept = piece[-_TAG_BYTES:]
+    return found == 1
 
 
 class _Reader:
