@@ -74,7 +74,7 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     text = read_text(path)
     start = _MOTION.search(text)
     if start is None:
-        raise UnreadableFile("no line MOTION found; expected a BVH file", file=path.name)
+        raise UnreadableFile(f"no line MOTION found; {_say_cut(text)}", file=path.name)
     nodes, notes = _HierarchyReader(path.name).read(text[: start.start()])
     table = _read_header(text, start.end(), path.name)
     # Hours of text are let go as soon as they are numbers, and numbers when they are turns.
@@ -91,6 +91,14 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     if collapsed:
         notes.append(_note_collapsed(collapsed))
     return _to_content(path.name, nodes, turns, moves, rate, notes)
+
+
+def _say_cut(text: str) -> str:
+    if not text.strip():
+        return "the file is empty; get the whole file"
+    if text.lstrip().startswith("HIERARCHY"):
+        return "the file ends amid its joints; get the whole file"
+    return "expected a BVH file"
 
 
 class _HierarchyReader:

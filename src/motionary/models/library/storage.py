@@ -297,7 +297,10 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
     folder = check_path(folder, remedy="give the name of a folder")
     path = folder / INDEX
     if not path.is_file():
-        raise UnreadableFile(f"no library there ({INDEX} is missing)", file=folder)
+        raise UnreadableFile(
+            f"no library there ({INDEX} is missing); motionary learn makes one, and everyday ships",
+            file=folder,
+        )
     index = read_toml(path, _INDEX_KEYS)
     if not 1 <= index["version"] <= VERSION:
         raise UnreadableFile(
