@@ -3,6 +3,7 @@
 import io
 import json
 import pickle
+import tomllib
 import zipfile
 
 import numpy as np
@@ -164,6 +165,7 @@ def cause_of(call):
         (lambda: b"ab\xff".decode(), "expected text in UTF-8, got other bytes from byte 2"),
         (lambda: json.loads('{"a": ?}'), "in line 1, column 7 stands '?}', which JSON does not"),
         (lambda: json.loads("[1,"), "it ends too early, in line 1; get the whole file"),
+        (lambda: tomllib.loads("a = ]"), "Invalid value (at line 1, column 5)"),
         (lambda: json.loads("[" * 100_000), "it has lists within lists without end"),
         (lambda: open("/no/such/file"), "No such file or directory"),  # noqa: SIM115
         (lambda: zipfile.ZipFile(io.BytesIO(b"PK")), "its content is not whole or not of this"),

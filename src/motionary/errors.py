@@ -20,7 +20,7 @@ _CALLED = {
     "Mapping": "a dict", "ndarray": "a NumPy array",
 }  # fmt: skip
 
-_QUOTED = 40
+_QUOTED, _LONGEST_CAUSE = 40, 200
 _NO_NUMBER = re.compile(r"(?:to float|with base 10): (.*)", re.DOTALL)
 _DAMAGED = "its content is not whole or not of this kind; is it damaged?"
 #: What errors of Python mean where a file was read that should be of a known layout.
@@ -164,6 +164,9 @@ def describe_cause(error: BaseException) -> str:
     if isinstance(error, KeyError):
         return f"{str(error.args[0] if error.args else '')[:_QUOTED]!r} is missing"
     text = str(error)
+    if type(error).__name__ == "TOMLDecodeError":
+        # What it says is for people, and names line and column.
+        return text[:_LONGEST_CAUSE]
     no_number = _NO_NUMBER.search(text)
     if no_number:
         return f"expected a number, got {no_number[1][: _QUOTED + 1]}"

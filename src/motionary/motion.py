@@ -7,7 +7,6 @@ NaN = not seen.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import reduce
 from numbers import Integral
 from typing import Any, NamedTuple, Self
 
@@ -120,12 +119,6 @@ class Unmapped(NamedTuple):
     is_human: bool = True
 
 
-def _has_infinite(values: Floats) -> bool:
-    # A finite sum, one pass without an array of its own, has no infinite terms.
-    with np.errstate(invalid="ignore", over="ignore"):
-        return not np.isfinite(values.sum()) and bool(np.isinf(values).any())
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion(Shown):
     """Poses of a recording; equal to itself only, as arrays have no one equality.
@@ -169,7 +162,10 @@ class Motion(Shown):
             raise InvalidInput("a motion needs at least one frame, got none")
         if not self.recording.rate_hz > 0:
             raise InvalidInput(f"rate_hz must be a positive number, got {self.rate_hz}")
-        if _has_infinite(self.positions):
+        with np.errstate(all="ignore"):
+            # A finite sum, in one pass, has no infinite terms.
+            is_finite = np.isfinite(self.positions.sum()) or not np.isinf(self.positions).any()
+        if not is_finite:
             raise InvalidInput("positions must be finite, or NaN where a joint is not seen")
         if self.recording.n_frames != shape[0]:
             object.__setattr__(self, "recording", replace(self.recording, n_frames=shape[0]))
@@ -262,8 +258,7 @@ class Motion(Shown):
                 if list(weights.values()) == [1.0]:
                     result[:, g] = self.positions[:, index[next(iter(weights))]]
                 else:
-                    terms = (w * self.positions[:, index[name]] for name, w in weights.items())
-                    result[:, g] = reduce(np.add, terms)
+                    result[:, g] = sum(w * self.positions[:, index[n]] for n, w in weights.items())
                 normal = self.mapping.normals.get(joint)
                 if normal is not None:
                     result[:, g] += self._step_away(normal, index)

@@ -18,7 +18,7 @@ from motionary.body import Body, Camera, load_body, pose_body, pose_from_motion,
 from motionary.body.chain import Pose, local_rotations
 from motionary.depth.graph import build_graph
 from motionary.depth.preparation import Cloud, prepare
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, describe_cause
 from motionary.motion import Motion
 from motionary.rotations import (
     matrices_to_quaternions,
@@ -178,10 +178,16 @@ def database_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> PoseDatab
     turns, centres, mean, covariance = (
         np.asarray(arrays[name], dtype=np.float64) for name in names[:4]
     )
-    about = json.loads(str(arrays["about"]))
+    try:
+        about = json.loads(str(arrays["about"]))
+        provenance, licence = about["provenance"], about["licence"]
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
+        raise InvalidInput(
+            f"about: {describe_cause(error)}; motionary depth database writes it"
+        ) from error
     return PoseDatabase(
         turns / np.linalg.norm(turns, axis=-1, keepdims=True),
-        centres, mean, covariance, about["provenance"], about["licence"],
+        centres, mean, covariance, provenance, licence,
     )  # fmt: skip
 
 

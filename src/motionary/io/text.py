@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from motionary.errors import UnreadableFile
+from motionary.errors import UnreadableFile, describe_cause
 from motionary.files import check_table_name, most_unpacked, read_bytes, write_atomically
 
 #: A text that is packed keeps its own suffix before this one: `take.bvh.gz`.
@@ -97,7 +97,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(read_text(path))
     # Not TOMLDecodeError alone: numbers may have more digits than Python takes.
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"is no TOML: {str(error)[:200]}", file=path.name) from error
+        raise UnreadableFile(f"is no TOML: {describe_cause(error)}", file=path.name) from error
 
 
 def _unpack(content: bytes, name: str) -> bytes:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, describe_cause
 from motionary.motion import GENERIC_JOINTS, JointMapping, Normal
 
 # A table fits if this share of its joints is there: hands and toes are often cut off.
@@ -175,8 +175,8 @@ def parse_table(name: str, text: str, *, source: str = "") -> SkeletonTable:
     source = source or f"skeleton {name}"
     try:
         content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(f"is no TOML: {error}", file=source) from error
+    except (ValueError, RecursionError) as error:
+        raise InvalidInput(f"is no TOML: {describe_cause(error)}", file=source) from error
     unknown = sorted(set(content) - set(_KEYS))
     if unknown or not isinstance(content.get("joints"), dict):
         got = f"got {unknown[0]!r}" if unknown else "[joints] is not there"

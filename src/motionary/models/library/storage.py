@@ -218,7 +218,7 @@ def _stems_of_others(folder: Path) -> set[str]:
 def _is_class(path: Path) -> bool:
     try:
         content = tomllib.loads(read_bytes(path).decode("utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     return content.keys() >= CLASS_KEYS.keys()
 

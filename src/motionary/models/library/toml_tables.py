@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, MutableMapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile, describe_cause
 from motionary.files import read_bytes, write_atomically
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
             file=path,
         ) from error
     # Not TOMLDecodeError alone: numbers may have more digits than Python takes.
-    except ValueError as error:
-        raise UnreadableFile(f"is not valid TOML: {error}", file=path) from error
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFile(f"is not valid TOML: {describe_cause(error)}", file=path) from error
     check_keys(path, content, keys)
     return content
 

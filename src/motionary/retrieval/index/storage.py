@@ -56,8 +56,7 @@ _PIECE = 1 << 24
 # On damaged headers of arrays NumPy raises whatever its parser of Python raises.
 _DAMAGE = (
     OSError, ValueError, TypeError, LookupError, EOFError, SyntaxError, tokenize.TokenError,
-    OverflowError, UserWarning,
-)  # fmt: skip
+    OverflowError, UserWarning, RecursionError)  # fmt: skip
 # NumPy's format, but no .npy: an index among recordings must not be taken for motion.
 _ARRAYS = {name: f"{name}.array" for name in ("table", "words", "masks", "planes")}
 
@@ -186,7 +185,7 @@ def read_manifest(folder: Path) -> Manifest | None:
         return None
     try:
         content = json.loads(read_bytes(path))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         problem = f"cannot be read as an index: {describe_cause(error)}; {_REMEDY}"
         raise UnreadableFile(problem, file=path) from error
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
