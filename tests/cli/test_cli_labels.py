@@ -62,7 +62,7 @@ def test_a_choice_of_labels_is_written(motionary, table, tmp_path):
     assert motionary("labels", "convert", table, "-o", out, "--only", "wave").code == 0
     assert [x.name for track in read_labels(out).values() for x in track] == ["wave"]
     ran = motionary("labels", "convert", table, "-o", tmp_path / "x.csv", "--track", "truth")
-    assert (ran.code, "there is no truth; there are labels" in ran.err) == (2, True)
+    assert (ran.code, "there is no tier truth; the tiers are labels" in ran.err) == (2, True)
     ran = motionary("labels", "convert", table, "-o", tmp_path / "x.doc")
     assert (ran.code, "not written as .doc" in ran.err) == (2, True)
 

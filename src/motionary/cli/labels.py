@@ -124,10 +124,8 @@ def convert(
     _say_lost(form, tracks)
     if is_stdout(options.output):
         return 1 if sources.missing else 0
-    screen.warn(
-        f"{sum(map(len, tracks.values()))} labels of {len(tracks)} recordings written to "
-        f"{options.output}"
-    )
+    n_labels = _n(sum(map(len, tracks.values())), "label")
+    screen.warn(f"{n_labels} of {_n(len(tracks), 'recording')} written to {options.output}")
     return 1 if sources.missing else 0
 
 
@@ -226,14 +224,14 @@ def select_labels(
     """
     everything = [label for one in tracks.values() for label in one]
     tiers = {label.extra.get("track") or "labels" for label in everything}
-    for option, asked, there, none in (
-        ("--only", only, {label.name for label in everything}, "no label is called"),
-        ("--track", track, tiers, "there is no"),
+    for option, asked, there, none, kind in (
+        ("--only", only, {label.name for label in everything}, "no label is called", "there are"),
+        ("--track", track, tiers, "there is no tier", "the tiers are"),
     ):
         unknown = sorted(set(asked or ()) - there)
         if unknown:
             shown = enumerate_names(sorted(there))
-            raise wrong(option, f"{none} {', '.join(unknown)}; there are {shown}")
+            raise wrong(option, f"{none} {', '.join(unknown)}; {kind} {shown}")
     return {
         name: replace(
             one,
@@ -362,8 +360,13 @@ def stats(
     unassessed = sum(end - start for x in tracks.values() for start, end in x.unassessed)
     n_labels = sum(map(len, tracks.values()))
     screen.say(
-        f"{n_labels} labels in {len(tracks)} recordings; {unassessed:.2f} s were not assessed"
+        f"{_n(n_labels, 'label')} in {_n(len(tracks), 'recording')}; "
+        f"{unassessed:.2f} s were not assessed"
     )
+
+
+def _n(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _sum_up(tracks: Tracks) -> Iterator[dict[str, Any]]:
