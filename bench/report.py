@@ -2,7 +2,8 @@
 
 The hour is made of real recordings repeated (CMU, where MOTIONARY_DATA has them), otherwise of
 synthetic ones, and says which. Interaction is the time from a click or key to the frame that
-shows it, in headless Chromium with WebGL in software: its renderer is told.
+shows it, in headless Chromium with WebGL in software: its renderer is told. Beside it stands a
+page that does nothing but draw one ball with three.js, on the same machine under the same load.
 """
 
 import os
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import motionary as mo
+import motionary.reporting
 from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.samples import synthetic_stream
 
@@ -44,6 +46,24 @@ _PAINT = (
 )
 
 
+_BALL = """
+const canvas = document.getElementById("ball"), scene = new THREE.Scene();
+const renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+const camera = new THREE.PerspectiveCamera(40, 2, 0.05, 200);
+const shape = new THREE.SphereGeometry(1, 14, 10), matter = new THREE.MeshLambertMaterial();
+const ball = new THREE.InstancedMesh(shape, matter, 1);
+scene.add(new THREE.AmbientLight(0xffffff, 2), ball);
+camera.position.z = 3;
+let moved = true;
+addEventListener("keydown", () => (moved = true));
+requestAnimationFrame(function draw() {
+  requestAnimationFrame(draw);
+  if (moved) renderer.render(scene, camera);
+  moved = false;
+});
+"""
+
+
 def main() -> None:
     """Write both pages, and measure the hour's in a browser where one is there."""
     with tempfile.TemporaryDirectory() as folder:
@@ -58,7 +78,18 @@ def main() -> None:
         minute = Path(folder) / "minute.html"
         mo.report(hour.cut(0, round(MINUTE_S * RATE_HZ)), minute)
         tell("bytes of a minute", minute.stat().st_size / 1e6, MOST_MINUTE / 1e6, "MB")
-        measure_page(page, folder)
+        measure_page(page, folder, bars=True)
+        ball = Path(folder) / "ball.html"
+        three = Path(motionary.reporting.__file__).parent / "page" / "three.min.js"
+        ball.write_text(
+            '<!doctype html><meta charset="utf-8"><p>ball</p><canvas id="ball" width="940" '
+            f'height="450"></canvas><script>{three.read_text("utf-8")}{_BALL}</script>',
+            encoding="utf-8",
+        )
+        print("  beside it, a page of one ball:")
+        measure_page(ball, folder, bars=False)
+        if hasattr(os, "getloadavg"):
+            print(f"  {os.getloadavg()[0]:.1f} processes at work on {os.cpu_count()} processors")
 
 
 def make_motion(length_s: float) -> tuple[Motion, str]:
@@ -76,8 +107,8 @@ def make_motion(length_s: float) -> tuple[Motion, str]:
     return Motion(GENERIC_JOINTS, positions, mo.Recording("hour", rate_hz=RATE_HZ), mapping), what
 
 
-def measure_page(page: Path, folder: str) -> None:
-    """First paint, interaction and memory of a page in Chromium."""
+def measure_page(page: Path, folder: str, *, bars: bool) -> None:
+    """First paint, interaction and memory of a page in Chromium, beside the bars if asked for."""
     browser, driver = shutil.which("chromium"), shutil.which("chromedriver")
     if not (browser and driver):
         print("  no Chromium with its driver: first paint and interaction are not measured")
@@ -92,8 +123,11 @@ def measure_page(page: Path, folder: str) -> None:
     try:
         chrome.get(page.as_uri())
         time.sleep(2)
-        print(f"  renderer: {chrome.execute_script(_RENDERER)}; flags {' '.join(FLAGS[-4:-1])}")
-        tell("first paint", chrome.execute_script(_PAINT) / 1e3, MOST_PAINT_S, "s")
+        if bars:
+            renderer = chrome.execute_script(_RENDERER)
+            print(f"  renderer: {renderer}; flags {' '.join(FLAGS[-4:-1])}")
+        paint, answer = (MOST_PAINT_S, MOST_ANSWER_MS) if bars else (None, None)
+        tell("first paint", chrome.execute_script(_PAINT) / 1e3, paint, "s")
         actions = [
             _PRESS.format(key) for key in ("ArrowRight", "+", "End", "-", "Home", "ArrowLeft")
         ]
@@ -101,8 +135,8 @@ def measure_page(page: Path, folder: str) -> None:
         answers = sorted(
             chrome.execute_async_script(_ANSWER, actions[i % len(actions)]) for i in range(60)
         )
-        tell("interaction, median", statistics.median(answers), MOST_ANSWER_MS, "ms")
-        tell("interaction, 95 %", answers[int(0.95 * len(answers))], MOST_ANSWER_MS, "ms")
+        tell("interaction, median", statistics.median(answers), answer, "ms")
+        tell("interaction, 95 %", answers[int(0.95 * len(answers))], answer, "ms")
         chrome.execute_cdp_cmd("Performance.enable", {})
         metrics = chrome.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
         heap = next(one["value"] for one in metrics if one["name"] == "JSHeapUsedSize")
@@ -111,9 +145,10 @@ def measure_page(page: Path, folder: str) -> None:
         chrome.quit()
 
 
-def tell(what: str, value: float, bar: float, unit: str) -> None:
-    """One line: a number beside its bar."""
-    print(f"  {what:<22} {value:9.2f} {unit:<3} (bar {bar:g}){'' if value <= bar else '  MISSED'}")
+def tell(what: str, value: float, bar: float | None, unit: str) -> None:
+    """One line: a number, beside its bar where it has one."""
+    said = "" if bar is None else f" (bar {bar:g}){'' if value <= bar else '  MISSED'}"
+    print(f"  {what:<22} {value:9.2f} {unit:<3}{said}")
 
 
 if __name__ == "__main__":
