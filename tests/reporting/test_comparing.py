@@ -8,6 +8,7 @@ import pytest
 
 from cli_cases import write_stream
 from motionary import compute_features
+from motionary.features import FULL_BODY
 from motionary.motion import Motion
 from motionary.reporting.comparing import (
     align_recordings,
@@ -16,6 +17,7 @@ from motionary.reporting.comparing import (
     short_names,
 )
 from motionary.samples import synthetic_stream
+from packing_cases import sequence
 
 RATE_HZ = 60.0
 
@@ -63,6 +65,16 @@ def test_the_same_recording_differs_nowhere(motion):
     warp = align_recordings(sequence, sequence)
     assert np.abs(warp - np.arange(len(sequence)) / 30).max() < 1e-6
     assert find_differences(sequence, sequence, warp) == []
+
+
+def test_what_holds_throughout_in_both_is_no_difference():
+    # Nine of ten seconds here; there a fifth slower, and for 0.2 s less than that.
+    here, there = (np.zeros((n, len(FULL_BODY)), dtype=bool) for n in (300, 360))
+    here[15:285, 0], there[18:336, 0] = True, True
+    here[100:130, 1], there[120:162, 1] = True, True
+    warp = np.linspace(0, 359, 300) / 30
+    found = find_differences(sequence(here), sequence(there), warp)
+    assert [one.feature for one in found] == [1]
 
 
 def test_the_page_says_it_in_words(motion):

@@ -33,6 +33,8 @@ Bools = NDArray[np.bool_]
 
 #: Differences below are those of any two performances: three frames.
 LEAST_S = 0.1
+#: So are those below a twentieth of how long a feature holds.
+LEAST_FRACTION = 0.05
 #: Cells of an alignment; longer recordings are aligned at fewer frames a second.
 MOST_CELLS = 12_000_000
 
@@ -158,7 +160,8 @@ def find_differences(
             reference_s = _length(rows[cells], here[cells, feature])
             other_s = _length(columns[cells], there[cells, feature])
             excess_s = other_s - reference_s * tempo
-            if min(abs(excess_s), abs(other_s - reference_s)) < LEAST_S:
+            least_s = max(LEAST_S, LEAST_FRACTION * reference_s * tempo)
+            if min(abs(excess_s), abs(other_s - reference_s)) < least_s:
                 continue
             here_s = (rows[start] / SEQUENCE_HZ, (rows[stop - 1] + 1) / SEQUENCE_HZ)
             there_s = (columns[start] / SEQUENCE_HZ, (columns[stop - 1] + 1) / SEQUENCE_HZ)
