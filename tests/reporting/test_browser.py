@@ -248,3 +248,19 @@ def test_two_recordings_play_in_step_and_say_where_they_differ(folder, browser, 
     before = [name.text for name in names]
     wait_for(lambda: all(name.text != old for name, old in zip(names, before, strict=True)))
     check_quiet(browser)
+
+
+def test_labels_are_begun_in_a_page_without_any(folder, browser, motions):
+    page = folder / "bare.html"
+    report(motions["squat 0"], page)
+    browser.get(page.as_uri())
+    before = set(folder.glob("labels*.csv"))
+    find(browser, "button[aria-label='Begin a lane of labels']").click()
+    find(browser, "button[aria-label^='Add a label']").click()
+    name = find(browser, "input[aria-label='Name of the label']")
+    wait_for(lambda: name.get_attribute("value") == "new")
+    find(browser, "button[aria-label^='Download the labels']").click()
+    (table,) = wait_for(lambda: set(folder.glob("labels*.csv")) - before)
+    (row,) = csv.DictReader(table.read_text("utf-8-sig").splitlines())
+    assert (row["recording"], row["label"]) == ("squat 0", "new")
+    check_quiet(browser)
