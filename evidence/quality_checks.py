@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from motionary.errors import MotionaryError
 from motionary.io import name_recordings, read
 from motionary.io.normalise.anomalies import find_anomalies
+from motionary.io.normalise.gaps import find_zeros
 from motionary.io.normalise.quality import count_rest_frames
-from motionary.io.normalise.zeros import find_zeros
 from motionary.motion import GENERIC_JOINTS, Motion
 
 SEED = 20

@@ -229,7 +229,7 @@ def demonstration(data, tmp_path_factory):
     """What `make demo` prints on real recordings."""
     from motionary.cli.demo import run_on_recordings as demonstrate
 
-    return list(demonstrate(data, tmp_path_factory.mktemp("demo"), 2))
+    return list(demonstrate(data, tmp_path_factory.mktemp("demo"), jobs=1))
 
 
 def numbers_in(line: str) -> list[float]:

@@ -318,15 +318,15 @@ def test_the_help_loads_nothing_heavy():
     assert ran.stdout.splitlines()[-1] == "[]"
 
 
-def test_two_processes_give_what_one_gives(world):
+def test_two_processes_give_what_one_gives(motionary, world):
     for command in (
         ("annotate", world / "examples" / "squat", "--library", world / "library", "--json"),
         ("search", world / "examples" / "squat", "--like", world / "take.bvh", "--to", "2"),
     ):
-        one, two = (in_process(*command, "--jobs", n) for n in (1, 2))
-        assert one.returncode == two.returncode == 0, two.stderr
-        assert one.stdout == two.stdout
-        assert one.stderr == two.stderr == ""
+        one, two = (motionary(*command, "--jobs", n) for n in (1, 2))
+        assert one.code == two.code == 0, two.err
+        assert one.out == two.out
+        assert one.err == two.err == ""
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes close otherwise there")
@@ -388,20 +388,20 @@ needs_terminal = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a 
 
 
 @needs_terminal
-def test_bars_are_drawn_on_a_terminal_only(world):
+def test_bars_are_drawn_on_a_terminal_only(motionary, world):
     drawn, out = on_terminal("info", world / "examples", stream="stderr")
     assert "reading" in drawn
-    quiet = in_process("info", world / "examples")
-    assert (quiet.stdout, quiet.stderr) == (out, "")
-    assert quiet.stdout.count(".bvh") >= 3 * len(CLASSES)
+    quiet = motionary("info", world / "examples")
+    assert (quiet.out, quiet.err) == (out, "")
+    assert quiet.out.count(".bvh") >= 3 * len(CLASSES)
 
 
 @needs_terminal
-def test_a_table_fits_a_narrow_terminal_and_loses_nothing(world, tmp_path):
+def test_a_table_fits_a_narrow_terminal_and_loses_nothing(motionary, world, tmp_path):
     name = "a recording with a rather long name.bvh"
     shutil.copy(world / "take.bvh", tmp_path / name)
     command = ("annotate", tmp_path, "--library", world / "library", "--explain")
-    wide = in_process(*command).stdout.splitlines()
+    wide = motionary(*command).out.splitlines()
     shown, _ = on_terminal(*command, stream="stdout", columns=64)
     narrow = re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", shown).splitlines()
     assert max(map(len, wide)) > 64

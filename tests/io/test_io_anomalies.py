@@ -8,7 +8,7 @@ import pytest
 
 from motionary import read, write
 from motionary.io.normalise.anomalies import find_anomalies
-from motionary.io.normalise.zeros import find_zeros
+from motionary.io.normalise.gaps import find_zeros
 from motionary.motion import GENERIC_JOINTS
 from motionary.samples import synthetic_motion
 

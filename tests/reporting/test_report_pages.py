@@ -20,7 +20,7 @@ from motionary.models.library import TrainingOptions, assignment, learn_classes
 from motionary.motion import Motion
 from motionary.recording import Recording, Segment
 from motionary.reporting import html, recordings, report_comparison
-from motionary.reporting.encoding import UNIT_M, encode_positions, encode_series, encode_states
+from motionary.reporting.html import UNIT_M, encode_positions, encode_series, encode_states
 from motionary.retrieval import annotation
 from motionary.samples import synthetic_motion, synthetic_stream
 

@@ -1,6 +1,6 @@
 """A skinned body: posed, fitted, driven by motions, seen by cameras."""
 
-from motionary.body.chain import Pose, local_rotations, pose_body
+from motionary.body.chain import Pose, blend_matrix, local_rotations, pose_body, skin
 from motionary.body.depth_cameras import (
     DepthSettings,
     add_kinect_noise,
@@ -12,7 +12,6 @@ from motionary.body.fitting import Fit, FitSettings, fit_points, fit_shape, fit_
 from motionary.body.jacobian import jacobian
 from motionary.body.model import Body, Points, load_body
 from motionary.body.rendering import Camera, DepthImage, find_shares, render_depth, shade
-from motionary.body.skinning import blend_matrix, skin
 
 __all__ = [
     "Body",

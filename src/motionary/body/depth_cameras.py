@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.body.chain import skin
 from motionary.body.driving import pose_from_motion
 from motionary.body.model import Body
 from motionary.body.rendering import Camera, render_depth
-from motionary.body.skinning import skin
 from motionary.errors import InvalidInput
 from motionary.motion import Motion
 

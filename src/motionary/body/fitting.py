@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body.chain import Pose, local_rotations, pose_body
+from motionary.body.chain import Pose, local_rotations, pose_body, skin
 from motionary.body.jacobian import jacobian
 from motionary.body.model import MOST_SHAPE, Body, Points
-from motionary.body.skinning import skin
 from motionary.errors import InvalidInput
 from motionary.rotations import (
     matrices_to_quaternions,

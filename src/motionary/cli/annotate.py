@@ -1,4 +1,4 @@
-"""`motionary annotate`: labels of recordings by the classes of a library."""
+"""`motionary annotate` and `count`: labels by the classes of a library, and their numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +13,14 @@ from motionary.cli.options import (
     AsJson,
     Jobs,
     LabelFile,
+    TableFile,
     TableOptions,
     check_target,
     picture_path,
     wrong,
 )
 from motionary.cli.recordings import find_files, measure_files, warn_of_all
+from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence
     from motionary.labels import Label, LabelTrack
     from motionary.models.library import ClassLibrary
+    from motionary.retrieval.counting import ClassCount
 
 _COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
 _SCORE_COLUMNS = (">score", ">false/min", ">right")
@@ -168,9 +171,7 @@ def annotate(
         if as_json and not options.count:
             screen.print_json(_to_json(tracks[-1], explained=options.explain))
     if options.count:
-        from motionary.cli.count import show_counts
-
-        show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
+        _show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
     elif options.output:
         write_labels(tracks, options.output, excel=options.excel)
     if not (as_json or options.count or options.takes_stdout):
@@ -291,3 +292,89 @@ def _cells(label: "Label") -> tuple[str, ...]:
     rate = "" if label.false_per_min is None else f"{label.false_per_min:.2g}"
     right = "" if label.probability is None else screen.percent(label.probability)
     return (label.name, *times, cost, screen.percent(label.known), score, rate, right)
+
+
+# -- motionary count ----------------------------------------------------------------------
+
+
+_COUNT_COLUMNS = (
+    "recording", "label", "side", ">number", ">mean_s", ">total_s", ">per_min", ">unassessed_s",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class CountOptions(LabelOptions):
+    """Options of labels whose counts are wanted."""
+
+    output: TableFile = None
+    count: Annotated[bool, typer.Option("--count", hidden=True)] = True
+
+
+def count(
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to count in.")
+    ],
+    options: CountOptions,
+    as_json: AsJson = False,
+    *,
+    jobs: Jobs,
+    reading: ReadOptions,
+) -> int:
+    """Count repetitions by recording, class and side; options are those of annotate.
+
+    "per_min" is the number of repetitions a minute by the usual time from one start to the
+    next, "unassessed_s" the seconds of which too little was seen to judge.
+
+    motionary count training.c3d --library exercises -o counts.csv
+    """
+    return annotate(files, options, as_json, jobs=jobs, reading=reading)
+
+
+def _show_counts(
+    tracks: "Sequence[LabelTrack]", *, output: str | None, excel: bool, as_json: bool
+) -> None:
+    """Counts as a table or JSON, and as a file if one is named."""
+    from pathlib import Path
+
+    from motionary.io.text import write_table
+    from motionary.retrieval.counting import count as count_labels
+
+    counts = count_labels(tracks)
+    rows = [_to_row(one) for one in counts]
+    if output:
+        columns = [name.lstrip(">") for name in _COUNT_COLUMNS]
+        table = [[row[name] for name in columns] for row in rows]
+        write_table([columns, *table], Path(output), excel=excel)
+    if output and is_stdout(output):
+        return
+    if as_json:
+        for one, row in zip(counts, rows, strict=True):
+            times = {"starts_s": list(one.starts_s), "durations_s": list(one.durations_s)}
+            screen.print_json(row | times)
+        return
+    shown = [tuple(_format(cell) for cell in row.values()) for row in rows]
+    counted = {one.recording for one in counts}
+    for track in tracks:
+        if track.recording.name not in counted:
+            shown.append((track.recording.name, "(none)", *[""] * (len(_COUNT_COLUMNS) - 2)))
+    if shown:
+        screen.print_table(_COUNT_COLUMNS, shown)
+
+
+def _to_row(one: "ClassCount") -> dict[str, Any]:
+    return {
+        "recording": one.recording,
+        "label": one.name,
+        "side": one.side,
+        "number": one.number,
+        "mean_s": one.mean_s,
+        "total_s": one.total_s,
+        "per_min": one.per_min,
+        "unassessed_s": one.unassessed_s,
+    }
+
+
+def _format(cell: Any) -> str:
+    if cell is None:
+        return ""
+    return f"{cell:.2f}" if isinstance(cell, float) else str(cell)

@@ -27,7 +27,7 @@ from motionary.tables import printable
 COMMANDS = {
     "search": "search",
     "annotate": "annotate",
-    "count": "count",
+    "count": "annotate",
     "report": "report",
     "render": "render",
     "learn": "learn",

@@ -75,8 +75,8 @@ def _comparison_lines(result: "SearchResult") -> list[str]:
     ]
     lines = [
         f"{rank if i == 0 else '':>4}  {line}"
-        for rank, told in compared[:_MOST_COMPARED]
-        for i, line in enumerate(told)
+        for rank, lines in compared[:_MOST_COMPARED]
+        for i, line in enumerate(lines)
     ]
     return ["", *lines] if lines else []
 
@@ -88,11 +88,11 @@ def _keyframe_lines(result: "SearchResult", feature_set: "FeatureSet") -> list[s
     from motionary.models.keyframes import format_queries
 
     text = format_queries(result.queries, vocabulary=feature_set)
-    told = [line for line in text.splitlines() if not line.startswith("features: ")]
+    lines = [line for line in text.splitlines() if not line.startswith("features: ")]
     fraction = 100 * result.fraction_matched
     return [
         f"  matched in {fraction:.0f} % of the frames, around keyframes:",
-        *(f"    {x}" for x in told),
+        *(f"    {x}" for x in lines),
     ]
 
 

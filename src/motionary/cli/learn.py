@@ -1,8 +1,6 @@
 """`motionary learn`: classes of motion from examples, or from labels of recordings."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,18 +20,18 @@ from motionary.cli.options import (
     wrong,
 )
 from motionary.cli.recordings import (
+    ScreenMonitor,
     describe_failure,
     find_files,
     measure_files,
     split_failures,
-    warn_of_all,
 )
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence, FeatureSet
-    from motionary.models.library import ClassLibrary, MotionClass, Notice, TrainingOptions
+    from motionary.models.library import ClassLibrary, MotionClass, TrainingOptions
 
 _ESTIMATES = {"promised_precision": ">precision", "promised_recall": ">recall"}
 _COLUMNS = {
@@ -203,32 +201,6 @@ class TrainingFlags:
         return training if self.threshold is None else replace(training, threshold=self.threshold)
 
 
-@dataclass
-class ScreenMonitor:
-    """Training on the screen: bars, and what a person should know of.
-
-    Attributes
-    ----------
-    has_failed : whether something that was given could not be used
-    """
-
-    has_failed: bool = field(default=False, init=False)
-
-    def stage(self, name: str, total: int) -> AbstractContextManager[Callable[..., None]]:
-        """A bar."""
-        return screen.progress(name, total)
-
-    def notify(self, notice: "Notice") -> None:
-        """Say it on stderr."""
-        from motionary.batch import Failure
-
-        self.has_failed = self.has_failed or notice.is_failure
-        if notice.file is not None and notice.error is not None:
-            warn_of_all((), [Failure(notice.file, notice.error)])
-        else:
-            screen.warn(notice.text)
-
-
 def learn(
     options: TrainingFlags,
     examples: Annotated[
@@ -314,7 +286,10 @@ def _learn_corrected(
 
     if examples is not None or options.library is None:
         raise wrong("--corrections", "needs --library, and no EXAMPLES")
-    return learn_corrected(options, output, as_json=as_json, jobs=jobs, reading=reading)
+    return learn_corrected(
+        options.corrections or "", options.library, output,
+        recordings=options.recordings, as_json=as_json, jobs=jobs, reading=reading,
+    )  # fmt: skip
 
 
 def _read_negatives(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.learn import ScreenMonitor, show_library
+from motionary.cli.learn import show_library
 from motionary.cli.options import (
     AsJson,
     FeatureSetName,
@@ -21,7 +21,13 @@ from motionary.cli.options import (
     find_feature_set,
     wrong,
 )
-from motionary.cli.recordings import find_files, read_motions, split_failures, warn_of_all
+from motionary.cli.recordings import (
+    ScreenMonitor,
+    find_files,
+    read_motions,
+    split_failures,
+    warn_of_all,
+)
 from motionary.cli.relearn import (
     ClassName,
     LibraryFolder,

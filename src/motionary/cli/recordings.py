@@ -1,7 +1,8 @@
 """Recordings that a command works on: found by path, read, or opened by the index of a folder."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
@@ -15,6 +16,7 @@ from motionary.io.options import ReadOptions
 if TYPE_CHECKING:
     from motionary.batch import Failure
     from motionary.features import FeatureSequence, FeatureSet, NamedFile
+    from motionary.models.library import Notice
     from motionary.motion import Motion
     from motionary.retrieval.index import Changes, Index
     from motionary.retrieval.index import Collection as Features
@@ -157,6 +159,32 @@ def _paths_of(failure: "Failure[NamedFile]") -> tuple[Path, Path]:
 
     path = failure.item[1]
     return path, file_of(path)
+
+
+@dataclass
+class ScreenMonitor:
+    """Training on the screen: bars, and what a person should know of.
+
+    Attributes
+    ----------
+    has_failed : whether something that was given could not be used
+    """
+
+    has_failed: bool = field(default=False, init=False)
+
+    def stage(self, name: str, total: int) -> AbstractContextManager[Callable[..., None]]:
+        """A bar."""
+        return screen.progress(name, total)
+
+    def notify(self, notice: "Notice") -> None:
+        """Say it on stderr."""
+        from motionary.batch import Failure
+
+        self.has_failed = self.has_failed or notice.is_failure
+        if notice.file is not None and notice.error is not None:
+            warn_of_all((), [Failure(notice.file, notice.error)])
+        else:
+            screen.warn(notice.text)
 
 
 # -- folders and their indexes ----------------------------------------------------------

@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.learn import ScreenMonitor, TrainingFlags
 from motionary.cli.options import Jobs, check_library, check_picture, check_target, wrong
-from motionary.cli.recordings import find_files, measure_files, split_failures, warn_of_all
+from motionary.cli.recordings import (
+    ScreenMonitor,
+    find_files,
+    measure_files,
+    split_failures,
+    warn_of_all,
+)
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 from motionary.tables import enumerate_names
@@ -134,13 +139,19 @@ def _read_parts(
 
 
 def learn_corrected(
-    options: TrainingFlags, output: str | None, *, as_json: bool, jobs: int, reading: ReadOptions
+    table: str,
+    folder: str,
+    output: str | None,
+    *,
+    recordings: Sequence[str] | None,
+    as_json: bool,
+    jobs: int,
+    reading: ReadOptions,
 ) -> int:
     """Let a library learn from its labels as a person left them, and say what that did."""
     from motionary.models.library import EVERYDAY, find_sequences, list_tracks, open_library
     from motionary.retrieval.corrections import learn_corrections
 
-    table, folder = options.corrections or "", options.library or ""
     target = folder if output is None else output
     if output is None and folder == EVERYDAY:
         raise wrong("--output", "the library that ships stays as it is; name a folder for yours")
@@ -149,7 +160,7 @@ def learn_corrected(
     tracks = list_tracks(table, reading)
     with screen.progress("reading", len(tracks)) as done:
         found = find_sequences(
-            tracks, options.recordings or Path(table).parent, reading=reading,
+            tracks, recordings or Path(table).parent, reading=reading,
             feature_set=library.feature_set, jobs=jobs, on_done=done,
         )  # fmt: skip
     warn_of_all((), found.failures)

@@ -144,13 +144,13 @@ def depth(
     camera, images = record_depth(load_body(fine=options.fine), motion, settings, seed=seed)
     _empty_folder(output)
     written = _write_images(Path(output), images)
-    told = {
+    description = {
         "synthetic": True, "noise": options.noise, "seed": seed, "rate_hz": options.images_hz,
         "unit": "mm", "width": camera.width, "height": camera.height, "focal": camera.focal,
         "centre": camera.centre, "world_from_camera": camera.world_from_camera.tolist(),
         "position": camera.position.tolist(),
     }  # fmt: skip
-    Path(output, _CAMERA).write_text(json.dumps(told, indent=1) + "\n", "utf-8")
+    Path(output, _CAMERA).write_text(json.dumps(description, indent=1) + "\n", "utf-8")
     screen.say(f"{written} synthetic depth images written to {output}")
     return 0
 

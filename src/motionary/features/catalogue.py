@@ -27,7 +27,7 @@ _LEVELS = (
     ("+", " (very)", " (more or less)", 1),
 )
 _VELOCITIES = (q.move_plane, q.move_along, q.move_against, q.speed, q.turning)
-#: A step: share of a velocity; else degrees, or lengths in the feature's unit.
+#: A step: fraction of a velocity; else degrees, or lengths in the feature's unit.
 _VELOCITY_STEP = 0.5
 _LENGTH_STEP = 0.3
 _STEPS = {DEGREE: 20.0, "body height": 0.1}

@@ -199,7 +199,7 @@ def _name_exchanged(
     """The check, with a note if a map puts the sensor where it fits far worse than elsewhere."""
     if not check.wrong:
         return check
-    costs = _misfits(tracked, tracked.limbs, seen[check.sensor])
+    costs = _list_residuals(tracked, tracked.limbs, seen[check.sensor])
     best = min(costs, key=lambda limb: costs[limb])
     if costs[check.limb] <= _EXCHANGED * costs[best]:
         return check
@@ -273,7 +273,7 @@ def _place(
     """
     placed, margins = {}, {}
     for name, limbs in likely.items():
-        costs = _misfits(tracked, limbs, seen[name])
+        costs = _list_residuals(tracked, limbs, seen[name])
         if not costs:
             continue
         least = min(costs.values())
@@ -288,7 +288,7 @@ def _place(
     return placed, margins
 
 
-def _misfits(tracked: TrackedLimbs, limbs: Sequence[str], measured: Floats) -> dict[str, float]:
+def _list_residuals(tracked: TrackedLimbs, limbs: Sequence[str], measured: Floats) -> dict[str, float]:
     """How badly a sensor fits each of some limbs, degrees; without those that do not tell."""
     costs = {}
     for limb in limbs:

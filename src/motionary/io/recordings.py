@@ -26,11 +26,10 @@ from motionary.io.formats import (
 )
 from motionary.io.formats.content import FileContent
 from motionary.io.formats.takes import label_takes, split_take
-from motionary.io.normalise.gaps import fill_gaps
+from motionary.io.normalise.gaps import fill_gaps, unsee_zeros
 from motionary.io.normalise.quality import check_quality
 from motionary.io.normalise.sides import normalise_sides
 from motionary.io.normalise.units_axes import normalise
-from motionary.io.normalise.zeros import unsee_zeros
 from motionary.io.options import ReadOptions
 from motionary.io.text import TAKE_MARK, format_suffix
 from motionary.motion import JointMapping, Motion, Unmapped
@@ -219,7 +218,7 @@ def _find_mapping(content: FileContent, table: SkeletonTable | None) -> JointMap
     own = content.mapping
     if own is not None and (table is None or own.name == table.name):
         return own
-    return map_joints(content.names, content.skeleton, content.positions, told=table)
+    return map_joints(content.names, content.skeleton, content.positions, given=table)
 
 
 def _note_mapping(motion: Motion, table: SkeletonTable | None) -> Motion:

@@ -71,7 +71,8 @@ def prepare(pattern: Pattern) -> Columns:
     unit = (pattern.column_weights[:, np.newaxis] / np.maximum(n_seen, 1)).astype(np.float32)
     return Columns(
         np.ascontiguousarray(pattern.values[:, 0]),
-        np.ascontiguousarray(pattern.fixed[:, 0]),
+        # A copy: frozen arrays are of another type, for which the twin would be compiled again.
+        pattern.fixed[:, 0].copy(),
         ((pattern.n_fixed + 1) // 2).astype(np.uint8),
         pattern.column_weights.astype(np.float32),
         unit,

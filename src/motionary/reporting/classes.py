@@ -13,7 +13,6 @@ from motionary.matching import distance_function
 from motionary.models.library import ClassLibrary, MotionClass, Prototype
 from motionary.motion import Motion
 from motionary.reporting.clips import PAGE_HZ
-from motionary.reporting.encoding import Block
 from motionary.reporting.galleries import (
     Cell,
     Motions,
@@ -23,7 +22,7 @@ from motionary.reporting.galleries import (
     make_gallery,
     warp_by,
 )
-from motionary.reporting.html import Page, build_page
+from motionary.reporting.html import Block, Page, build_page
 from motionary.reporting.lanes import describe_features
 from motionary.reporting.recordings import check_rate
 from motionary.retrieval.index import Collection

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.plots.figures import bones_over_missing, side_of
 from motionary.recording import Recording, find_runs
-from motionary.reporting.encoding import Block, encode_positions
+from motionary.reporting.html import Block, encode_positions
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -22,8 +22,7 @@ from motionary.models.templates import PairCost, align_batched
 from motionary.motion import Motion
 from motionary.recording import Segment, find_runs
 from motionary.reporting.clips import PAGE_HZ, estimate_bytes, make_clip
-from motionary.reporting.encoding import Block, encode_states
-from motionary.reporting.html import Page, build_page, check_bytes
+from motionary.reporting.html import Block, Page, build_page, check_bytes, encode_states
 from motionary.reporting.lanes import describe_features
 from motionary.reporting.recordings import check_rate
 

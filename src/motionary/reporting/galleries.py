@@ -21,8 +21,7 @@ from motionary.models.templates import QuantisedTemplate
 from motionary.motion import Motion
 from motionary.recording import Recording, find_runs
 from motionary.reporting.clips import PAGE_HZ, make_clip
-from motionary.reporting.encoding import Block
-from motionary.reporting.html import Page, build_page
+from motionary.reporting.html import Block, Page, build_page
 from motionary.reporting.lanes import describe_features
 from motionary.reporting.recordings import check_rate
 from motionary.retrieval.explanation import explain

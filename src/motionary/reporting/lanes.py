@@ -14,7 +14,7 @@ from motionary.features import FeatureSequence, FeatureSet
 from motionary.labels import Label, LabelTrack
 from motionary.models.library import Candidates, ClassLibrary, thresholds_for
 from motionary.motion import GENERIC_JOINTS
-from motionary.reporting.encoding import Block, encode_json, encode_series, encode_states
+from motionary.reporting.html import Block, encode_json, encode_series, encode_states
 from motionary.retrieval.annotation import Annotation
 from motionary.retrieval.explanation import Evidence, Explanation, Finding, explain
 

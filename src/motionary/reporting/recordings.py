@@ -12,8 +12,7 @@ from motionary.models.library import ClassLibrary
 from motionary.motion import Motion
 from motionary.recording import Recording
 from motionary.reporting.clips import PAGE_HZ, describe_recording, estimate_bytes, make_clip
-from motionary.reporting.encoding import Block
-from motionary.reporting.html import Page, build_page, check_bytes
+from motionary.reporting.html import Block, Page, build_page, check_bytes
 from motionary.reporting.lanes import Lane, describe_features, make_curves, make_lanes, make_strip
 from motionary.retrieval.annotation import annotate_fully
 

@@ -25,14 +25,14 @@ GUESSED = "guessed"
 _CHEST = "chest is put halfway from belly to neck, and features 3 to 6 stand on it"
 
 _LEGS = tuple(side + joint for side in "lr" for joint in ("hip", "knee", "ankle"))
-# Shares of a leg's length: nearer than this, two joints are one; of the spine's length:
+# Fractions of a leg's length: nearer than this, two joints are one; of the spine's length:
 # what is nearer to the root than this is still the pelvis.
 _SAME = 0.02
 _PELVIS = 0.1
 # Of a leg's length: a trunk of one bone is longer; its arms begin nearer to each other than that.
 _FAR = 0.15
 _TOGETHER = 0.5
-# Of a limb's two long bones the shorter is at least this share of the longer; by lengths
+# Of a limb's two long bones the shorter is at least this fraction of the longer; by lengths
 # alone, of the longest pair.
 _ALIKE = 0.4
 _AS_LONG = 0.75

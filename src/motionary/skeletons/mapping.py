@@ -2,10 +2,11 @@
 
 The known skeletons are tables in `tables/*.toml`, one a file, for people to read and extend;
 how they are written stands in `table_files`. Joints that no table knows are mapped by the
-shape of their tree, by sides and by names, and the mapping says so.
+shape of their tree, by sides and by names, and the mapping says so. Also whether a file holds one
+person: not several, and no animal.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from functools import cache, lru_cache
 
@@ -13,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import UnknownSkeleton
-from motionary.motion import GENERIC_JOINTS, JointMapping, Skeleton, Unmapped
-from motionary.skeletons.bodies import find_people, is_four_legged
+from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, Skeleton, Unmapped
+from motionary.recording import Recording
 from motionary.skeletons.guessing import guess_from_names, guess_from_tree
 from motionary.skeletons.table_files import SkeletonTable, parse_table, spell
 from motionary.skeletons.words import is_paw, is_tail
@@ -73,7 +74,7 @@ def find_mapping(
     skeleton: Skeleton | None = None,
     positions: Floats | None = None,
     *,
-    told: SkeletonTable | None = None,
+    given: SkeletonTable | None = None,
     without: Collection[str] = (),
 ) -> JointMapping | None:
     """The mapping of the known skeleton that fits joint names best, else a guess.
@@ -83,7 +84,7 @@ def find_mapping(
     names : the file's joint names
     skeleton, positions : the file's tree of joints and where they are, shape (frames,
         joints, 3), in any unit and axes; a guess needs them, unless names say enough
-    told : the table that the caller names, whatever fits
+    given : the table that the caller names, whatever fits
     without : tables to pass over
 
     Returns
@@ -91,7 +92,7 @@ def find_mapping(
     JointMapping, or None if no table finds enough of its joints among the names (60 %) and
     nothing can be guessed, or several people or an animal are in the file
     """
-    found = map_joints(names, skeleton, positions, told=told, without=without)
+    found = map_joints(names, skeleton, positions, given=given, without=without)
     return found if isinstance(found, JointMapping) else None
 
 
@@ -100,15 +101,15 @@ def map_joints(
     skeleton: Skeleton | None = None,
     positions: Floats | None = None,
     *,
-    told: SkeletonTable | None = None,
+    given: SkeletonTable | None = None,
     without: Collection[str] = (),
 ) -> JointMapping | Unmapped:
     """The mapping as `find_mapping` has it, or why there is none."""
     names = tuple(names)
     some = None if positions is None else _some(positions)
     seen = names if positions is None else _seen(names, positions)
-    if told is not None:
-        return told.resolve(seen)
+    if given is not None:
+        return given.resolve(seen)
     people = find_people(names, _fits)
     n_people = max(len(people), 0 if skeleton is None else len(_bodies(skeleton)))
     if n_people > 1:
@@ -256,3 +257,88 @@ def _tables() -> dict[str, SkeletonTable]:
     folder = resources.files("motionary.skeletons") / "tables"
     files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
     return {f.name[:-5]: parse_table(f.name[:-5], f.read_text("utf-8")) for f in files}
+
+
+# -- people and animals -------------------------------------------------------------------
+
+
+# Hips, knees, ankles and a root: with fewer points nothing is a body.
+_FEWEST = 7
+# An animal's trunk lies across its legs, and its fore legs go down beside them, in nearly
+# every frame.
+_ACROSS = 0.5
+_ALONG = 0.7
+_NEARLY_ALL = 0.95
+# Trunk by leg: at most .56 in people of all recordings at hand, about 1 or more in dogs and horses.
+_LONG_TRUNK = 0.8
+
+
+def find_people(
+    names: tuple[str, ...], is_body: Callable[[tuple[str, ...]], bool]
+) -> tuple[str, ...]:
+    """What stands before the colon in the names of each person, or the number after them.
+
+    Parameters
+    ----------
+    names : of all joints
+    is_body : whether joints of these names are a body
+    """
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        person, _, own = name.rpartition(":")
+        number = ""
+        if own.endswith(")") and " (" in own:
+            own, _, number = own.rpartition(" (")
+        groups.setdefault(person or number.rstrip(")"), []).append(own)
+    if len(groups) < 2:
+        return ()
+    return tuple(
+        person for person, own in groups.items() if len(own) >= _FEWEST and is_body(tuple(own))
+    )
+
+
+def is_four_legged(mapping: JointMapping, names: tuple[str, ...], positions: Floats) -> bool:
+    """Whether a body stands on four legs: an animal under the names of a person.
+
+    Parameters
+    ----------
+    mapping, names : as in a `Motion`
+    positions : array, shape (frames, joints, 3), in any unit and axes
+    """
+    if sum(is_paw(name) for name in names) > 1:
+        return True
+    body = Motion(names, positions, Recording(rate_hz=1.0), mapping).generic_positions()
+    where = {joint: body[:, i] for i, joint in enumerate(GENERIC_JOINTS)}
+    trunk = where["neck"] - where["root"]
+    legs = _mean(where, "ankle") - _mean(where, "hip")
+    arms = _mean(where, "wrist") - _mean(where, "shoulder")
+    across = np.abs(_cosine(trunk, legs)) < _ACROSS
+    down = _cosine(arms, legs) > _ALONG
+    seen = ~np.isnan(_cosine(trunk, legs) + _cosine(arms, legs))
+    if not seen.any() or (across & down)[seen].mean() < _NEARLY_ALL:
+        return False
+    # Along the bones: a person who bends the knees has no shorter legs.
+    leg = sum(
+        _length(*(where[side + end] - where[side + start] for side in "lr"))
+        for start, end in (("hip", "knee"), ("knee", "ankle"))
+    )
+    is_long = _length(trunk) > _LONG_TRUNK * leg
+    return is_long or any(is_tail(name) for name in names)
+
+
+def _mean(where: dict[str, Floats], joint: str) -> Floats:
+    mean: Floats = (where[f"l{joint}"] + where[f"r{joint}"]) / 2
+    return mean
+
+
+def _length(*ways: Floats) -> float:
+    """Median over frames; NaN where nothing is seen."""
+    lengths = np.linalg.norm(np.concatenate(ways), axis=1)
+    seen = lengths[np.isfinite(lengths)]
+    return float(np.median(seen)) if len(seen) else float("nan")
+
+
+def _cosine(a: Floats, b: Floats) -> Floats:
+    lengths = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+    cosine: Floats = (a * b).sum(axis=1) / np.maximum(lengths, 1e-12)
+    return cosine

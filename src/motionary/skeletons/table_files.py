@@ -6,7 +6,7 @@ first one that is there counts. A table may call joints `substituted` and say wh
 give the usual `order` of the points for formats that have them without names. `[normals]` adds
 a step away from the plane of three points: `lhip = { points = ["A", "B", "C"], share = 0.4 }`,
 or a list of such, of which that counts whose points are those of the chosen alternative; see
-`Normal`. `enough` is the share of its joints that must be there, where partial bodies are
+`Normal`. `enough` is the fraction of its joints that must be there, where partial bodies are
 usual, and `needs` are generic joints that must be; `marks` are names by which a skeleton is told
 from others with nearly its names.
 """
@@ -24,7 +24,7 @@ from typing import Any
 from motionary.errors import InvalidInput, describe_cause
 from motionary.motion import GENERIC_JOINTS, JointMapping, Normal
 
-# A table fits if this share of its joints is there: hands and toes are often cut off.
+# A table fits if this fraction of its joints is there: hands and toes are often cut off.
 ENOUGH = 0.6
 
 Source = dict[str, float]

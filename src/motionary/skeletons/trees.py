@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 #: Nodes of a left and a right limb.
 Pair = tuple[int, int]
 
-# A limb is at least this share as long as the longest; a pair differs by less than the other.
+# A limb is at least this fraction as long as the longest; a pair differs by less than the other.
 _LONG = 0.35
 _ALIKE = 0.05
 # More chains than leave any joint of a trunk.

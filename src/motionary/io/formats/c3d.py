@@ -30,8 +30,7 @@ from motionary.io.formats.c3d_head import (
     format_head,
     parse_head,
 )
-from motionary.io.formats.c3d_layout import Layout, find_layout, read_table
-from motionary.io.formats.c3d_rotations import read_segments
+from motionary.io.formats.c3d_layout import Layout, find_layout, read_segments, read_table
 from motionary.io.formats.content import (
     MOST_RATE_HZ,
     POINT_UNITS,

@@ -18,14 +18,16 @@ from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion
 from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
-from motionary.io.formats.gltf_animation import (
+from motionary.io.formats.gltf_document import (
     Channel,
+    Document,
+    Floats,
+    Object,
     find_rate,
     find_targets,
     read_channels,
     sample_channel,
 )
-from motionary.io.formats.gltf_document import Document, Floats, Object
 from motionary.io.formats.takes import choose_take, note_take
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions

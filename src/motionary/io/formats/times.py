@@ -178,16 +178,16 @@ def _resample(positions: Floats, times: Floats, rate: float, source: str) -> Flo
     right = np.searchsorted(steps, grid - _ON_FRAME).clip(1, len(steps) - 1)
     left = right - 1
     span = steps[right] - steps[left]
-    share = (grid - steps[left]) / span
-    share[np.abs(grid - steps[left]) <= _ON_FRAME] = 0
-    share[np.abs(grid - steps[right]) <= _ON_FRAME] = 1
+    fraction = (grid - steps[left]) / span
+    fraction[np.abs(grid - steps[left]) <= _ON_FRAME] = 0
+    fraction[np.abs(grid - steps[right]) <= _ON_FRAME] = 1
     before, after = positions[kept[left]], positions[kept[right]]
-    weight = share[:, None, None]
+    weight = fraction[:, None, None]
     with np.errstate(invalid="ignore"):
         result: Floats = before * (1 - weight) + after * weight
     result = np.where(weight == 0, before, np.where(weight == 1, after, result))
-    between = (share != 0) & (share != 1)
-    result[between & ((span > _NEIGHBOURS) | (share < 0) | (share > 1))] = np.nan
+    between = (fraction != 0) & (fraction != 1)
+    result[between & ((span > _NEIGHBOURS) | (fraction < 0) | (fraction > 1))] = np.nan
     return result
 
 

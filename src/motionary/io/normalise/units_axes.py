@@ -210,13 +210,13 @@ def _find_axis(
     is_still = (
         stance is not None and seen is not None and axes.is_still(stance, usual=usual, seen=seen)
     )
-    found = _find_untold_axis(motion, metadata, usual, seen, is_still=is_still)
+    found = _find_unstated_axis(motion, metadata, usual, seen, is_still=is_still)
     if metadata.origin and found.axis == usual:
         return _Decision(usual, f"{usual} up, as {metadata.origin} has")
     return found
 
 
-def _find_untold_axis(
+def _find_unstated_axis(
     motion: Motion, metadata: FileMetadata, usual: str, seen: str | None, *, is_still: bool
 ) -> _Decision:
     source = motion.source

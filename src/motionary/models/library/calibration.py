@@ -111,8 +111,8 @@ def calibrate_thresholds(
         if isinstance(trial, Failure):
             raise trial.error
         trials.append(trial)
-    told_from = _frames_told_from(trials)
-    names = [name for name in examples if told_from.get(name, 0) > 0]
+    other_frames_of = _count_other_frames(trials)
+    names = [name for name in examples if other_frames_of.get(name, 0) > 0]
     if not names:
         return {}
     weight = _weight_of_false(trials)
@@ -125,7 +125,7 @@ def calibrate_thresholds(
             _cautious(seen.correct, weight * (seen.predicted - seen.correct), weight),
             _cautious(seen.found, seen.true - seen.found, 1.0),
             seen.true,
-            told_from[name] / SEQUENCE_HZ / 60,
+            other_frames_of[name] / SEQUENCE_HZ / 60,
         )
         for name, seen in estimates.items()
     }
@@ -149,7 +149,7 @@ def apply_calibrations(
     return replace(library, classes=tuple(classes))
 
 
-def _frames_told_from(trials: Sequence[Trial]) -> dict[str, int]:
+def _count_other_frames(trials: Sequence[Trial]) -> dict[str, int]:
     """Frames of other motion that each class was searched in."""
     frames: dict[str, int] = {}
     for trial in trials:

@@ -1,4 +1,4 @@
-// Blocks of numbers: base64 of deflated variable-length integers; see encoding.py.
+// Blocks of numbers: base64 of deflated variable-length integers; see html.py.
 
 const content = JSON.parse(document.getElementById("content").textContent);
 
