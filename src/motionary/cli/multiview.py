@@ -74,7 +74,7 @@ def untangle(
     check_target(output, is_folder=True)
     check_target(str(table), replace=force)
     if target.is_dir() and any(target.iterdir()) and not force:
-        raise UnwritableFile(f"{output}: is a folder with files; --force writes over those")
+        raise UnwritableFile("is a folder with files; --force writes over those", file=output)
     views = read_keypoints(keypoints, layout=options.layout, person=options.person)
     found = find(
         views, options.cameras, rate_hz=options.rate, unit=options.unit,

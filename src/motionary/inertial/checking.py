@@ -288,7 +288,9 @@ def _place(
     return placed, margins
 
 
-def _list_residuals(tracked: TrackedLimbs, limbs: Sequence[str], measured: Floats) -> dict[str, float]:
+def _list_residuals(
+    tracked: TrackedLimbs, limbs: Sequence[str], measured: Floats
+) -> dict[str, float]:
     """How badly a sensor fits each of some limbs, degrees; without those that do not tell."""
     costs = {}
     for limb in limbs:

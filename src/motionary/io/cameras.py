@@ -102,13 +102,14 @@ def read_cameras(path: str | Path) -> tuple[CalibratedCamera, ...]:
         cameras = _from_qualisys(read_text(path), path.name)
     else:
         raise UnreadableFile(
-            f"{path.name}: is no calibration that can be read; give a .toml (Pose2Sim, anipose, "
-            "freemocap), .qca.txt (Qualisys), or .yml or .xml (OpenCV)"
+            "is no calibration that can be read; give a .toml (Pose2Sim, anipose, "
+            "freemocap), .qca.txt (Qualisys), or .yml or .xml (OpenCV)",
+            file=path.name,
         )
     names = [camera.name for camera in cameras]
     if not cameras or len(set(names)) != len(names):
         raise InvalidInput(
-            f"{path.name}: needs cameras of different names, got {', '.join(names) or 'none'}"
+            f"needs cameras of different names, got {', '.join(names) or 'none'}", file=path.name
         )
     return tuple(cameras)
 
@@ -121,8 +122,9 @@ def _camera(
     if lacking:
         words = {"matrix": "a camera matrix", "turn": "a rotation", "move": "a translation"}
         raise InvalidInput(
-            f"{source}: camera {name} lacks {' and '.join(words[part] for part in lacking)}; "
-            "intrinsics and extrinsics are both needed"
+            f"camera {name} lacks {' and '.join(words[part] for part in lacking)}; "
+            "intrinsics and extrinsics are both needed",
+            file=source,
         )
     try:
         matrix = np.array(parts["matrix"], dtype=np.float64).reshape(3, 3)
@@ -135,8 +137,8 @@ def _camera(
         distortion = np.zeros(0) if lens is None else np.array(lens, dtype=np.float64).ravel()
     except (TypeError, ValueError) as error:
         raise InvalidInput(
-            f"{source}: camera {name}: a matrix needs 3 x 3 numbers, a rotation 3 or 9, a "
-            "translation 3"
+            f"camera {name}: a matrix needs 3 x 3 numbers, a rotation 3 or 9, a translation 3",
+            file=source,
         ) from error
     size = parts.get("size")
     both = None
@@ -145,8 +147,9 @@ def _camera(
     most = 4 if fisheye else 5
     if distortion.size > most and np.any(distortion[most:]):
         raise InvalidInput(
-            f"{source}: camera {name}: has {distortion.size} numbers of distortion and at most "
-            f"{most} are understood; calibrate without the rational model"
+            f"camera {name}: has {distortion.size} numbers of distortion and at most "
+            f"{most} are understood; calibrate without the rational model",
+            file=source,
         )
     lens = np.zeros(most)
     lens[: distortion.size] = distortion[:most]
@@ -162,8 +165,9 @@ def _from_toml(content: Mapping[str, Any], source: str) -> list[CalibratedCamera
     }
     if not tables:
         raise UnreadableFile(
-            f"{source}: holds no camera; expected tables such as [cam_01] with matrix, "
-            "distortions, rotation and translation"
+            "holds no camera; expected tables such as [cam_01] with matrix, "
+            "distortions, rotation and translation",
+            file=source,
         )
     return [
         _camera(
@@ -184,11 +188,11 @@ def _from_qualisys(text: str, source: str) -> list[CalibratedCamera]:
     from xml.etree import ElementTree
 
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise UnreadableFile(f"{source}: has entities, as no calibration of Qualisys does")
+        raise UnreadableFile("has entities, as no calibration of Qualisys does", file=source)
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise UnreadableFile(f"{source}: is no XML of Qualisys: {error}") from None
+        raise UnreadableFile(f"is no XML of Qualisys: {error}", file=source) from None
     cameras: list[CalibratedCamera] = []
     found = root.findall(".//camera")
     seeing = [one for one in found if "video" in (one.get("model") or "").lower()]
@@ -197,8 +201,9 @@ def _from_qualisys(text: str, source: str) -> list[CalibratedCamera]:
         view, lens, place = (one.find(tag) for tag in ("fov_video", "intrinsic", "transform"))
         if view is None or lens is None or place is None:
             raise InvalidInput(
-                f"{source}: camera {name} lacks fov_video, intrinsic or transform; export the "
-                "calibration of the video cameras"
+                f"camera {name} lacks fov_video, intrinsic or transform; export the "
+                "calibration of the video cameras",
+                file=source,
             )
         cameras.append(_qualisys_camera(name, source, view.attrib, lens.attrib, place.attrib))
     return sorted(cameras, key=lambda camera: natural(camera.name))
@@ -225,7 +230,7 @@ def _qualisys_camera(
         turn = np.array([float(place[f"r{i}{j}"]) for i in "123" for j in "123"]).reshape(3, 3)
         position = np.array([float(place[axis]) for axis in "xyz"]) / 1000
     except (KeyError, ValueError) as error:
-        raise InvalidInput(f"{source}: camera {name} has no number {error}") from None
+        raise InvalidInput(f"camera {name} has no number {error}", file=source) from None
     # Rows of the file are the camera's axes; it looks along -z, with y up.
     rotation = np.diag([1.0, -1.0, -1.0]) @ turn
     matrix = [focal[0], 0, centre[0] - left, 0, focal[1], centre[1] - top, 0, 0, 1]
@@ -253,8 +258,9 @@ def _read_folder(path: Path) -> list[CalibratedCamera]:
     )
     if not files:
         raise UnreadableFile(
-            f"{path}: holds no calibration; expected intri.yml and extri.yml, or a .yml or .xml "
-            "for each camera"
+            "holds no calibration; expected intri.yml and extri.yml, or a .yml or .xml "
+            "for each camera",
+            file=path,
         )
     return [camera for one in files for camera in _from_opencv(_read_storage(one), one)]
 
@@ -300,11 +306,11 @@ def _read_xml(text: str, source: str) -> dict[str, Any]:
     from xml.etree import ElementTree
 
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise UnreadableFile(f"{source}: has entities, as no file of OpenCV does")
+        raise UnreadableFile("has entities, as no file of OpenCV does", file=source)
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise UnreadableFile(f"{source}: is no XML of OpenCV: {error}") from None
+        raise UnreadableFile(f"is no XML of OpenCV: {error}", file=source) from None
     content: dict[str, Any] = {}
     for node in root:
         data = node.findtext("data") if node.find("data") is not None else node.text
@@ -334,7 +340,7 @@ def _read_yaml(text: str, source: str) -> dict[str, Any]:
             numbers = _numbers(rest)
             content[key] = numbers[0] if len(numbers) == 1 else rest.strip()
     if not key:
-        raise UnreadableFile(f"{source}: is no YAML of OpenCV; it has no line such as K_01: ...")
+        raise UnreadableFile("is no YAML of OpenCV; it has no line such as K_01: ...", file=source)
     return content
 
 

@@ -90,7 +90,9 @@ def read_keypoints(
 def _find_cameras(folder: Path) -> list[tuple[str, list[Path]]]:
     """Names of cameras and their files, in natural sequence."""
     if not folder.is_dir():
-        raise UnreadableFile(f"{folder}: is no folder; give the one that holds a folder per camera")
+        raise UnreadableFile(
+            "is no folder; give the one that holds a folder per camera", file=folder
+        )
 
     def files_of(place: Path) -> list[Path]:
         found = (path for path in place.iterdir() if path.suffix.lower() == ".json")
@@ -102,8 +104,9 @@ def _find_cameras(folder: Path) -> list[tuple[str, list[Path]]]:
         cameras = [(path.stem, [path]) for path in files_of(folder)]
     if len(cameras) < 2:
         raise InvalidInput(
-            f"{folder}: holds keypoints of {len(cameras)} cameras, and two are needed; expected a "
-            "folder for each camera with a .json for each image, or a .json for each camera"
+            f"holds keypoints of {len(cameras)} cameras, and two are needed; expected a "
+            "folder for each camera with a .json for each image, or a .json for each camera",
+            file=folder,
         )
     return cameras
 
@@ -132,8 +135,9 @@ def _read_file(path: Path) -> list[_Detected]:
         isinstance(one, dict) and "image_id" in one and COCO in one for one in content
     ):
         raise UnreadableFile(
-            f"{path.name}: holds no keypoints; expected OpenPose's people with {OPENPOSE}, or "
-            "annotations of COCO with image_id and keypoints"
+            f"holds no keypoints; expected OpenPose's people with {OPENPOSE}, or "
+            "annotations of COCO with image_id and keypoints",
+            file=path.name,
         )
     images: dict[Any, list[tuple[int, Any]]] = {key: [] for key in named}
     for index, one in enumerate(content):
@@ -145,7 +149,7 @@ def _load(path: Path) -> Any:
     try:
         return json.loads(read_bytes(path))
     except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"{path.name}: is no JSON: {describe_cause(error)}") from error
+        raise UnreadableFile(f"is no JSON: {describe_cause(error)}", file=path.name) from error
 
 
 def _number_of(name: Any) -> int | None:
@@ -167,7 +171,7 @@ def _detected(number: int | None, path: Path, lists: list[tuple[int, Any]]) -> _
             points = np.zeros(1)
         if points.ndim != 1 or points.size % 3:
             raise UnreadableFile(
-                f"{path.name}: expected numbers x, y, score of each point, got {str(flat)[:60]}"
+                f"expected numbers x, y, score of each point, got {str(flat)[:60]}", file=path.name
             )
         people.append(points.reshape(-1, 3))
         places.append(Place(path, index))
@@ -180,10 +184,12 @@ def _detected(number: int | None, path: Path, lists: list[tuple[int, Any]]) -> _
 def _count_points(seen: list[list[_Detected]], source: str) -> int:
     sizes = {len(one) for images in seen for image in images for one in image.people}
     if not sizes:
-        raise InvalidInput(f"{source}: nobody is seen in any image; all lists of people are empty")
+        raise InvalidInput(
+            "nobody is seen in any image; all lists of people are empty", file=source
+        )
     if len(sizes) > 1:
         raise InvalidInput(
-            f"{source}: people have {sorted(sizes)} points; keep one layout in a folder"
+            f"people have {sorted(sizes)} points; keep one layout in a folder", file=source
         )
     return sizes.pop()
 
@@ -216,9 +222,10 @@ def _look_for_others(seen: list[list[_Detected]], names: Sequence[str]) -> list[
         often = sum(len(own) > 1 and own[1] > _RIVAL * own[0] for own in ranked)
         if often > _OFTEN * len(images):
             raise InvalidInput(
-                f"{name}: sees two people in {often} of {len(images)} images; tell them apart "
+                f"sees two people in {often} of {len(images)} images; tell them apart "
                 "first (Pose2Sim: personAssociation) and give that folder, or the number of "
-                "the person in each list: --person 0"
+                "the person in each list: --person 0",
+                file=name,
             )
         several = sum(len(own) > 1 for own in ranked)
         if several:
@@ -249,7 +256,7 @@ def _find_layout(raw: Floats, source: str) -> str:
     fitting = [name for name, (count, _) in LAYOUTS.items() if count == size]
     if not fitting:
         known = ", ".join(f"{name} {count}" for name, (count, _) in LAYOUTS.items())
-        raise InvalidInput(f"{source}: people have {size} points; known layouts: {known}")
+        raise InvalidInput(f"people have {size} points; known layouts: {known}", file=source)
     if len(fitting) == 1:
         return fitting[0]
     pixels = _split(raw)[0]

@@ -116,7 +116,7 @@ def write_exchanged(views: Views, sources: NDArray[np.intp], folder: str | Path)
     written = 0
     for path, wanted, target in _targets(views, changes, folder):
         if target.resolve() == path.resolve():
-            raise UnwritableFile(f"{folder}: holds the files that were read; give another folder")
+            raise UnwritableFile("holds the files that were read; give another folder", file=folder)
         content = read_bytes(path)
         if wanted:
             content = _exchange(content.decode("utf-8"), wanted, path.name).encode()
@@ -159,7 +159,7 @@ def _exchange(text: str, wanted: dict[int, NDArray[np.intp]], source: str) -> st
     pieces, at = [], 0
     for index in sorted(wanted):
         if index >= len(found):
-            raise UnreadableFile(f"{source}: has changed since it was read; read it again")
+            raise UnreadableFile("has changed since it was read; read it again", file=source)
         start, stop = found[index].span(1)
         words = list(re.finditer(r"[^\s,]+", text[start:stop]))
         moved = [word.group() for word in words]
