@@ -199,7 +199,7 @@ def _name_exchanged(
     """The check, with a note if a map puts the sensor where it fits far worse than elsewhere."""
     if not check.wrong:
         return check
-    costs = _list_residuals(tracked, tracked.limbs, seen[check.sensor])
+    costs = _residuals(tracked, tracked.limbs, seen[check.sensor])
     best = min(costs, key=lambda limb: costs[limb])
     if costs[check.limb] <= _EXCHANGED * costs[best]:
         return check
@@ -273,7 +273,7 @@ def _place(
     """
     placed, margins = {}, {}
     for name, limbs in likely.items():
-        costs = _list_residuals(tracked, limbs, seen[name])
+        costs = _residuals(tracked, limbs, seen[name])
         if not costs:
             continue
         least = min(costs.values())
@@ -288,9 +288,7 @@ def _place(
     return placed, margins
 
 
-def _list_residuals(
-    tracked: TrackedLimbs, limbs: Sequence[str], measured: Floats
-) -> dict[str, float]:
+def _residuals(tracked: TrackedLimbs, limbs: Sequence[str], measured: Floats) -> dict[str, float]:
     """How badly a sensor fits each of some limbs, degrees; without those that do not tell."""
     costs = {}
     for limb in limbs:
