@@ -293,7 +293,7 @@ except motionary.MotionaryError:
 before, start = peak(), time.process_time()
 result = {}
 try:
-    motion = mo.read(path, **options)
+    motion = motionary.read(path, **options)
     result["shape"] = motion.positions.shape
 except motionary.MotionaryError as error:
     result["refused"] = str(error)
