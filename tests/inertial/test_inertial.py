@@ -388,6 +388,11 @@ def test_what_cannot_be_checked_is_told(worn):
         check_tracking(motion, [])
     with pytest.raises(InvalidInput, match="no sensor can be compared"):
         check_tracking(motion, [still])
+    with pytest.raises(InvalidInput, match="need one length, got"):
+        replace(sensors[0], acc=sensors[0].acc[:50])
+    brief = replace(sensors[1], gyr=None, acc=None, orientations=sensors[1].orientations[:200])
+    (part,) = check_tracking(motion, [brief], limbs={"S1": "lthigh"}, settings=fused).limbs
+    assert "known together in 9% of the frames" in part.notes
 
 
 @pytest.mark.parametrize(
