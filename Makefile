@@ -42,7 +42,8 @@ quick: $(VENV)/.base
 		--hypothesis-profile=quick --durations=5 --durations-min=1
 
 coverage: $(VENV)/.coverage
-	$(BIN)/python -m pytest -q -n 2 --cov --cov-report=term --cov-report=xml
+	$(BIN)/python -m pytest -q -n 2 --hypothesis-profile=thorough \
+		--cov --cov-report=term --cov-report=xml
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .

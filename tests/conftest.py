@@ -31,10 +31,12 @@ settings.register_profile(
     "motionary",
     derandomize=True,
     deadline=None,
-    max_examples=40,
+    max_examples=25,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
 )
+# More, for `make coverage`.
+settings.register_profile("thorough", settings.get_profile("motionary"), max_examples=40)
 # Some of the inputs, for `make quick`; a test with a number of its own keeps that.
 settings.register_profile("quick", settings.get_profile("motionary"), max_examples=6)
 settings.load_profile("motionary")

@@ -18,7 +18,7 @@ from oracles import motion_files as files
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-VARIANTS = 120
+VARIANTS = 56
 HUGE = (b"999999999", b"-1", b"1e308", b"nan", b"inf", b"0", b"", b"1e-320", b"9" * 400, b"\xff")
 
 
@@ -149,10 +149,10 @@ def test_broken_recordings(data, tmp_path, name):
     path = tmp_path / name.rpartition("/")[2]
     asf = data / "hdm05" / "HDM_bd.asf" if path.suffix == ".amc" else None
     read_well = 0
-    for changed in variants(content, 60):
+    for changed in variants(content, 28):
         path.write_bytes(changed)
         read_well += check_motion(path, asf=asf)
-    assert 0 < read_well < 60
+    assert 0 < read_well < 28
 
 
 def test_broken_tables_of_labels(tmp_path):
