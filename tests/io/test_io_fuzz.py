@@ -193,9 +193,9 @@ def test_huge_counts_cost_neither_time_nor_memory(bvh, bomb):
     old, new = BOMBS[bomb]
     bvh.write_text(text.replace(old, new, 1))
     tracemalloc.start()
-    started = time.perf_counter()
+    started = time.process_time()
     check_motion(bvh)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert seconds < 5
@@ -217,9 +217,9 @@ def test_huge_acclaim_files_cost_neither_time_nor_memory(acclaim, old, new):
     text = acclaim[1].read_text()
     acclaim[1].write_text(text.replace(old, new, 1))
     tracemalloc.start()
-    started = time.perf_counter()
+    started = time.process_time()
     check_motion(acclaim[1])
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert seconds < 5

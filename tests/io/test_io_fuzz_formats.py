@@ -112,9 +112,9 @@ def test_heads_of_recordings(data, tmp_path, name):
         for place in rng.integers(6000, size=rng.integers(1, 6)):
             changed[place] = rng.integers(256)
         path.write_bytes(bytes(changed))
-        started = time.perf_counter()
+        started = time.process_time()
         read_well += check_motion(path)
-        assert time.perf_counter() - started < 5
+        assert time.process_time() - started < 5
     assert 0 < read_well < HEADS
 
 
@@ -144,9 +144,9 @@ def test_huge_counts_in_a_c3d_cost_neither_time_nor_memory(tmp_path, what):
     place, layout, value = HUGE[what]
     path.write_bytes(patched(path.read_bytes(), place, layout, value))
     tracemalloc.start()
-    started = time.perf_counter()
+    started = time.process_time()
     check_motion(path)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert seconds < 5
