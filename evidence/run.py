@@ -17,10 +17,11 @@ SCRIPTS = (
     "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
     "query_learning_generations", "query_learning_speed", "exercises", "everyday", "inertial",
+    "figures_2012",
     "body", "stream_decisions", "corrections", "styles", "kills",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("everyday_classes", "simulated_sensors", "figures_2012")
+FURTHER = ("everyday_classes", "simulated_sensors")
 
 
 def main(arguments: list[str]) -> int:
