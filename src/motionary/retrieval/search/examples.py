@@ -26,14 +26,17 @@ from motionary.retrieval.search.similar import (
     WindowSettings,
     find_equal,
     published_path,
-    regions_of,
     repeats,
+    sample_windows,
+    smallest_costs,
     travels,
     windows_of,
 )
 
 Floats = NDArray[np.float64]
 
+# Of copies, windows of one cost nothing in another.
+_LEAST_MEAN = 0.02
 _TOO_SHORT = "nothing is like the example: recordings are too short, or too little of them was seen"
 
 
@@ -124,7 +127,7 @@ class ExampleMatches:
         windows, numbers = self.windows.smallest, self._nearest
         published = np.ones(len(windows))
         published[numbers] = np.minimum(match([self._pattern], self._near).smallest, 1.0)
-        cost = self._join(windows, published)
+        cost = self._join(windows * self._factors, published)
         cost[windows >= self.settings.most_cost - 1e-6] = np.inf
         return cost
 
@@ -169,6 +172,7 @@ class ExampleMatches:
         for place in self.windows.places(number):
             cost = float(published[place.start : place.stop + length].min(initial=1.0))
             equal = find_equal(self.feedback.example, sequence, place)
+            place = place._replace(cost=place.cost * self._factors[number])
             if equal is not None:
                 place, cost = equal, 0.0
             if not any(repeats(place, other) for other in taken):
@@ -203,9 +207,36 @@ class ExampleMatches:
         return [int(number) for number in order[: self.settings.candidates]]
 
     @cached_property
+    def _regions(self) -> Collection:
+        """Frames around the best places of the nearest recordings."""
+        sequences = self.collection.sequences
+        regions = [sequences[number].part(*self.windows.region(number)) for number in self._nearest]
+        return Collection(tuple(regions), self.collection.feature_set)
+
+    @cached_property
     def _near(self) -> Collection:
-        """Published features around the best places of the nearest recordings."""
-        return Collection(tuple(regions_of(self.windows, self.collection, self._nearest)))
+        """The published features there."""
+        return self._regions.published
+
+    @cached_property
+    def _factors(self) -> Floats:
+        """What the windows count in each recording, shape (recordings,).
+
+        Less where hardly any window of the collection fits; so that recordings in which many
+        do, as of somebody who stands, are not near to every example.
+        """
+        factors = np.ones(len(self.collection))
+        samples = sample_windows(
+            self.collection, travelling=travels(self.feedback.example), settings=self.settings
+        )
+        cost = np.array([smallest_costs(window, self._regions) for _, window in samples])
+        own = np.array(self._nearest) == np.array([number for number, _ in samples])[:, np.newaxis]
+        count = np.count_nonzero(~own, axis=0)
+        mean = np.where(own, 0.0, cost).sum(axis=0) / np.maximum(count, 1)
+        if (count > 0).all():
+            mean = np.maximum(mean, _LEAST_MEAN)
+            factors[self._nearest] = (mean.mean() / mean) ** self.settings.hub
+        return factors
 
     @cached_property
     def _expanded(self) -> tuple[MotionTemplate, SearchPattern]:

@@ -5,7 +5,8 @@ of `load_everyday_set`, played up to three times as fast or as slow. A hit costs
 the windows, each where it fits best within three lengths of the example. To that comes what
 the published features say: the template of query expansion, where the windows fit best.
 Where the example goes through the room throughout, how it goes counts for three tenths, and
-the published features, which know no direction, for little. Settings were chosen on
+the published features, which know no direction, for little. Recordings in which windows from
+anywhere in the collection fit well are put further off (hubs). Settings were chosen on
 recordings that docs/evidence/styles.md does not report.
 
 Conventions: windows are compared at 10 Hz (`matching.windows`), hits are given at 30 Hz.
@@ -24,6 +25,7 @@ from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence, load_eve
 from motionary.features.everyday import TRAVEL
 from motionary.matching import Alignment, Pattern, align, distance_function
 from motionary.matching.windows import (
+    LONGEST_STEP,
     THINNING,
     FeatureWindow,
     ThinCorpus,
@@ -54,6 +56,8 @@ class WindowSettings:
     published, published_travelling : weight of the published features beside the windows', 1;
         the second where the example goes throughout
     candidates : recordings, best first, in which the published features are compared
+    hub, samples : power of the correction of recordings in which many windows fit, and how many
+        windows of the collection say so
     """
 
     window_s: float = 2.0
@@ -62,8 +66,10 @@ class WindowSettings:
     reach: float = 3.0
     travel: float = 0.3
     published: float = 0.5
-    published_travelling: float = 0.1
+    published_travelling: float = 0.2
     candidates: int = 300
+    hub: float = 0.5
+    samples: int = 16
 
 
 class Place(NamedTuple):
@@ -109,6 +115,41 @@ def windows_of(
     ]
 
 
+def sample_windows(
+    collection: Collection, *, travelling: bool, settings: WindowSettings
+) -> list[tuple[int, FeatureWindow]]:
+    """Windows evenly spread over a collection, each with the number of its recording."""
+    lengths = np.zeros(len(collection), dtype=np.int64)
+    for part in collection.parts:
+        lengths[part.numbers] = part.shard.lengths
+    ends, width = np.cumsum(lengths), round(settings.window_s * SEQUENCE_HZ)
+    sampled = []
+    for at in ((np.arange(settings.samples) + 0.5) / settings.samples * ends[-1]).astype(np.int64):
+        number = int(np.searchsorted(ends, at, side="right"))
+        n_frames = int(lengths[number])
+        start = max(min(int(at - ends[number]) + n_frames, n_frames - width), 0)
+        part_of = collection.sequences[number].part(start, min(start + width, n_frames))
+        (window,) = windows_of([part_of], travelling=travelling, settings=settings)
+        sampled.append((number, window))
+    return sampled
+
+
+def smallest_costs(window: FeatureWindow, collection: Collection) -> Floats:
+    """Cost of a window where it fits best in each recording, shape (recordings,); at most 1."""
+    smallest = np.empty(len(collection))
+    for part in collection.parts:
+        thin = part.shard.thinned
+        smallest[part.numbers] = _least(window_distance(window, thin), thin, most=1.0)
+    return smallest
+
+
+def _least(distance: Single, thin: ThinCorpus, *, most: float) -> Single:
+    """Smallest distance in each sequence, or `most`, shape (sequences,)."""
+    # Sequences without frames begin past the end.
+    padded = np.append(np.minimum(distance, np.float32(most)), np.float32(most))
+    return np.minimum.reduceat(padded, thin.starts)
+
+
 class WindowMatches:
     """Costs of windows in a collection, computed once for any ranking.
 
@@ -148,8 +189,7 @@ class WindowMatches:
             thin = part.shard.thinned
             least = np.zeros(len(thin.starts))
             for distance in distances:
-                padded = np.append(distance, np.float32(self._settings.most_cost))
-                least += np.minimum.reduceat(padded, thin.starts)
+                least += _least(distance, thin, most=self._settings.most_cost)
             least /= len(distances)
             # Where windows may lie too far apart, the place has to be looked for.
             for i in np.flatnonzero((thin.lengths > self._reach) & (len(distances) > 1)):
@@ -213,7 +253,9 @@ class WindowMatches:
         for window, distance in zip(self._windows, self._distances[part], strict=True):
             at = earliest + int(np.argmin(distance[earliest : begin + end + 1]))
             if distance[at] < self._settings.most_cost:
-                first = min(first, int(window_path(window, thin, begin, at)[0]))
+                # A path is at most so long.
+                reached = max(begin, at - LONGEST_STEP * len(window))
+                first = min(first, int(window_path(window, thin, reached, at)[0]))
                 last = max(last, at)
         n_frames = len(self._collection.sequences[number])
         start, stop = THINNING * (first - begin), THINNING * (last - begin + 1)
