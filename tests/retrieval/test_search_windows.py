@@ -14,6 +14,7 @@ from motionary.retrieval.gains import compare_quantities, describe_comparison
 from motionary.retrieval.index import Collection, Index
 from motionary.retrieval.search import QueryExpansion, RelevanceFeedback, search
 from motionary.retrieval.search.examples import ExampleMatches
+from motionary.retrieval.search.similar import WindowSettings, sample_windows, smallest_costs
 from motionary.samples import synthetic_motion, synthetic_stream
 
 EVERYDAY = load_everyday_set()
@@ -114,6 +115,27 @@ def test_relevant_hits_are_looked_for_too(world):
     assert rank(after) < rank(before)
     again = search(RelevanceFeedback(example, tuple(before[1:3]), (before[-1],)), world[0])
     assert again[0].recording.name == "stream"
+
+
+def test_recordings_in_which_anything_fits_are_put_further_off(world):
+    example, _ = squat(world)
+    feedback, settings = RelevanceFeedback(example), WindowSettings()
+
+    def matches(settings):
+        return ExampleMatches(feedback, world[0], QueryExpansion(), settings)
+
+    plain, corrected = matches(replace(settings, hub=0.0)), matches(settings)
+    windows = plain.windows.smallest
+    more = (corrected.smallest - plain.smallest) * (1 + plain.weight)
+    samples = sample_windows(world[0], travelling=False, settings=settings)
+    assert len(samples) == settings.samples
+    assert {number for number, _ in samples} > {0, len(world[0]) - 1}
+    general = np.mean([smallest_costs(window, world[0]) for _, window in samples], axis=0)
+    fits = windows > 0.01
+    assert np.count_nonzero(fits) > 5
+    assert np.corrcoef(more[fits] / windows[fits], general[fits])[0, 1] < -0.8
+    hits = search(example, world[0], limit=1)
+    assert (hits[0].recording.name, hits[0].cost) == ("stream", 0)
 
 
 def test_quantities_say_why(world):
