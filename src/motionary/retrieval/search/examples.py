@@ -147,10 +147,14 @@ class ExampleMatches:
         """Costs of the best places over all recordings, best first."""
         found: list[_Priced] = []
         most = threshold
+        # No place of a recording costs less than its windows do.
+        bounds = self._join(self.windows.smallest * self._factors, 0.0)
         for number in np.argsort(self.smallest, kind="stable").tolist():
             least = float(self.smallest[number])
             if not np.isfinite(least) or (limit and len(found) >= limit and least > most):
                 break
+            if bounds[number] > most:
+                continue
             for one in self._price(number):
                 if self._join(one.place.cost, 0.0) > most:
                     break
