@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +14,9 @@ from motionary.body import (
     Body,
     Camera,
     Points,
+    Pose,
+    add_kinect_noise,
+    add_time_of_flight_noise,
     blend_matrix,
     fit_points,
     fit_surface,
@@ -23,6 +28,8 @@ from motionary.body import (
     shade,
     skin,
 )
+from motionary.body.chain import pose_by_twists
+from motionary.body.depth_cameras import KINECT_SPREAD, KINECT_STEP, TIME_OF_FLIGHT_SPREAD
 from motionary.body.fitting import FitSettings
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import read
@@ -51,8 +58,20 @@ MOTIONS = {
     "lying": ("hdm05/lieDownFloor", 0.95),
     "sneak": ("hdm05/sneak2StepsLStart", 0.5),
 }
-DATA = ((f"eight recordings of {CMU}; {HDM05}", lambda recordings: (8, 0.9)),)
-SEEDS = 20
+DATA = (
+    (f"eight recordings of {CMU}; {HDM05}", lambda recordings: (8, 0.9)),
+    (
+        "images and joints of a Kinect (UTD-MHAD; Chen, Jafari, Kehtarnavaz 2015)",
+        lambda recordings: (54, 1.0),
+    ),
+)
+SEEDS, POSES = 20, 500
+#: Joints whose distance behind the surface is measured: those that a Kinect names, too.
+BEHIND = ("root", "belly", "chest", "head", *(side + one for side in "lr" for one in (
+    "upperarm", "forearm", "hand", "thigh", "shank", "foot")))  # fmt: skip
+#: Variance of half a pixel of jitter, rounded to whole pixels.
+JITTER_PX2 = 0.325
+ASSETS = Path(str(files("motionary"))) / "io" / "assets" / "body"
 #: Joints of the body that stand for generic ones.
 JOINTS = {
     "root": "root", "belly": "belly", "chest": "chest", "neck": "head",
@@ -72,8 +91,11 @@ def measure(recordings: Recordings) -> Results:
     """All tables of the page."""
     return {
         "mesh": {("fine" if fine else "coarse"): _mesh(fine) for fine in (False, True)},
+        "away_mm": _away(),
+        "exact": _exact(),
         "motions": {name: _drive(recordings, name) for name in MOTIONS},
         "fits": _fits(),
+        "depth": _depth(recordings),
         "speed": _speed(),
     }
 
@@ -89,7 +111,79 @@ def _mesh(fine: bool) -> Results:
         "volume_l": 1000 * volumes.sum(),
         "left_by_right": volumes[left].sum() / volumes[~left].sum(),
         "stature_m": np.ptp(body.vertices[:, 1]),
+        "kib": ASSETS.joinpath("body_fine.npz" if fine else "body.npz").stat().st_size / 1024,
+        "most_bones": int((body.surface.weights > 0).sum(axis=1).max()),
+        "sums_off": 1e9 * float(np.abs(body.surface.weights.sum(axis=1) - 1).max()),
     }
+
+
+def _away() -> list[float]:
+    """Mean, 95 % and largest distance of the fine mesh's vertices to the coarse surface."""
+    fine, coarse = load_body(fine=True), load_body()
+    distances = 1000 * _distances(coarse.vertices, coarse.faces, fine.vertices)
+    return [*np.percentile(distances, [50, 95, 100]), float(distances.mean())]
+
+
+def _exact() -> Results:
+    """Largest differences between what is computed and definitions of it, over random poses."""
+    body = load_body()
+    rng = np.random.default_rng(SEED)
+    rest = pose_body(body, np.tile(np.eye(3), (1, 20, 1, 1)))
+    turn = quaternions_to_matrices(rotation_vectors_to_quaternions(rng.normal(size=3)))
+    step = rng.normal(size=3)
+    worst = dict.fromkeys(("loop", "moved", "twists", "derivatives", "twins"), 0.0)
+    worst["rest"] = float(np.abs(skin(body, rest)[0] - body.vertices).max())
+    for number in range(POSES):
+        size = (0.0, 0.6, 2.5)[number % 3]
+        vectors = rng.normal(size=(20, 3)) * size
+        turns = quaternions_to_matrices(rotation_vectors_to_quaternions(vectors))
+        some = body.points(rng.integers(0, len(body.vertices), 12))
+        found = jacobian(body, pose_body(body, turns[None]), some, engine="compiled")
+        other = jacobian(body, pose_body(body, turns[None]), some, engine="numpy")
+        worst["twins"] = max(worst["twins"], float(np.abs(found - other).max()))
+        differences = _differences(body, turns, some)
+        off = np.abs(found[:, :, :63] - differences).max()
+        worst["derivatives"] = max(worst["derivatives"], float(off))
+        if number < 20:
+            pose = pose_body(body, turns[None])
+            vertices = np.asarray(skin(body, pose))[0]
+            worst["loop"] = max(worst["loop"], float(np.abs(vertices - _looped(body, pose)).max()))
+            moved = Pose(turn @ pose.rotations, pose.joints @ turn.T + step)
+            carried = np.asarray(skin(body, moved))[0] - (vertices @ turn.T + step)
+            worst["moved"] = max(worst["moved"], float(np.abs(carried).max()))
+            chained = pose_by_twists(body, vectors, np.zeros(6))[:, :3, :3] - pose.rotations[0]
+            worst["twists"] = max(worst["twists"], float(np.abs(chained).max()))
+    return {name: 1e15 * value for name, value in worst.items()}
+
+
+def _differences(body: Body, turns: Floats, points: Points) -> Floats:
+    """Central differences by all turns and the step, shape (points, 3, 63)."""
+    small = 1e-6
+    both = []
+    for sign in (1, -1):
+        many = np.tile(turns, (63, 1, 1, 1))
+        for column in range(60):
+            vector = np.zeros(3)
+            vector[column % 3] = sign * small
+            change = quaternions_to_matrices(rotation_vectors_to_quaternions(vector))
+            many[column, column // 3] = many[column, column // 3] @ change
+        steps = np.zeros((63, 3))
+        steps[60:] = sign * small * np.eye(3)
+        both.append(np.asarray(skin(body, pose_body(body, many, steps), points)))
+    result: Floats = ((both[0] - both[1]) / (2 * small)).transpose(1, 2, 0)
+    return result
+
+
+def _looped(body: Body, pose: Pose) -> Floats:
+    """The mesh in a pose, one vertex and one bone at a time."""
+    rest, bones, weights, _ = body.surface
+    turns, joints = pose.rotations[0], pose.joints[0]
+    result = np.zeros_like(rest)
+    for i in range(len(rest)):
+        for bone, weight in zip(bones[i], weights[i], strict=True):
+            seen = rest[i] - body.joints[bone]
+            result[i] += weight * (turns[bone] @ seen + joints[bone])
+    return result
 
 
 def _motion(recordings: Recordings, name: str) -> Motion:
@@ -225,6 +319,99 @@ def _to_surface(vertices: Floats, faces: NDArray[np.intp], others: Floats) -> fl
     return float(np.abs(((others - corners[nearest, 0]) * across[nearest]).sum(axis=1)).mean())
 
 
+def _distances(vertices: Floats, faces: NDArray[np.intp], others: Floats) -> Floats:
+    """Distances of points to a surface, by many points of each triangle."""
+    from scipy.spatial import cKDTree
+
+    n = 12
+    shares = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]) / n
+    points = np.einsum("sc,fcx->fsx", shares, vertices[faces]).reshape(-1, 3)
+    return np.asarray(cKDTree(points).query(others)[0])
+
+
+def _depth(recordings: Recordings) -> Results:
+    """Noise on a plane and a sphere by its formula; how far joints lie behind the surface."""
+    body, camera = load_body(), Camera()
+    rays = camera.unproject(np.ones((camera.height, camera.width)))
+    sphere = _sphere(rays, np.array([0, 0, 3.0]), 0.5)
+    noise: Results = {}
+    for name, depth in (("plane", np.full(sphere.shape, 3.0)), ("sphere", sphere)):
+        noise[name] = {
+            "kinect": _moment(
+                add_kinect_noise(depth, camera, seed=SEED) - depth,
+                np.sqrt(
+                    (KINECT_SPREAD**2 + KINECT_STEP**2 / 12) * depth**4
+                    + JITTER_PX2 * (np.square(np.gradient(depth)).sum(axis=0))
+                ),
+            ),
+            "flight": _moment(
+                add_time_of_flight_noise(depth, seed=SEED, mixed=False) - depth,
+                TIME_OF_FLIGHT_SPREAD * depth**2,
+            ),
+        }
+    behind, here = [], [body.index(name) for name in BEHIND]
+    for name in ("walk", "squat", "throw", "sneak"):
+        motion = _motion(recordings, name)
+        driven = pose_from_motion(body, motion)
+        for frame in range(0, motion.n_frames, max(motion.n_frames // 10, 1)):
+            joints = driven.pose.joints[frame]
+            vertices = np.asarray(skin(body, _one(driven.pose, frame)))[0]
+            front = driven.pose.rotations[frame, 0] @ (0, 0, 1)
+            front = np.array([front[0], 0, front[2]]) / np.hypot(front[0], front[2])
+            view = camera.looking_at(joints[0] + 2.8 * front, joints[0])
+            image = render_depth(vertices, body.faces, view)
+            columns, rows = np.rint(view.project(joints[here])).astype(int).T
+            inside = (rows >= 0) & (rows < 240) & (columns >= 0) & (columns < 320)
+            seen = image.depth[rows[inside], columns[inside]]
+            behind.append(1000 * (view.to_camera(joints[here])[inside, 2] - seen))
+    away = np.concatenate(behind)
+    away = away[np.isfinite(away)]
+    return {
+        "noise": noise,
+        "behind_mm": np.percentile(away, [10, 50, 90]),
+        "real_behind_mm": _behind_kinect(recordings),
+    }
+
+
+def _one(pose: Pose, frame: int) -> Pose:
+    part = slice(frame, frame + 1)
+    return Pose(pose.rotations[part], pose.joints[part], pose.stretches)
+
+
+def _sphere(rays: Floats, middle: Floats, radius: float) -> Floats:
+    """Depth of a sphere by rays whose third coordinate is 1; NaN where they miss it."""
+    squares, along = (rays**2).sum(axis=-1), rays @ middle
+    root = along**2 - squares * (middle @ middle - radius**2)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((along - np.sqrt(root)) / squares)
+
+
+def _moment(errors: Floats, formula: Floats) -> float:
+    """Standard deviation of errors over what a formula says, away from edges."""
+    flat = np.abs(np.gradient(formula, axis=1)) < 0.02 * formula
+    share = (errors / formula)[flat & np.isfinite(errors)]
+    return float(share.std())
+
+
+def _behind_kinect(recordings: Recordings) -> list[float]:
+    """The same of a Kinect's own joints and images (UTD-MHAD), millimetres."""
+    from scipy.io import loadmat
+
+    focal, behind = Camera().focal[0], []
+    folder = recordings.folder / "sensors" / "utd_mhad"
+    for path in sorted(folder.glob("*_depth.mat")):
+        images = loadmat(path)["d_depth"]
+        skeletons = loadmat(path.with_name(path.name.replace("depth", "skeleton")))["d_skel"]
+        for frame in range(0, images.shape[2], 10):
+            x, y, z = skeletons[[0, 1, 2, 3, 4, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18], :, frame].T
+            columns = np.rint(160 + focal * x / z).astype(int)
+            rows = np.rint(120 - focal * y / z).astype(int)
+            inside = (rows >= 0) & (rows < 240) & (columns >= 0) & (columns < 320)
+            seen = images[rows[inside], columns[inside], frame]
+            behind.append((1000 * z[inside] - seen)[seen > 0])
+    return [float(one) for one in np.percentile(np.concatenate(behind), [10, 50, 90])]
+
+
 def _speed() -> Results:
     """How many a second, on one thread."""
     _, body, turns = _planted(1, 0.4)
@@ -275,7 +462,7 @@ def draw_recordings(recordings: Recordings, results: Results) -> "dict[str, Figu
         pose = pose_from_motion(body, motion.cut(frame, frame + 1)).pose
         vertices = np.asarray(skin(body, pose))[0]
         middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
-        away = max(2.7, 2.3 * np.ptp(vertices[:, [0, 2]], axis=0).max())
+        away = max(2.7, 2.7 * np.ptp(vertices[:, [0, 2]], axis=0).max())
         front = pose.rotations[0, 0] @ (0, 0, 1)
         front = np.array([front[0], 0, front[2]]) / max(np.hypot(front[0], front[2]), 1e-9)
         for view, way in enumerate((front, np.array([front[2], 0, -front[0]]))):
