@@ -217,6 +217,7 @@ def _drive(recordings: Recordings, name: str) -> Results:
     return {
         "legs_mm": 1000 * max(legs),
         "lowest_cm": 100 * np.percentile(lowest, [5, 50, 95]),
+        "own_cm": 100 * np.median(np.nanmin(joints[..., 1], axis=1)),
         "shoulder_sd_mm": 1000 * steady,
         "same": float(np.mean(list(same.values()))),
         "features": same,
