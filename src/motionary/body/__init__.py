@@ -1,6 +1,6 @@
 """A skinned body: posed, fitted, driven by motions, seen by cameras."""
 
-from motionary.body.chain import Pose, blend_matrix, local_rotations, pose_body, skin
+from motionary.body.chain import Pose, blend_matrix, jacobian, local_rotations, pose_body, skin
 from motionary.body.depth_cameras import (
     DepthSettings,
     add_kinect_noise,
@@ -9,7 +9,6 @@ from motionary.body.depth_cameras import (
 )
 from motionary.body.driving import DrivenPose, pose_from_motion
 from motionary.body.fitting import Fit, FitSettings, fit_points, fit_shape, fit_surface
-from motionary.body.jacobian import jacobian
 from motionary.body.model import Body, Points, load_body
 from motionary.body.rendering import Camera, DepthImage, find_shares, render_depth, shade
 

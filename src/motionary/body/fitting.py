@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body.chain import Pose, local_rotations, pose_body, skin
-from motionary.body.jacobian import jacobian
+from motionary.body.chain import Pose, jacobian, local_rotations, pose_body, skin
 from motionary.body.model import MOST_SHAPE, Body, Points
 from motionary.errors import InvalidInput
 from motionary.rotations import (

@@ -1,4 +1,4 @@
-"""`motionary annotate` and `count`: labels by the classes of a library, and their numbers."""
+"""`motionary annotate` and `count`: labels by a library, and how many."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

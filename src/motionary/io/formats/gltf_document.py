@@ -1,4 +1,4 @@
-"""The container of glTF 2.0: documents, buffers, arrays of accessors, and keys of animations.
+"""The container of glTF 2.0: documents, buffers, accessors, animations.
 
 After the specification of Khronos (glTF 2.0, sections 3.6, 4.4). The document is JSON, alone or
 in the first chunk of a GLB file; buffers are its second chunk, data URIs, or files beside it.

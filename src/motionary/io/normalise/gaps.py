@@ -1,4 +1,4 @@
-"""Points that were not seen: zeros that stand for them, and short gaps, filled where asked for.
+"""Points that were not seen: zeros that stand for them, and gaps to fill.
 
 A point at exactly (0, 0, 0), as networks and exports of gaps write it, counts as not seen. One
 that is at the origin rightly comes there from beside it, as the root of a trajectory that starts

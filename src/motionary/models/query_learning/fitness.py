@@ -200,11 +200,6 @@ class Evaluator:
             self._scores[individual] = score
         return score
 
-    @property
-    def n_evaluated(self) -> int:
-        """Different individuals that were searched for."""
-        return len(self._scores)
-
 
 @dataclass(frozen=True, slots=True)
 class Augmentation:
