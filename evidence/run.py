@@ -16,12 +16,13 @@ SCRIPTS = (
     "preselection", "growing_choice", "judging_choice", "find_by_example", "crafting", "streams",
     "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
-    "query_learning_generations", "query_learning_speed", "exercises", "everyday", "inertial",
+    "query_learning_generations", "query_learning_speed", "exercises", "everyday",
+    "everyday_classes", "inertial",
     "figures_2012",
     "body", "stream_decisions", "corrections", "styles", "kills",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("everyday_classes", "simulated_sensors")
+FURTHER = ("simulated_sensors",)
 
 
 def main(arguments: list[str]) -> int:
