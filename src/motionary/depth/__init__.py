@@ -11,9 +11,11 @@ from motionary.lazy import lazy_names
 if TYPE_CHECKING:
     from motionary.depth.fitting import SurfaceSettings
     from motionary.depth.graph import Extrema, Graph, build_graph, find_extrema
+    from motionary.depth.offline import Tracking, camera_of, track_recording
     from motionary.depth.poses import PoseDatabase, build_database, load_database
     from motionary.depth.preparation import Cloud, PreparationSettings, learn_background, prepare
-    from motionary.depth.tracking import DepthTracker, TrackedPose, TrackerSettings
+    from motionary.depth.tracked import TrackedPose, TrackerSettings, to_motion
+    from motionary.depth.tracking import DepthTracker
 
 __all__ = [
     "Cloud",
@@ -25,12 +27,16 @@ __all__ = [
     "SurfaceSettings",
     "TrackedPose",
     "TrackerSettings",
+    "Tracking",
     "build_database",
     "build_graph",
+    "camera_of",
     "find_extrema",
     "learn_background",
     "load_database",
     "prepare",
+    "to_motion",
+    "track_recording",
 ]
 
 __getattr__, __dir__ = lazy_names(
@@ -38,8 +44,10 @@ __getattr__, __dir__ = lazy_names(
     {
         "fitting": "SurfaceSettings",
         "graph": "Extrema Graph build_graph find_extrema",
+        "offline": "Tracking camera_of track_recording",
         "poses": "PoseDatabase build_database load_database",
         "preparation": "Cloud PreparationSettings learn_background prepare",
-        "tracking": "DepthTracker TrackedPose TrackerSettings",
+        "tracked": "TrackedPose TrackerSettings to_motion",
+        "tracking": "DepthTracker",
     },
 )

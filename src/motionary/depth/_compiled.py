@@ -197,8 +197,9 @@ def compare_images(
     eye: Floats,
     depth: Floats,
     cap: float,
+    apart: Floats,
 ) -> Floats:
-    """How far rendered poses are from an image; see `lookup.compare_images`."""
+    """How far rendered poses are from an image, the last one's by pixel; see `lookup.compare`."""
     height, width = depth.shape
     result = np.empty(len(poses))
     n = poses.shape[1]
@@ -221,13 +222,12 @@ def compare_images(
         for row in range(height):
             for column in range(width):
                 seen, wanted = buffer[row, column], depth[row, column]
-                if np.isnan(wanted):
-                    if seen > 0.0:
-                        total += cap
-                        count += 1
-                    continue
-                count += 1
-                total += min(abs(1.0 / seen - wanted), cap) if seen > 0.0 else cap
+                apart[row, column] = np.nan
+                if seen > 0.0 or not np.isnan(wanted):
+                    off = abs(1.0 / seen - wanted) if seen > 0.0 else cap
+                    apart[row, column] = off if off < cap else cap
+                    total += apart[row, column]
+                    count += 1
         result[pose] = total / count if count else cap
     return result
 
@@ -298,42 +298,69 @@ def pair(
     """Pulls of points and vertices on each other, summed by vertex; see `solving.pair`."""
     n = len(vertices)
     pulls, misses, counts = np.zeros((n, 9)), np.zeros(n), np.zeros(n)
-    seen, count = np.empty(n, np.intp), 0
-    x, y, z = np.empty(n), np.empty(n), np.empty(n)
-    for v in range(n):
-        if visible[v]:
-            seen[count] = v
-            x[count], y[count], z[count] = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-            count += 1
-    nearest, which = np.full(count, np.inf), np.zeros(count, np.intp)
-    if count == 0:
+    seen = np.flatnonzero(visible)
+    if len(seen) == 0:
         return pulls, misses, counts
+    order, sorted_vertices = _by_height(vertices, seen)
     for k in range(len(points)):
-        a, b, c = points[k, 0], points[k, 1], points[k, 2]
-        least, best = np.inf, 0
-        for j in range(count):
-            square = (x[j] - a) ** 2 + (y[j] - b) ** 2 + (z[j] - c) ** 2
-            if square < least:
-                least, best = square, j
-            if square < nearest[j]:
-                nearest[j], which[j] = square, k
-        v = seen[best]
-        weight = 1.0 / (1.0 + least / scale**2)
+        j, square = _nearest(sorted_vertices, points[k])
+        v = order[j]
+        weight = 1.0 / (1.0 + square / scale**2)
         _pull(pulls, v, weight, along, normals[v], points[k], vertices[v])
-        misses[v] += np.sqrt(least)
+        misses[v] += np.sqrt(square)
         counts[v] += 1
-    outwards = np.zeros(n, np.bool_)
     total = 0
     for v in pulling:
-        outwards[v] = True
         total += visible[v]
     outward *= len(points) / max(total, 1)
-    for j in range(count):
-        v = seen[j]
-        if outwards[v]:
-            weight = outward / (1.0 + nearest[j] / scale**2)
-            _pull(pulls, v, weight, 1.0, normals[v], points[which[j]], vertices[v])
+    order, sorted_points = _by_height(points, np.arange(len(points)))
+    for v in pulling:
+        if visible[v]:
+            k, square = _nearest(sorted_points, vertices[v])
+            weight = outward / (1.0 + square / scale**2)
+            _pull(pulls, v, weight, 1.0, normals[v], sorted_points[k], vertices[v])
     return pulls, misses, counts
+
+
+@njit(cache=True, error_model="numpy")
+def _by_height(places: Floats, which: Indices) -> tuple[Indices, Floats]:
+    """Some places by their height, lowest first, and which they are."""
+    heights = np.empty(len(which))
+    for k in range(len(which)):
+        heights[k] = places[which[k], 1]
+    rank = np.argsort(heights)
+    order, result = np.empty(len(which), np.intp), np.empty((len(which), 3))
+    for k in range(len(which)):
+        order[k] = which[rank[k]]
+        for i in range(3):
+            result[k, i] = places[order[k], i]
+    return order, result
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest(places: Floats, point: Floats) -> tuple[int, float]:
+    """The nearest of places sorted by height, and the square of how far it is."""
+    x, y, z = point[0], point[1], point[2]
+    low, high = 0, len(places)
+    while low < high:
+        middle = (low + high) // 2
+        if places[middle, 1] < y:
+            low = middle + 1
+        else:
+            high = middle
+    best, least = 0, np.inf
+    # Up and down from the point's height, until the height alone is farther than the best.
+    for way in (1, -1):
+        k = low if way == 1 else low - 1
+        while 0 <= k < len(places):
+            rise = (places[k, 1] - y) ** 2
+            if rise >= least:
+                break
+            square = rise + (places[k, 0] - x) ** 2 + (places[k, 2] - z) ** 2
+            if square < least:
+                best, least = k, square
+            k += way
+    return best, least
 
 
 @njit(cache=True, error_model="numpy")

@@ -136,6 +136,12 @@ def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) 
     )
 
 
+def reshape_surface(surface: Surface, body: Body) -> Surface:
+    """The same for the body in another shape."""
+    rest, faces = body.surface.rest, body.faces
+    return surface._replace(body=body, normals=vertex_normals(rest, faces), blend=_blend(body))
+
+
 def _blend(body: Body) -> Floats:
     rest, bones, weights, _ = body.surface
     result = np.zeros((len(rest), len(body.names), 4))
@@ -171,6 +177,7 @@ def fit_pose(
     camera: Camera,
     *,
     settings: SurfaceSettings,
+    steps: int | None = None,
     engine: Engine = "auto",
 ) -> tuple[State, Support]:
     """The pose nearest to points, from near it, and what holds it.
@@ -183,6 +190,7 @@ def fit_pose(
     depth : the cleaned image; tells what hides vertices
     camera : Camera
     settings : how it is fitted
+    steps : of Gauss-Newton, if not as many as the settings say
     engine : which twin computes
     """
     kernels = load_twin(_COMPILED, engine, pays=True)
@@ -204,7 +212,7 @@ def fit_pose(
     turns, root = state.turns.copy(), state.root.copy()
     system, visible, misses, pulls = kernel(
         chain, (surface.mean, surface.precision), eye, numbers, points, depth,
-        (turns, root), settings.steps,
+        (turns, root), settings.steps if steps is None else steps,
     )  # fmt: skip
     return State(turns, root), Support(system, visible, misses, pulls)
 

@@ -195,29 +195,40 @@ def shrink(depth: Floats, camera: Camera, n: int) -> tuple[Floats, Camera]:
     return small, eye
 
 
+class Comparison(NamedTuple):
+    """How far rendered poses are from an image, in metres.
+
+    `costs` (poses,): the mean over all pixels that either of them has, of the difference of the
+    depths; at most 15 cm, which is also what a pixel counts that only one of them has. `apart`
+    (height, width) is this difference of the last pose; NaN where neither has a pixel.
+    """
+
+    costs: Floats
+    apart: Floats
+
+
 def compare_images(
     vertices: Floats, faces: Indices, depth: Floats, camera: Camera, *, engine: Engine = "auto"
-) -> Floats:
-    """How far what is rendered is from an image, for poses (n, vertices, 3), in metres.
-
-    The mean over all pixels that either of them has, of the difference of the depths; at most
-    15 cm, which is also what a pixel counts that only one of them has.
-    """
+) -> Comparison:
+    """How far bodies are from an image, for poses (n, vertices, 3)."""
     kernels = load_twin(COMPILED, engine, pays=True)
     if kernels is not None:
         lens = np.array([*camera.focal, *camera.centre])
-        costs: Floats = kernels.compare_images(
+        apart = np.empty_like(depth)
+        costs = kernels.compare_images(
             vertices, faces, lens, np.ascontiguousarray(camera.world_from_camera),
-            np.asarray(camera.position, dtype=np.float64), depth, _CAP_M,
+            np.asarray(camera.position, dtype=np.float64), depth, _CAP_M, apart,
         )  # fmt: skip
-        return costs
-    result = np.empty(len(vertices))
+        return Comparison(costs, apart)
+    result, apart = np.full(len(vertices), _CAP_M), np.full_like(depth, np.nan)
     for number, own in enumerate(vertices):
         rendered = render_depth(own, faces, camera, engine=engine).depth
         either = ~(np.isnan(rendered) & np.isnan(depth))
-        apart = np.nan_to_num(np.abs(rendered - depth)[either], nan=_CAP_M)
-        result[number] = np.minimum(apart, _CAP_M).mean() if len(apart) else _CAP_M
-    return result
+        apart = np.fmin(np.abs(rendered - depth), _CAP_M)
+        apart[~either] = np.nan
+        if either.any():
+            result[number] = apart[either].mean()
+    return Comparison(result, apart)
 
 
 #: Limbs by their upper and lower joint and their end in `body.ENDS`.

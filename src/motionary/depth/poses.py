@@ -8,7 +8,7 @@ Conventions: turns relative to the parent joint; the viewing direction is +z. Po
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -309,3 +309,15 @@ def _mirror(turns: Floats) -> Floats:
 def to_matrices(quaternions: Floats) -> Floats:
     """Rotation matrices of a database's turns."""
     return quaternions_to_matrices(quaternions)
+
+
+def scale_body(body: Body, scale: float) -> Body:
+    """A body of another size, of the same build."""
+    return replace(
+        body,
+        joints=body.joints * scale,
+        surface=body.surface._replace(
+            rest=body.surface.rest * scale, shapes=body.surface.shapes * scale
+        ),
+        joint_shapes=body.joint_shapes * scale,
+    )

@@ -7,8 +7,7 @@ database that the extrema lead to, of which the image chooses one.
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from motionary.depth.fitting import (
     State,
     Support,
     Surface,
-    SurfaceSettings,
     fit_pose,
     fit_published,
     make_surface,
@@ -28,9 +26,11 @@ from motionary.depth.fitting import (
     thin,
 )
 from motionary.depth.graph import N_EXTREMA, Graph, build_graph, find_extrema
+from motionary.depth.judging import LEAST_POINTS, UNSURE_M, judge_cloud, judge_pose
 from motionary.depth.lookup import (
     UNEXPLAINED_M,
     Candidates,
+    Comparison,
     Lookup,
     choose_ends,
     compare_images,
@@ -47,68 +47,27 @@ from motionary.depth.poses import (
     find_heading,
     heading_of,
     load_database,
+    scale_body,
 )
-from motionary.depth.preparation import Cloud, PreparationSettings, prepare
+from motionary.depth.preparation import Cloud, prepare
+from motionary.depth.shape import N_IMAGES, PersonShape, View, fit_person
+from motionary.depth.tracked import Hypothesis, TrackedPose, TrackerSettings
 from motionary.errors import InvalidInput
 from motionary.matching.distance import Engine
 
 Floats = NDArray[np.float64]
-Hypothesis = Literal["local", "lookup", "none"]
-
-#: Fewer points are no person.
-LEAST_POINTS = 300
 MEAN_STATURE_M = 1.659
+# A rival whose images are off by so much more is beaten.
+_CLEAR = 1.06
 
 
-@dataclass(frozen=True, slots=True)
-class TrackerSettings:
-    """How a pose is tracked.
+class _Found(NamedTuple):
+    """A hypothesis: its name, pose, what holds it, and how far it is from the image."""
 
-    Attributes
-    ----------
-    published : the printed method whole
-    hypotheses : "both", or one of them alone
-    ranked : candidates of the database that the image ranks
-    pixels : of the person in images that rank
-    lead : by how much better the lookup must be to win, as a fraction of the cost
-    surface : how poses are fitted
-    preparation : what of the image is the person
-    """
-
-    published: bool = False
-    hypotheses: Literal["both", "local", "lookup"] = "both"
-    ranked: int = 12
-    pixels: int = 500
-    lead: float = 0.03
-    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
-    preparation: PreparationSettings = field(default_factory=PreparationSettings)
-
-
-class TrackedPose(NamedTuple):
-    """The pose in one image.
-
-    Attributes
-    ----------
-    joints : array, shape (joints, 3), metres; NaN where no person is
-    turns : array, shape (joints, 3, 3), relative to the parents
-    ends : array, shape (5, 3), of `body.ENDS`
-    confidence : array, shape (joints,), in [0, 1]
-    hypothesis : which won
-    cost : how far the pose is from the image, metres
-    extrema : array, shape (20, 3), in the world
-    chosen : array, shape (5, 3), the extrema taken for the ends
-    seconds : processor time by part
-    """
-
-    joints: Floats
-    turns: Floats
-    ends: Floats
-    confidence: Floats
-    hypothesis: Hypothesis
-    cost: float
-    extrema: Floats
-    chosen: Floats
-    seconds: dict[str, float]
+    name: Hypothesis
+    state: State
+    support: Support | None
+    comparison: Comparison
 
 
 class _Seen(NamedTuple):
@@ -130,7 +89,7 @@ class DepthTracker:
     ----------
     camera : Camera
     database : of poses; the one that ships if None
-    body : the person's; the mean adult, scaled to `stature_m`, if None
+    body : to begin with; the mean adult, scaled to `stature_m`, if None
     stature_m : of the person
     settings : how it is tracked
     background : depth of the empty scene
@@ -154,18 +113,20 @@ class DepthTracker:
         self.settings = settings or TrackerSettings()
         self.database = database or load_database()
         scale = stature_m / MEAN_STATURE_M
-        self.body = body or scale_body(load_body(), scale)
-        self.surface: Surface = make_surface(self.body, self.database, self.settings.surface)
-        self.lookup: Lookup = make_lookup(self.body, self.database, scale=scale)
-        self._fixed = spread(self.body.vertices, PUBLISHED_VERTICES)
+        #: The person's shape, once it is known.
+        self.person: PersonShape | None = None
+        self._views: list[View] = []
+        self._images = 0
+        self._wear(body or scale_body(load_body(), scale), scale)
         self.forget()
 
     def forget(self) -> None:
-        """Start anew, as with another person."""
+        """Start anew, as after a gap; the body stays."""
         self._state: State | None = None
-        self._before: State | None = None
         self._extrema: Floats | None = None
         self._heading = 0.0
+        self._rival: State | None = None
+        self._duel = np.zeros(3)
         self._seconds: dict[str, float] = {}
 
     def track(self, image: Floats) -> TrackedPose:
@@ -177,25 +138,21 @@ class DepthTracker:
                 engine=self.engine,
             )  # fmt: skip
         if len(cloud.points) < LEAST_POINTS:
-            self._state = self._before = self._extrema = None
-            return self._nothing()
+            self.forget()
+            return self._nothing(f"no person is seen: {len(cloud.points)} points are left")
         seen = self._look(cloud)
         chosen = self._choose_ends(seen)
-        found: list[tuple[Hypothesis, State, Support | None]] = []
+        found: list[_Found] = []
         if self._state is not None and self.settings.hypotheses != "lookup":
-            with self._timed("local"):
-                found.append(("local", *self._fit(self._predict(), seen)))
+            found.append(self._follow("local", self._state, seen))
         if self._state is None or self.settings.hypotheses != "local":
-            found += self._look_up(seen, chosen, found[0][1] if found else None)
-        with self._timed("voting"):
-            costs = [self._cost(state, seen) for _, state, _ in found]
-            for k, (name, _, _) in enumerate(found):
-                if name == "lookup" and len(found) > 1 and not self.settings.published:
-                    costs[k] *= 1 + self.settings.lead
-            best = int(np.argmin(costs))
-        name, state, support = found[best]
-        self._before, self._state, self._extrema = self._state, state, seen.extrema
-        return self._finish(seen, chosen, name, state, support, costs[best])
+            starts = self._look_up(seen, chosen, found[0].state if found else None)
+            found += [self._follow("lookup", start, seen) for start in starts]
+        best = self._vote(found, seen)
+        self._state, self._extrema = best.state, seen.extrema
+        result = self._finish(seen, chosen, best)
+        self._remember(seen, result)
+        return result
 
     @contextmanager
     def _timed(self, part: str) -> Iterator[None]:
@@ -216,18 +173,11 @@ class DepthTracker:
     def _choose_ends(self, seen: _Seen) -> Floats:
         if self.settings.published or self._state is None:
             return seen.extrema[:5]
-        vertices = self._vertices(self._predict())
+        vertices = self._vertices(self._state)
         return choose_ends(seen.extrema, vertices[self.body.ends])
 
-    def _predict(self) -> State:
-        """Where the last pose is expected now."""
-        assert self._state is not None
-        return self._state
-
-    def _look_up(
-        self, seen: _Seen, chosen: Floats, local: State | None
-    ) -> list[tuple[Hypothesis, State, Support | None]]:
-        """The pose of the database that the extrema lead to, fitted."""
+    def _look_up(self, seen: _Seen, chosen: Floats, local: State | None) -> list[State]:
+        """Poses of the database that the extrema lead to."""
         with self._timed("lookup"):
             last, joints = None, None
             if self._state is not None:
@@ -243,9 +193,7 @@ class DepthTracker:
                 )
                 for heading in headings
             ]  # fmt: skip
-        starts = self._rank(sets, seen, self._reach(seen, local))
-        with self._timed("local"):
-            return [("lookup", *self._fit(start, seen)) for start in starts]
+        return self._rank(sets, seen, self._reach(seen, local))
 
     def _last_extrema(self) -> Floats | None:
         return None if self._extrema is None else self._extrema[:5]
@@ -293,33 +241,108 @@ class DepthTracker:
             vertices = np.stack([self._vertices(state) for state in states])
             costs = compare_images(
                 vertices, self.body.faces, seen.small, seen.eye, engine=self.engine
-            )
+            ).costs
             order = np.argsort(costs, kind="stable")[: 6 if first else 1]
             return [states[k] for k in order]
 
-    def _fit(self, start: State, seen: _Seen) -> tuple[State, Support | None]:
+    def _follow(self, name: Hypothesis, start: State, seen: _Seen) -> _Found:
+        """A hypothesis: the pose fitted from a start, and how far it is from the image."""
         settings = self.settings.surface
-        if self.settings.published:
-            return fit_published(self.surface, start, seen.graph.points, steps=settings.steps), None
-        return fit_pose(
-            self.surface, start, seen.points, seen.cloud.depth, self.camera, settings=settings,
-            engine=self.engine,
-        )  # fmt: skip
+        support = None
+        with self._timed("local"):
+            if self.settings.published:
+                points = seen.graph.points
+                state = fit_published(self.surface, start, points, steps=settings.steps)
+            else:
+                state, support = fit_pose(
+                    self.surface, start, seen.points, seen.cloud.depth, self.camera,
+                    settings=settings, engine=self.engine,
+                )  # fmt: skip
+        with self._timed("voting"):
+            return _Found(name, state, support, self._compare(state, seen))
 
-    def _cost(self, state: State, seen: _Seen) -> float:
+    def _compare(self, state: State, seen: _Seen) -> Comparison:
         """How far a pose is from the image: by rendering it, or by (8.7) and (8.8)."""
         vertices = self._vertices(state)
         if not self.settings.published:
-            return float(
-                compare_images(
-                    vertices[None], self.body.faces, seen.small, seen.eye, engine=self.engine
-                )[0]
+            return compare_images(
+                vertices[None], self.body.faces, seen.small, seen.eye, engine=self.engine
             )
         from scipy.spatial import cKDTree
 
         to_points = cKDTree(seen.graph.points).query(vertices[self._fixed])[0].mean()
         to_model = cKDTree(vertices).query(seen.extrema)[0].mean()
-        return float(to_points + to_model)
+        return Comparison(np.array([to_points + to_model]), np.full_like(seen.small, np.nan))
+
+    def _vote(self, found: list[_Found], seen: _Seen) -> _Found:
+        """The hypothesis nearest to the image (8.9); the lookup must be nearer by some."""
+        costs = np.array([one.comparison.costs[0] for one in found])
+        if self.settings.published:
+            return found[int(costs.argmin())]
+        if self._state is None and len(found) > 1:
+            return self._open_duel(found, costs)
+        leads = np.array([self.settings.lead * (one.name == "lookup") for one in found])
+        best = found[int((costs * (1 + leads)).argmin())]
+        return self._fight(best, seen) if self._rival is not None else best
+
+    def _open_duel(self, found: list[_Found], costs: Floats) -> _Found:
+        """The best start; the best that looks another way is followed beside for a while."""
+        order = costs.argsort()
+        best = found[int(order[0])]
+        own = self._heading_of(best.state)
+        for k in order[1:]:
+            turn = self._heading_of(found[int(k)].state) - own
+            if self.settings.duel and np.cos(turn) < 0:
+                self._rival, self._duel = found[int(k)].state, np.zeros(3)
+                break
+        return best
+
+    def _fight(self, best: _Found, seen: _Seen) -> _Found:
+        """The better of the pose and the one that looks the other way, by all images so far."""
+        assert self._rival is not None
+        rival = self._follow("local", self._rival, seen)
+        self._duel += best.comparison.costs[0], rival.comparison.costs[0], 1
+        self._rival = rival.state
+        if self._duel[1] < self._duel[0]:
+            self._rival, best = best.state, rival
+            self._duel[:2] = self._duel[1::-1]
+        if (
+            self._duel[2] >= self.settings.duel
+            or np.cos(self._heading_of(self._rival) - self._heading_of(best.state)) > 0
+        ):
+            self._undecided = bool(self._duel[1] < _CLEAR * self._duel[0])
+            self._rival = None
+        return best
+
+    def _heading_of(self, state: State) -> float:
+        return float(heading_of(place_surface(self.surface, state)[0][None], self.body)[0])
+
+    def _remember(self, seen: _Seen, result: TrackedPose) -> None:
+        """Keep images of the first second, and fit the person's shape to them at its end."""
+        after = self.settings.shape_after
+        if self.settings.published or not after or self.person is not None:
+            return
+        self._images += 1
+        if result.status == "none" or self._state is None:
+            return
+        if self._images % max(after // N_IMAGES, 1) == 0:
+            self._views.append(View(seen.points, seen.cloud.depth, self._state))
+        if self._images >= after and len(self._views) >= N_IMAGES // 2:
+            with self._timed("shape"):
+                self.person, states = fit_person(
+                    self._views[-N_IMAGES:], self.camera, self.database, scale=self._scale,
+                    settings=self.settings.surface, engine=self.engine,
+                )  # fmt: skip
+                self._wear(self.person.body, self.person.scale)
+                self._state, self._rival = states[-1], None
+            self._views = []
+
+    def _wear(self, body: Body, scale: float) -> None:
+        """Take a body, and place the database in it."""
+        self.body, self._scale = body, scale
+        self.surface: Surface = make_surface(body, self.database, self.settings.surface)
+        self.lookup: Lookup = make_lookup(body, self.database, scale=scale)
+        self._fixed = spread(body.vertices, PUBLISHED_VERTICES)
 
     def _vertices(self, state: State) -> Floats:
         return place_surface(self.surface, state, vertices=True)[1]
@@ -327,37 +350,33 @@ class DepthTracker:
     def _joints(self, state: State) -> Floats:
         return place_surface(self.surface, state)[1]
 
-    def _finish(
-        self,
-        seen: _Seen,
-        chosen: Floats,
-        name: Hypothesis,
-        state: State,
-        support: Support | None,
-        cost: float,
-    ) -> TrackedPose:
-        vertices = self._vertices(state)
+    def _finish(self, seen: _Seen, chosen: Floats, best: _Found) -> TrackedPose:
+        vertices, joints = self._vertices(best.state), self._joints(best.state)
+        cost = float(best.comparison.costs[0])
+        confidence, reason = np.ones(len(joints)), ""
+        if not self.settings.published:
+            with self._timed("voting"):
+                confidence = judge_pose(
+                    self.surface, joints, best.support, best.comparison, seen.eye
+                ).confidence
+                reason = judge_cloud(seen.cloud, seen.graph, self.camera)
+            if not reason and cost > UNSURE_M:
+                reason = f"the pose is off from what is seen: by {100 * cost:.0f} cm"
+            if (
+                not reason
+                and self._rival is not None
+                and (self._duel[1] < _CLEAR * self._duel[0] or self._duel[2] < 5)
+            ):
+                reason = "it is not clear yet which way the person looks"
         return TrackedPose(
-            self._joints(state), state.turns, vertices[self.body.ends],
-            np.ones(len(self.body.names)), name, cost, seen.extrema, chosen, self._seconds,
+            joints, best.state.turns, vertices[self.body.ends], confidence, best.name,
+            "unsure" if reason else "tracked", reason, cost, seen.extrema, chosen, self._seconds,
         )  # fmt: skip
 
-    def _nothing(self) -> TrackedPose:
+    def _nothing(self, reason: str) -> TrackedPose:
         n = len(self.body.names)
         return TrackedPose(
             np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((5, 3), np.nan),
-            np.zeros(n), "none", np.inf, np.full((N_EXTREMA, 3), np.nan), np.full((5, 3), np.nan),
-            self._seconds,
+            np.zeros(n), "none", "none", reason, np.inf, np.full((N_EXTREMA, 3), np.nan),
+            np.full((5, 3), np.nan), self._seconds,
         )  # fmt: skip
-
-
-def scale_body(body: Body, scale: float) -> Body:
-    """A body of another size, of the same build."""
-    return replace(
-        body,
-        joints=body.joints * scale,
-        surface=body.surface._replace(
-            rest=body.surface.rest * scale, shapes=body.surface.shapes * scale
-        ),
-        joint_shapes=body.joint_shapes * scale,
-    )

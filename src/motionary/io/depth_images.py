@@ -1,0 +1,303 @@
+"""Recordings of depth cameras: folders of 16-bit PNG with intrinsics, npz, UTD-MHAD's mat.
+
+Conventions: depth along the camera's axis in metres, NaN where nothing was measured. Intrinsics are
+focal length and centre in pixels, the first pixel's centre at (0, 0). Mirrored images are turned
+back: columns are reversed, and the centre with them.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motionary.errors import InvalidInput, UnreadableFile
+
+Floats = NDArray[np.float64]
+
+#: Names of the file with intrinsics in a folder of images.
+INTRINSICS = ("camera.json", "intrinsics.json", "camera_intrinsics.json")
+DEPTH_FORMATS = {
+    "PNG": "a folder of 16-bit images, with camera.json",
+    "npz": "depth, focal, centre, rate_hz",
+    "mat": "UTD-MHAD: d_depth",
+}
+#: The camera of UTD-MHAD, and that its images are mirrored.
+UTD_MHAD: dict[str, Any] = {
+    "focal": (285.63, 285.63), "centre": (160.0, 120.0), "rate_hz": 30.0, "unit": "mm",
+    "mirrored": True,
+}  # fmt: skip
+_UNITS = {"mm": 0.001, "m": 1.0, "cm": 0.01}
+# What cameras of rooms measure; beyond, the unit is another one.
+_FARTHEST_M, _NEAREST_M = 30.0, 0.05
+# A time step so many times the usual one is a gap.
+_GAP = 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class DepthRecording:
+    """Images of a depth camera, read one after the other.
+
+    Attributes
+    ----------
+    name : of the recording
+    source : the files of the images, or all images (n, height, width) as they are
+    width, height : of the images
+    focal, centre : in pixels
+    rate_hz : images a second
+    scale : metres of one
+    mirrored : whether the images were mirrored; they are turned back
+    world_from_camera, position : of the camera, if the file has them
+    gaps : numbers of images before which time is missing
+    notes : what was assumed or noticed
+    """
+
+    name: str
+    source: tuple[Path, ...] | NDArray[Any]
+    width: int
+    height: int
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    rate_hz: float
+    scale: float = 0.001
+    mirrored: bool = False
+    world_from_camera: Floats | None = None
+    position: Floats | None = None
+    gaps: tuple[int, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        low, high = -0.5, 1.5
+        for side, focal, centre in zip(
+            (self.width, self.height), self.focal, self.centre, strict=True
+        ):
+            if not 0.2 * side < focal < 10 * side or not low * side < centre < high * side:
+                raise InvalidInput(
+                    f"{self.name}: intrinsics do not belong to images of {self.width} x "
+                    f"{self.height}: focal {self.focal}, centre {self.centre}; give those of the "
+                    "depth camera at this size, in pixels"
+                )
+        if not 0 < self.rate_hz <= 1000:
+            raise InvalidInput(
+                f"{self.name}: images a second must be above 0, got {self.rate_hz:g}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    def images(self) -> Iterator[Floats]:
+        """Depth (height, width) in metres, image by image.
+
+        Raises
+        ------
+        InvalidInput, UnreadableFile
+            If an image has another size, too few bits, or values of another unit.
+        """
+        for one in self.source:
+            raw, name = (_read_png(one), one.name) if isinstance(one, Path) else (one, self.name)
+            if raw.shape != (self.height, self.width):
+                raise InvalidInput(
+                    f"{name}: has another size, {raw.shape[1]} x {raw.shape[0]} in place of "
+                    f"{self.width} x {self.height}; all images of a recording need one size"
+                )
+            depth = raw.astype(np.float64) * self.scale
+            depth[~(depth > 0)] = np.nan
+            _check_unit(depth, name)
+            yield depth[:, ::-1] if self.mirrored else depth
+
+
+def read_depth(
+    path: str | Path,
+    *,
+    intrinsics: Mapping[str, Any] | None = None,
+    mirrored: bool | None = None,
+) -> DepthRecording:
+    """A recording of a depth camera.
+
+    Parameters
+    ----------
+    path : a folder of 16-bit PNG, an npz or a mat of UTD-MHAD
+    intrinsics : what the files do not say, or say wrongly: `focal`, `centre`, `rate_hz`, `unit`
+        ("mm", "m"), `times_s`, `world_from_camera`, `position`
+    mirrored : whether the images are mirrored; as the file says if None
+
+    Raises
+    ------
+    UnreadableFile
+        If there are no such images.
+    InvalidInput
+        If intrinsics are missing or wrong.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise UnreadableFile(f"{path}: there is no such folder or file of depth images")
+    source: tuple[Path, ...] | NDArray[Any]
+    if path.is_dir():
+        source, told = _read_folder(path)
+    elif path.suffix.lower() == ".npz":
+        source, told = _read_npz(path)
+    elif path.suffix.lower() == ".mat":
+        source, told = _read_mat(path)
+    else:
+        kinds = "; ".join(f"{kind}: {what}" for kind, what in DEPTH_FORMATS.items())
+        raise UnreadableFile(f"{path.name}: holds no depth images that can be read ({kinds})")
+    told = {**told, **(intrinsics or {})}
+    first = _read_png(source[0]) if isinstance(source, tuple) else source[0]
+    recording = _describe(path.stem, source, first, told)
+    if mirrored is not None:
+        recording = replace(recording, mirrored=mirrored)
+    if recording.mirrored:
+        turned = (recording.width - 1 - recording.centre[0], recording.centre[1])
+        note = "the images are mirrored: left and right were exchanged back"
+        recording = replace(recording, centre=turned, notes=(*recording.notes, note))
+    return recording
+
+
+def _describe(
+    name: str, source: tuple[Path, ...] | NDArray[Any], first: NDArray[Any], told: Mapping[str, Any]
+) -> DepthRecording:
+    """The recording of images and of what is told of them."""
+    focal = _pair(told, "focal", ("fx", "fy"))
+    centre = _pair(told, "centre", ("cx", "cy"), ("ppx", "ppy"), ("center",))
+    if focal is None or centre is None:
+        raise InvalidInput(
+            f"{name}: intrinsics are missing: write focal (fx, fy) and centre (cx, cy) of the "
+            "depth camera, in pixels, into camera.json beside the images"
+        )
+    for side, given in (("width", first.shape[1]), ("height", first.shape[0])):
+        if side in told and int(told[side]) != given:
+            raise InvalidInput(
+                f"{name}: intrinsics are for a {side} of {told[side]}, the images have {given}; "
+                "give those of this size"
+            )
+    scale = told.get("depth_scale", _UNITS.get(str(told.get("unit", "mm"))))
+    if scale is None:
+        raise InvalidInput(f"{name}: unit: choose {', '.join(_UNITS)}, got {told['unit']!r}")
+    rate, gaps, notes = _read_times(told, len(source))
+    turn, place = told.get("world_from_camera"), told.get("position")
+    if told.get("synthetic"):
+        notes = (*notes, "the images are synthetic")
+    return DepthRecording(
+        name, source, first.shape[1], first.shape[0], focal, centre, rate, float(scale),
+        bool(told.get("mirrored", False)),
+        None if turn is None else np.asarray(turn, dtype=np.float64),
+        None if place is None else np.asarray(place, dtype=np.float64),
+        gaps, notes,
+    )  # fmt: skip
+
+
+def _pair(told: Mapping[str, Any], name: str, *others: tuple[str, ...]) -> Any:
+    """Two numbers by one of their names."""
+    for names in ((name,), *others):
+        if all(key in told for key in names):
+            values = np.ravel([told[key] for key in names]).astype(np.float64)
+            return (float(values[0]), float(values[-1]))
+    return None
+
+
+def _read_times(told: Mapping[str, Any], n: int) -> tuple[float, tuple[int, ...], tuple[str, ...]]:
+    """Images a second, images before which time is missing, and what is noticed."""
+    if "times_s" not in told:
+        rate = told.get("rate_hz", told.get("fps"))
+        if rate is None:
+            return 30.0, (), ("30 images a second are assumed: neither rate nor times are told",)
+        return float(rate), (), ()
+    times = np.asarray(told["times_s"], dtype=np.float64)
+    steps = np.diff(times)
+    if times.shape != (n,) or not (steps > 0).all():
+        raise InvalidInput(
+            f"times_s needs a time in seconds for each of the {n} images, growing, got "
+            f"{times.shape}"
+        )
+    usual = float(np.median(steps)) if n > 1 else 1 / 30
+    gaps = tuple((np.flatnonzero(steps > _GAP * usual) + 1).tolist())
+    longest = float(steps.max()) if n > 1 else 0.0
+    notes = (f"{len(gaps)} gaps in time, up to {longest:.2f} s",) if gaps else ()
+    return 1 / usual, gaps, notes
+
+
+def _read_folder(path: Path) -> tuple[tuple[Path, ...], dict[str, Any]]:
+    files = tuple(sorted(one for one in path.iterdir() if one.suffix.lower() == ".png"))
+    if not files:
+        raise UnreadableFile(f"{path}: holds no PNG images of depth")
+    told: dict[str, Any] = {}
+    for name in INTRINSICS:
+        if (path / name).is_file():
+            try:
+                told = json.loads((path / name).read_text("utf-8"))
+            except ValueError as error:
+                raise UnreadableFile(f"{name}: is no JSON: {error}") from None
+            break
+    if "times_s" not in told and all(one.stem.count(".") == 1 for one in files):
+        # As the TUM benchmark names them: 1305031102.160407.png.
+        with suppress(ValueError):
+            told = {**told, "times_s": [float(one.stem) for one in files]}
+    return files, told
+
+
+def _read_npz(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            held = {key: arrays[key] for key in arrays.files}
+    except (ValueError, OSError) as error:
+        raise UnreadableFile(f"{path.name}: cannot be read: {error}") from None
+    images = held.pop("depth", None)
+    if images is None or images.ndim != 3 or not len(images):
+        raise UnreadableFile(
+            f"{path.name}: needs an array `depth` (images, height, width), got "
+            f"{', '.join(held) or 'nothing'}"
+        )
+    told = {key: one.item() if one.ndim == 0 else one for key, one in held.items()}
+    if "unit" not in told and np.issubdtype(images.dtype, np.floating):
+        told["unit"] = "m"
+    return images, told
+
+
+def _read_mat(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
+    from scipy.io import loadmat
+
+    try:
+        held = loadmat(path)
+    except (ValueError, OSError, NotImplementedError) as error:
+        raise UnreadableFile(f"{path.name}: cannot be read: {error}") from None
+    images = held.get("d_depth")
+    if images is None or images.ndim != 3:
+        raise UnreadableFile(f"{path.name}: holds no d_depth (height, width, images)")
+    return np.moveaxis(images, 2, 0), dict(UTD_MHAD)
+
+
+def _read_png(path: Path) -> NDArray[Any]:
+    """A 16-bit image of one channel, as it is."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            mode = image.mode
+            values = np.array(image)
+    except (UnidentifiedImageError, OSError, SyntaxError) as error:
+        raise UnreadableFile(f"{path.name}: is no image that can be read: {error}") from None
+    if not (mode.startswith("I") and values.ndim == 2):
+        raise InvalidInput(
+            f"{path.name}: depth needs one channel of 16 bits, got {mode} with "
+            f"{8 if values.dtype == np.uint8 else 8 * values.itemsize} bits: this is a picture "
+            "for the eye; export the raw depth"
+        )
+    return values
+
+
+def _check_unit(depth: Floats, name: str) -> None:
+    """Refuse depths that no camera measures: the unit is another one."""
+    known = depth[~np.isnan(depth)]
+    if not len(known):
+        return
+    middle = float(np.median(known))
+    if not _NEAREST_M < middle < _FARTHEST_M:
+        other = "mm" if middle > _FARTHEST_M else "m"
+        raise InvalidInput(
+            f"{name}: depths of {middle:.4g} m are none of a room; the unit is another one, "
+            f'perhaps "unit": "{other}"'
+        )
