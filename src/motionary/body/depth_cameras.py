@@ -141,7 +141,11 @@ def record_depth(
     """
     pose = pose_from_motion(body, motion).pose
     target = np.median(pose.joints[:, 0], axis=0)
-    place = target + np.array([0.0, 0.2, settings.distance_m])
+    forward = pose.rotations[:, 0, :, 2].mean(axis=0) * (1, 0, 1)
+    length = float(np.linalg.norm(forward))
+    # Whoever turns all round has no front.
+    front = forward / length if length > 0.1 else np.array([0.0, 0.0, 1.0])
+    place = target + settings.distance_m * front + np.array([0.0, 0.2, 0.0])
     camera = Camera().looking_at(place, target)
     at = np.arange(0, motion.n_frames, motion.rate_hz / settings.images_hz).astype(np.intp)
 

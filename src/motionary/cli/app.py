@@ -43,6 +43,7 @@ COMMANDS = {
     "imu": "imu",
     "track": "multiview",
     "untangle": "multiview",
+    "depth": "depth",
     "synth": "synth",
     "live": "live",
     "replay": "live",

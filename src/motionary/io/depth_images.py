@@ -19,6 +19,8 @@ from motionary.errors import InvalidInput, UnreadableFile
 
 Floats = NDArray[np.float64]
 
+__all__ = ["DEPTH_FORMATS", "INTRINSICS", "UTD_MHAD", "DepthRecording", "read_depth"]
+
 #: Names of the file with intrinsics in a folder of images.
 INTRINSICS = ("camera.json", "intrinsics.json", "camera_intrinsics.json")
 DEPTH_FORMATS = {

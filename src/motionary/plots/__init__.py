@@ -5,6 +5,7 @@ display, no state shared with the pictures of others.
 """
 
 from motionary.plots.animation import MOVING, check_moving, render
+from motionary.plots.depth import plot_depth
 from motionary.plots.features import plot_features
 from motionary.plots.figures import BONES, plot_pose
 from motionary.plots.sensors import plot_check
@@ -29,6 +30,7 @@ __all__ = [
     "describe_facing",
     "plot_annotation",
     "plot_check",
+    "plot_depth",
     "plot_distance",
     "plot_features",
     "plot_library",

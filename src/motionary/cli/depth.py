@@ -1,0 +1,283 @@
+"""`motionary depth`: a person's motion from the images of one depth camera."""
+
+import json
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from motionary.cli import screen
+from motionary.cli.options import (
+    AsJson,
+    Force,
+    LibraryDefault,
+    check_picture,
+    check_target,
+    wrong,
+)
+from motionary.cli.recordings import find_files, read_motions, split_failures, warn_of_all
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.options import ReadOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from motionary.depth import PoseDatabase, Tracking
+    from motionary.depth.preparation import Floats
+    from motionary.motion import Motion
+
+
+def depth() -> None:
+    """Find a person's motion in the images of one depth camera.
+
+    motionary depth track images -o take.bvh
+    motionary depth database recordings -o poses.npz
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackOptions:
+    """What the camera is, where the person is, and where results go."""
+
+    output: Annotated[
+        str,
+        typer.Option("--output", "-o", metavar="FILE", help="The motion: .bvh, .npz, .trc ..."),
+    ]
+    intrinsics: Annotated[
+        str | None,
+        typer.Option(
+            metavar="JSON",
+            help="Focal length and centre, pixels; else camera.json beside images.",
+        ),
+    ] = None
+    mirrored: Annotated[
+        bool | None,
+        typer.Option("--mirrored/--not-mirrored", help="Whether left and right are exchanged."),
+    ] = None
+    stature_m: Annotated[
+        float | None,
+        typer.Option("--stature", metavar="METRES", help="Of the person, as far as known."),
+    ] = None
+    empty: Annotated[
+        int, typer.Option(min=0, metavar="N", help="The first N images show the scene empty.")
+    ] = 0
+    near_m: Annotated[
+        float,
+        typer.Option(
+            "--near",
+            metavar="METRES",
+            default_factory=LibraryDefault("motionary.depth:PreparationSettings", "near_m"),
+            help="Nothing nearer is the person.",
+        ),
+    ]
+    far_m: Annotated[
+        float,
+        typer.Option(
+            "--far",
+            metavar="METRES",
+            default_factory=LibraryDefault("motionary.depth:PreparationSettings", "far_m"),
+            help="Nothing farther is the person.",
+        ),
+    ]
+    floor_m: Annotated[
+        float | None,
+        typer.Option(
+            "--floor",
+            metavar="METRES",
+            help="Height of the floor; a camera whose place is not told is at 1.",
+        ),
+    ] = None
+    database: Annotated[
+        str | None, typer.Option(metavar="NPZ", help="Poses, by depth database; else those of CMU.")
+    ] = None
+    published: Annotated[bool, typer.Option(help="Track by Baak's method as it is printed.")] = (
+        False
+    )
+    least_confidence: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            metavar="C",
+            help="Joints that are less sure are unknown.",
+        ),
+    ] = 0.0
+    picture: Annotated[
+        str | None,
+        typer.Option(metavar="PNG", help="Draw some images with the pose, the least sure first."),
+    ] = None
+    force: Force = False
+
+
+def track(
+    source: Annotated[
+        str, typer.Argument(metavar="IMAGES", help="A folder of 16-bit PNG, a .npz, a .mat.")
+    ],
+    options: TrackOptions,
+    as_json: AsJson = False,
+) -> int:
+    """Track a person through depth images, and write the motion.
+
+    Images show one whole person; its shape is found in the first second. What is unsure is told.
+
+    motionary depth track images -o take.bvh --far 4
+    """
+    from motionary.depth import PreparationSettings, TrackerSettings, track_recording
+    from motionary.depth.tracking import MEAN_STATURE_M
+    from motionary.io import write
+    from motionary.io.depth_images import read_depth
+
+    check_picture("--picture", options.picture)
+    check_target(options.output, replace=options.force)
+    is_rig = options.output.lower().endswith((".bvh", ".bvh.gz"))
+    if is_rig and options.least_confidence:
+        raise wrong("--least-confidence", "BVH holds no unknown joints; write .npz or .trc")
+    told = None if options.intrinsics is None else _read_json(options.intrinsics)
+    recording = read_depth(source, intrinsics=told, mirrored=options.mirrored)
+    settings = TrackerSettings(
+        published=options.published,
+        preparation=PreparationSettings(options.near_m, options.far_m, options.floor_m),
+    )
+    with screen.progress("tracking", len(recording) - options.empty) as done:
+        tracked = track_recording(
+            recording,
+            _read_database(options.database),
+            settings=settings,
+            stature_m=MEAN_STATURE_M if options.stature_m is None else options.stature_m,
+            background=options.empty or None,
+            least_confidence=options.least_confidence,
+            progress=lambda images: _count(images, done),
+        )
+    written, notes = _cut_to_person(tracked, whole=is_rig)
+    write(written, options.output)
+    if options.picture is not None:
+        from motionary.plots import plot_depth, save
+
+        images = list(recording.images())[options.empty :]
+        save(plot_depth(images, tracked), options.picture)
+    row = _to_row(tracked)
+    if as_json:
+        screen.print_json(row)
+    else:
+        screen.say(
+            f"{row['images']} images: {row['tracked']} tracked, {row['unsure']} unsure, "
+            f"{row['none']} without a person; off from the images by {100 * row['cost_m']:.1f} cm",
+            f"motion written to {options.output}",
+        )
+    for note in (*tracked.motion.notes, *notes):
+        screen.warn(note)
+    return 0 if row["unsure"] + row["none"] < row["images"] / 2 else 1
+
+
+def _cut_to_person(tracked: "Tracking", *, whole: bool) -> "tuple[Motion, tuple[str, ...]]":
+    """The motion from the first to the last image with a person; or where none lacks one."""
+    import numpy as np
+
+    from motionary.recording import find_runs
+
+    seen = np.array([pose.status != "none" for pose in tracked.poses])
+    first, stop = int(seen.argmax()), len(seen) - int(seen[::-1].argmax())
+    if whole and not seen[first:stop].all():
+        first, stop = max(find_runs(seen), key=lambda run: run[1] - run[0])
+        kept = f"BVH holds no gaps: images {first} to {stop - 1} are written, the longest run"
+        return tracked.motion.cut(first, stop), (kept,)
+    return tracked.motion.cut(first, stop), ()
+
+
+def _count(images: "Iterable[Floats]", done: Any) -> "Iterator[Floats]":
+    for image in images:
+        yield image
+        done()
+
+
+def _read_json(path: str) -> dict[str, Any]:
+    try:
+        told = json.loads(Path(path).read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise UnreadableFile(f"{Path(path).name}: cannot be read as JSON: {error}") from None
+    if not isinstance(told, dict):
+        raise InvalidInput(f'{Path(path).name}: needs {{"focal": [fx, fy], "centre": [cx, cy]}}')
+    return told
+
+
+def _read_database(path: str | None) -> "PoseDatabase | None":
+    if path is None:
+        return None
+    import numpy as np
+
+    from motionary.depth.poses import database_from_arrays
+
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            held = {key: arrays[key] for key in arrays.files}
+    except (OSError, ValueError) as error:
+        raise UnreadableFile(f"{Path(path).name}: is no pose database: {error}") from None
+    return database_from_arrays(held)
+
+
+def _to_row(tracked: "Tracking") -> dict[str, Any]:
+    """What is said of a tracking, for JSON."""
+    import numpy as np
+
+    counts = Counter(pose.status for pose in tracked.poses)
+    seen = [pose for pose in tracked.poses if pose.status != "none"]
+    return {
+        "recording": tracked.motion.source,
+        "rate_hz": tracked.motion.rate_hz,
+        "images": len(tracked.poses),
+        "tracked": counts["tracked"],
+        "unsure": counts["unsure"],
+        "none": counts["none"],
+        "lookup": sum(pose.hypothesis == "lookup" for pose in tracked.poses),
+        "cost_m": round(float(np.mean([pose.cost for pose in seen])), 4),
+        "confidence": round(float(np.mean([pose.confidence for pose in seen])), 3),
+        "stature_m": round(float(np.ptp(tracked.body.vertices[:, 1])), 3),
+        "notes": list(tracked.motion.notes),
+    }
+
+
+def database(
+    recordings: Annotated[
+        list[str], typer.Argument(metavar="RECORDINGS...", help="Recordings of people, folders.")
+    ],
+    output: Annotated[str, typer.Option("--output", "-o", metavar="NPZ", help="The database.")],
+    least_m: Annotated[
+        float,
+        typer.Option(
+            "--apart",
+            min=0.001,
+            metavar="METRES",
+            default_factory=LibraryDefault("motionary.depth:build_database", "least_m"),
+            help="Poses differ by more, joint by joint (8.1).",
+        ),
+    ],  # fmt: skip
+    force: Force = False,
+    *,
+    reading: ReadOptions,
+) -> int:
+    """Make a database of poses out of recordings and their mirror images.
+
+    motionary depth database recordings -o poses.npz
+    """
+    import numpy as np
+
+    from motionary.depth import build_database
+    from motionary.depth.poses import database_to_arrays
+    from motionary.files import write_atomically
+
+    check_target(output, replace=force)
+    found = find_files(recordings, reading)
+    motions, failures = split_failures(read_motions(found.files, reading))
+    failed = warn_of_all(found.missing.values(), failures, given=recordings)
+    made = build_database(
+        motions, least_m=least_m, provenance={"recordings": sorted(one.source for one in motions)}
+    )
+    with write_atomically(output) as beside:
+        np.savez_compressed(beside, **database_to_arrays(made))  # type: ignore[arg-type]
+    screen.say(f"{len(made)} poses of {len(motions)} recordings written to {output}")
+    return 1 if failed else 0
+
+
+SUBCOMMANDS = {"track": track, "database": database}
