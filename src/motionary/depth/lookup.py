@@ -222,7 +222,10 @@ def compare_images(
         return Comparison(costs, apart)
     result, apart = np.full(len(vertices), _CAP_M), np.full_like(depth, np.nan)
     for number, own in enumerate(vertices):
-        rendered = render_depth(own, faces, camera, engine=engine).depth
+        a, b, c = (camera.project(own)[faces[:, k]] for k in range(3))
+        # Images have y down: triangles that are seen from outside have areas below 0.
+        area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+        rendered = render_depth(own, faces[area < 0], camera, engine=engine).depth
         either = ~(np.isnan(rendered) & np.isnan(depth))
         apart = np.fmin(np.abs(rendered - depth), _CAP_M)
         apart[~either] = np.nan
