@@ -252,7 +252,7 @@ def database(
             default_factory=LibraryDefault("motionary.depth:build_database", "least_m"),
             help="Poses differ by more, joint by joint (8.1).",
         ),
-    ],  # fmt: skip
+    ],
     force: Force = False,
     *,
     reading: ReadOptions,
