@@ -233,6 +233,12 @@ def describe(recordings: Recordings, data: Sequence[str | tuple[str, Pick]]) -> 
     return entries
 
 
+def extent_of(motions: Iterable[Motion]) -> Extent:
+    """How many motions, and their minutes."""
+    seconds = [motion.n_frames / motion.rate_hz for motion in motions]
+    return len(seconds), round(sum(seconds) / 60, 2)
+
+
 def _picked(recordings: Recordings, key: str) -> list[FeatureSequence]:
     if key == "clips":
         return clips_packed(recordings.clips)

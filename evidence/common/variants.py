@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evidence.common.faults import PLANTS, plant, with_gaps
 from motionary.io import write
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics, resample
 from motionary.rotations import (
@@ -34,6 +35,7 @@ LYING = "lying still alone"
 
 # What a reader should say of a variant.
 SAME, ERROR, OPEN = "same", "error", "not told by the body"
+FAULT = "a note on what was planted"
 
 # x, y, z of the file from x, y, z with y up.
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -61,6 +63,7 @@ class Draft:
     unit_word, up_word : what the file is made to say
     names : pairs of names that are exchanged in the texts of an AMC file and its skeleton
     rest_frames : frames before the recording that are not part of it
+    part : start and end in seconds of what was planted; None for all
     """
 
     motion: Motion
@@ -71,6 +74,7 @@ class Draft:
     up_word: str | None = None
     names: Mapping[str, str] = field(default_factory=dict)
     rest_frames: int = 0
+    part: tuple[float, float] | None = None
 
 
 class Kind(NamedTuple):
@@ -178,18 +182,6 @@ def part_of(motion: Motion, joints: tuple[str, ...]) -> Motion:
         skeleton=skeleton,
         rotations=rotations,
     )
-
-
-def with_gaps(motion: Motion, rng: np.random.Generator) -> Motion:
-    """The motion with a tenth of its points not seen for 0.1 to 1 s, three times over."""
-    positions = motion.positions.copy()
-    n_frames, n_points = positions.shape[:2]
-    for point in rng.choice(n_points, max(1, n_points // 10), replace=False):
-        for _ in range(3):
-            length = round(rng.uniform(0.1, 1.0) * motion.rate_hz)
-            start = int(rng.integers(max(1, n_frames - length)))
-            positions[start : start + length, point] = np.nan
-    return replace(motion, positions=positions)
 
 
 def on_the_spot(motion: Motion) -> Motion:
@@ -310,6 +302,14 @@ def _rest_pose(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
     return Draft(with_rest_pose(motion, n_frames), motion, rest_frames=n_frames)
 
 
+def _planted(kind: str) -> Make:
+    def make(motion: Motion, suffix: str, rng: np.random.Generator) -> Draft:
+        points, part = plant(kind, motion, rng)
+        return Draft(points, motion, part=part)
+
+    return make
+
+
 KINDS: dict[str, Kind] = {
     "30 Hz": Kind(_rate(30.0), ALL, SAME),
     "60 Hz": Kind(_rate(60.0), ALL, SAME),
@@ -338,6 +338,7 @@ KINDS: dict[str, Kind] = {
     "kept in place": Kind(_of(on_the_spot), ALL, SAME),
     LYING: Kind(_of(_lying, changes_truth=True), ALL, SAME),
     "rest pose first": Kind(_rest_pose, RIGS, SAME),
+    **{kind: Kind(_planted(kind), POINTS, FAULT) for kind in PLANTS},
 }
 
 
