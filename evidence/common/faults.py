@@ -81,7 +81,7 @@ def plant(
     """Points with a fault at a time that is drawn, and its seconds; of a pose that stays, none."""
     if motion.mapping is None:
         raise ValueError(f"{motion.source}: has no mapping")
-    length = max(12, round(PLANTED_S * motion.rate_hz))
+    length = max(12, min(round(PLANTED_S * motion.rate_hz), motion.n_frames // 4))
     start = int(rng.integers(length, max(length + 1, motion.n_frames - 2 * length)))
     positions, weights = motion.positions.copy(), motion.mapping.weights
     index = {name: i for i, name in enumerate(motion.names)}
