@@ -174,3 +174,10 @@ def test_a_point_that_is_held_while_little_moves_goes_on_with_a_step():
     places[30:70, WRISTS[0]] = places[30, WRISTS[0]]
     (note,) = find_anomalies(at_rate(motion, places, 120))
     assert re.match(r"lwrist is held in the same place from .* 0\.57 s", note), note
+
+
+@pytest.mark.parametrize("n_frames", [1, 50])
+def test_a_recording_in_which_nothing_is_seen_says_so(n_frames):
+    motion = bare().cut(0, n_frames)
+    nothing = replace(motion, positions=np.full_like(motion.positions, np.nan))
+    assert find_anomalies(nothing) == ["no point is seen in any frame"]

@@ -51,6 +51,8 @@ def find_anomalies(motion: Motion, *, first_frame: int = 0) -> list[str]:
     motion : in metres
     first_frame : a rest pose before it is passed over
     """
+    if np.isnan(motion.positions[0]).all() and np.isnan(motion.positions).all():
+        return ["no point is seen in any frame"]
     if motion.n_frames - first_frame < 3:
         return []
     track = track_points(motion, first_frame)
