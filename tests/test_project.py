@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,7 @@ def name_of(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
+@cache
 def parse(path: Path) -> ast.Module:
     return ast.parse(path.read_text("utf-8"), filename=str(path))
 
@@ -114,6 +116,17 @@ def test_function_bodies_are_short():
 
 def test_modules_say_which_question_they_answer():
     assert [name_of(path) for path in MODULES if not ast.get_docstring(parse(path))] == []
+
+
+# Errors take the file and the place in it apart, so that nothing need cut them off a text.
+FILE = r"(path|Path\(path\)|source|self\.source|folder|target)(\.name)?"
+NAMES_ITS_FILE = re.compile(rf"raise \w+\(\s*f[\"']\{{{FILE}\}}(: |, line )")
+
+
+def test_no_text_of_an_error_begins_with_its_file():
+    assert NAMES_ITS_FILE.search('raise UnreadableFile(\n    f"{path.name}, line {n}: bad")')
+    found = {name_of(p): NAMES_ITS_FILE.findall(p.read_text("utf-8")) for p in MODULES}
+    assert {name: texts for name, texts in found.items() if texts} == {}
 
 
 def test_every_room_stands_in_the_layers_contract():

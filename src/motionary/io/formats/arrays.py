@@ -295,9 +295,10 @@ def name_joints(
         mapping = skeleton.resolve(())
         if len(mapping.order) != n_joints:
             raise InvalidInput(
-                f"{source}: has {n_joints} joints; "
+                f"has {n_joints} joints; "
                 + (f"{skeleton.name} has {len(mapping.order)}" if mapping.order else "")
-                + ("" if mapping.order else f"those of {skeleton.name} have no usual order")
+                + ("" if mapping.order else f"those of {skeleton.name} have no usual order"),
+                file=source,
             )
         return Joints(list(mapping.order), mapping, ())
     return _guess_order(positions, source)

@@ -88,8 +88,9 @@ class _Subject:
         wrong = next((row for row in rows if len(row) != n), None)
         if wrong is not None or len(rows) != len(self.times_s):
             raise UnreadableFile(
-                f"{source}: a frame needs {n} numbers in <{name}>, "
-                + (f"one has {len(wrong)}" if wrong is not None else "some have none")
+                f"a frame needs {n} numbers in <{name}>, "
+                + (f"one has {len(wrong)}" if wrong is not None else "some have none"),
+                file=source,
             )
         return np.array(rows)
 

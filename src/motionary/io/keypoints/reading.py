@@ -70,7 +70,7 @@ def read_keypoints(
             if pick is not None:
                 raw[camera, number], places[camera][number] = pick
     if np.isnan(raw).all():
-        raise InvalidInput(f"{folder.name}: nobody is seen in any of {n_frames} frames")
+        raise InvalidInput(f"nobody is seen in any of {n_frames} frames", file=folder.name)
     layout = layout or _find_layout(raw, folder.name)
     if LAYOUTS[layout][0] != size:
         raise InvalidInput(f"{layout} has {LAYOUTS[layout][0]} points, {folder.name} has {size}")
