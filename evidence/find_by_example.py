@@ -47,7 +47,7 @@ WAYS = {
     "positions": "joint positions, root, heading and size normalised, subsequence DTW",
     "as it is": "the example's features, all alike",
     "by surprise": "the same, what is rare weighs more",
-    "grown": "template learned from the nearest hits too, by self-information: the default",
+    "grown": "template learned from the nearest hits too, by self-information (`--published`)",
     "parts": "the example in parts, each at three tempos, by self-information",
 }
 TRIED_PARTS = tuple(
