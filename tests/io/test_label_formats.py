@@ -255,7 +255,7 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaa">]><x>&a;</x>'
         ("x.tsv", BORIS_OLD.replace("STOP", "START"), "row 6: 'walk' of 'Ana' starts twice"),
         ("x.tsv", BORIS_OLD.rsplit("2.5", 1)[0], "starts and never stops"),
         ("x.xlsx", "PK", "no workbook of Excel"),
-        ("x.docx", "", "not read from .docx; known are .c3d, .csv, .eaf"),
+        ("x.docx", "", "labels, got .docx; known are .c3d, .csv, .eaf"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused(tmp_path, name, content, words):

@@ -301,7 +301,8 @@ def _find(path: str | Path) -> LabelFormat:
     found = [form for form in FORMATS if suffix in form.suffixes]
     if not found:
         known = ", ".join(sorted({s for form in FORMATS for s in form.suffixes if s}))
-        raise UnreadableFile(f"labels are not read from {suffix}; known are {known}", file=path)
+        problem = f"expected a file of labels, got {suffix or 'no suffix'}; known are {known}"
+        raise UnreadableFile(problem, file=path)
     return found[0]
 
 
