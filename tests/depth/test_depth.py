@@ -15,6 +15,7 @@ from motionary.depth import (
     build_graph,
     find_extrema,
     fitting,
+    judging,
     learn_background,
     load_database,
     lookup,
@@ -243,3 +244,20 @@ def test_wrong_input_is_told():
         build_database([])
     with pytest.raises(InvalidInput, match="at least 15 points"):
         build_graph(prepare(np.zeros((120, 160)), CAMERA), 142.8)
+
+
+def judged(image):
+    cloud = prepare(image, CAMERA)
+    return judging.judge_cloud(cloud, build_graph(cloud, CAMERA.focal[0]), CAMERA)
+
+
+def test_what_is_not_one_whole_person_is_told():
+    image = seen(posed(0))
+    assert judged(image) == ""
+    beside = np.fmin(np.roll(image, 45, axis=1), np.roll(image, -45, axis=1))
+    assert "more than one person" in judged(beside)
+    down = np.full_like(image, np.nan)
+    down[40:] = image[:-40]
+    assert "cut off by the image's edge" in judged(down)
+    # As if the unit or the focal length were three times too large.
+    assert "no person has this size" in judged(image / 3)
