@@ -2,6 +2,7 @@
 
 import io
 import json
+import socket
 import threading
 import time
 
@@ -15,8 +16,8 @@ from motionary.live import LivePeople, PoseLines, WebSocketSource, write_lines
 from motionary.samples import synthetic_motion, synthetic_stream
 
 KEYS = {
-    "event", "id", "person", "label", "start_s", "end_s", "start_frame", "end_frame", "score",
-    "probability", "side", "why",
+    "event", "id", "sender", "person", "recording", "recording_start_s", "label", "start_s",
+    "end_s", "start_frame", "end_frame", "score", "probability", "side", "why",
 }  # fmt: skip
 
 
@@ -83,6 +84,52 @@ def test_without_a_rate_the_command_says_what_to_give(capsys, monkeypatch, lines
     assert '{"rate_hz": 60} or --rate-hz' in ran.err
 
 
+def test_a_stream_of_bytes_may_hold_any(capsys, monkeypatch, lines, library):
+    text = "\ufeff" + "\n".join(lines[:3]) + "\n"
+    content = text.encode() + b"\xff\xfe\n" + b"x" * 250_000 + b"\n"
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(content), encoding="utf-8"))
+    ran = run(capsys, monkeypatch, "live", "--library", library)
+    assert ran.code == 1
+    assert "has at most 100000 characters, got more" in ran.err
+    assert "4 lines were of no use" in ran.err
+
+
+def as_poses(lines, **more):
+    """The lines, with something beside the positions of each pose."""
+    yield lines[0]
+    for line in lines[1:]:
+        yield json.dumps(json.loads(line) | more)
+
+
+def labels_of(events):
+    final = [one.event.label for one in events if one.event.status == "final"]
+    return [(label.name, label.start_s, label.end_s) for label in final]
+
+
+def test_each_person_and_sender_has_labels_of_their_own(lines, library):
+    classes = mo.ClassLibrary.load(library)
+    alone, people = LivePeople(classes), LivePeople(classes)
+    expected = [event for line in lines for event in alone.push(line)] + alone.finish()
+    found = []
+    for one, other in zip(as_poses(lines, person="a"), as_poses(lines, person="b"), strict=True):
+        found += people.push(one) + people.push(other, sender="2") + people.push(other)
+    found += people.finish()
+    assert labels_of(expected)
+    for person, times in (("a", 1), ("b", 2)):
+        own = [event for event in found if event.person == person]
+        assert sorted(labels_of(own)) == sorted(labels_of(expected) * times)
+
+
+def test_a_stream_of_bytes_may_hold_any(capsys, monkeypatch, lines, library):
+    text = "\ufeff" + "\n".join(lines[:3]) + "\n"
+    content = text.encode() + b"\xff\xfe\n" + b"x" * 250_000 + b"\n"
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(content), encoding="utf-8"))
+    ran = run(capsys, monkeypatch, "live", "--library", library)
+    assert ran.code == 1
+    assert "has at most 100000 characters, got more" in ran.err
+    assert "4 lines were of no use" in ran.err
+
+
 def as_poses(lines, **more):
     """The lines, with something beside the positions of each pose."""
     yield lines[0]
@@ -118,6 +165,109 @@ def test_a_clock_set_back_begins_another_recording(lines, library):
     assert sorted(events[: len(events) // 2]) == sorted(events[len(events) // 2 :])
 
 
+@pytest.fixture
+def pose(take):
+    """The first pose of the take as a line, at a time, of a person."""
+    positions = np.round(take.positions[0], 3).tolist()
+
+    def line(**more):
+        return json.dumps({"positions": positions} | more)
+
+    return line
+
+
+@pytest.fixture
+def people(lines, library):
+    found = LivePeople(mo.ClassLibrary.load(library))
+    found.push(lines[0])
+    return found
+
+
+def durations(people):
+    return {key[1]: one.annotator.duration_s for key, one in people._people.items()}
+
+
+def test_who_leaves_has_final_labels_and_who_comes_back_another_recording(lines, library):
+    people = LivePeople(mo.ClassLibrary.load(library))
+    found = []
+    for i, line in enumerate([*lines, *lines[1:]]):
+        content = json.loads(line)
+        if "time_s" in content:
+            content["time_s"] += 1e9 + (i > len(lines) - 1) * 3600
+        found += people.push(json.dumps(content))
+    found += people.leave("")
+    assert people.finish() == []
+    first, second = (
+        [one.event.label for one in found if one.event.status == "final" and one.recording == n]
+        for n in (1, 2)
+    )
+    assert first
+    assert first == second
+    assert {one.recording_start_s for one in found} == {1e9, 1e9 + 3600}
+
+
+def test_people_who_are_numbered_anew_do_not_fill_the_memory(people, pose):
+    for person in range(70):
+        for i in range(2 if person else 1):
+            people.push(pose(time_s=400.0 * person + i, person=person))
+        people._senders[""].round += 400
+    assert len(people._people) < 5
+
+
+def test_senders_that_come_and_go_leave_nothing(people, pose, lines):
+    for number in range(300):
+        people.push(lines[0], sender=str(number))
+        if number % 10 == 0:
+            people.push(pose(), sender=str(number))
+            people.leave(str(number))
+    assert len(people._people) == 0
+    assert len(people._senders) <= 256
+
+
+def test_wrong_poses_hold_no_place_and_lose_no_events(people, pose, lines):
+    for person in range(66):
+        with pytest.raises(InvalidInput, match="joints"):
+            people.push(json.dumps({"positions": [[1, 2, 3]], "person": person}))
+    own = [event for line in lines for event in people.push(line)]
+    with pytest.raises(InvalidInput, match="joints"):
+        people.push('{"positions": [[1, 2, 3]], "time_s": 0}')
+    own += people.push(pose(time_s=0.1))
+    # A clock set back begins another recording.
+    assert durations(people)[""] == pytest.approx(1 / 30)
+    assert labels_of(own)
+    assert {one.recording for one in own if one.event.status == "final"} == {1}
+
+
+@pytest.mark.parametrize(
+    ("more", "what"),
+    [
+        ({"person": "a" * 61}, "at most 60 characters, got 61"),
+        ({"person": {"a": 1}}, "a name or a number"),
+        ({"person": True}, "a name or a number"),
+        ({"time_s": float("nan")}, "number of seconds"),
+        ({"time_s": 1.7e12}, "number of seconds"),
+        ({"positions": [[float("inf"), 0, 0]]}, "metres or null"),
+        ({"positions": [[10**400, 0, 0]]}, "metres or null"),
+        ({"positions": {"a": 1}}, "positions must be a list"),
+    ],
+)
+def test_hostile_values_are_refused(people, pose, more, what):
+    with pytest.raises(InvalidInput, match=what):
+        people.push(pose(**more))
+    assert durations(people) == {}
+
+
+def test_what_is_not_seen_may_be_null_or_nan_and_people_names_or_numbers():
+    lines = PoseLines()
+    read = lines.read('{"positions": [[NaN, 1, 2], null, [1, 2, 3]], "person": null}')
+    assert np.isnan(read.positions[:2]).all()
+    assert read.positions[2].tolist() == [1, 2, 3]
+    assert read.person == ""
+    assert lines.read('{"positions": [null], "person": 7, "time_s": 1.8e9}').person == "7"
+    with pytest.raises(InvalidInput, match="skeleton"):
+        lines.read('{"skeleton": 3}')
+
+
 def test_poses_by_the_names_of_joints_may_leave_joints_out(take):
     lines = PoseLines()
     names = list(take.names)
@@ -130,13 +280,31 @@ def test_poses_by_the_names_of_joints_may_leave_joints_out(take):
         lines.read(json.dumps({"joints": {"tail": [1, 2, 3]}}))
 
 
-def test_poses_by_websocket_come_back_as_events(lines):
+@pytest.fixture
+def websocket(monkeypatch):
+    """A source, what it told, and how to connect."""
     client = pytest.importorskip("websockets.sync.client")
+    monkeypatch.setattr("motionary.live.sources._CLOSING_S", 0.2)
     told = []
     source = WebSocketSource(0, tell=told.append)
-    with pytest.raises(InvalidInput, match=rf"port {source.port} of 127.0.0.1 cannot be listened"):
+    yield source, told, lambda **more: client.connect(f"ws://127.0.0.1:{source.port}", **more)
+    source.close()
+
+
+def wait_for(is_so):
+    deadline = time.monotonic() + 10
+    while not is_so() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert is_so()
+
+
+def test_poses_by_websocket_come_back_as_events(lines, websocket):
+    source, told, connect = websocket
+    with pytest.raises(InvalidInput, match=rf"port {source.port} of 127.0.0.1 .* with --port"):
         WebSocketSource(source.port, tell=told.append)
-    with client.connect(f"ws://127.0.0.1:{source.port}") as connection:
+    with pytest.raises(InvalidInput, match="give an address of this computer"):
+        WebSocketSource(0, address="192.0.2.1", tell=told.append)
+    with connect() as connection:
         connection.send("\n".join(lines[:4]))
         arrived = source.lines()
         assert [next(arrived)[1] for _ in range(4)] == lines[:4]
@@ -146,10 +314,47 @@ def test_poses_by_websocket_come_back_as_events(lines):
         sending = threading.Thread(target=connection.send, args=("\n".join(["{}"] * 400),))
         sending.start()
         sending.join(timeout=5)
-        deadline = time.monotonic() + 5
-        while not any("faster" in text for text in told) and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert any("faster than they can be labelled" in text for text in told)
+        wait_for(lambda: any("faster than they can be labelled" in text for text in told))
         assert [next(arrived)[1] for _ in range(400)] == ["{}"] * 400
-    source.close()
+    assert next(arrived) == ("1", None)
     assert told[0] == "sender 1 is connected"
+    assert told[-1] == "sender 1 is gone"
+
+
+def test_a_silent_sender_is_told_as_one_that_ends(websocket, monkeypatch):
+    source, _, connect = websocket
+    monkeypatch.setattr("motionary.live.sources.SILENT_S", 0.2)
+    with connect() as connection:
+        connection.send(b'{"person": "a\xe2\x80\xa8b"}\n\n')
+        arrived = source.lines()
+        assert next(arrived) == ("1", b'{"person": "a\xe2\x80\xa8b"}')
+        assert next(arrived) == ("1", None)
+
+
+def test_nobody_waits_for_a_listener_that_does_not_read(websocket):
+    source, told, connect = websocket
+    with connect(max_queue=1, compression=None, close_timeout=0.1):
+        wait_for(lambda: told)
+        for _ in range(400):
+            source.send({"event": "x" * 60_000})
+        assert any("does not read its events" in text for text in told)
+
+
+def test_connections_that_are_none_are_told_in_a_line(websocket, capfd):
+    source, told, connect = websocket
+    with socket.create_connection(("127.0.0.1", source.port)) as hello:
+        hello.sendall(b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n")
+        wait_for(lambda: any("without TLS" in text for text in told))
+    with pytest.raises(Exception, match="403"), connect(origin="https://example.com"):
+        pass
+    with connect(origin="http://localhost:3000") as connection:
+        connection.send("x" * 1_100_000)
+        wait_for(lambda: any("is gone (" in text and "too big" in text for text in told))
+    assert capfd.readouterr().err == ""
+
+
+def test_an_address_open_to_the_network_is_told():
+    pytest.importorskip("websockets")
+    told = []
+    WebSocketSource(0, address="0.0.0.0", tell=told.append).close()
+    assert "0.0.0.0 is open to the network" in told[0]

@@ -155,12 +155,23 @@ def test_poses_far_apart_leave_a_gap_between_them(take):
     assert found[10 + n_gap :] == pytest.approx(positions[10:], abs=1e-9)
 
 
+def test_times_that_a_clock_rounds_are_even(take):
+    positions = take[380:420]
+    for first, digits in ((0.0, 6), (1.8e9, 7)):
+        times = np.round(first + np.arange(40) / RATE_HZ, digits)
+        even = EvenTimes(RATE_HZ)
+        found = np.concatenate([even.push(positions[p], times[p]) for p in chunks(40, 3)])
+        assert np.array_equal(np.isnan(found), np.isnan(positions))
+        assert found == pytest.approx(positions, abs=1e-9, nan_ok=True)
+
+
 def test_what_does_not_fit_is_refused_and_nothing_is_kept(take):
     annotator = mo.LiveAnnotator(rate_hz=RATE_HZ)
     annotator.push(take[:2], [0.0, 0.1])
     for positions, times, what in (
         (take[:1], [0.05], "backwards"),
         (take[:1], [np.nan], "times must grow"),
+        (take[:1], [1e6], "at most 60 s apart"),
         (take[:2], [0.2], "as many times"),
         (take[:1, :7], None, "24 joints"),
     ):

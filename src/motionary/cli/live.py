@@ -79,7 +79,8 @@ def live(
     if port is None:
         if sys.stdin.isatty():
             screen.warn("waiting for poses from stdin, lines of JSON; Ctrl-D ends")
-        return _run(people, PipeSource(sys.stdin), final_only=final)
+        # Bytes that are no text end no stream.
+        return _run(people, PipeSource(getattr(sys.stdin, "buffer", sys.stdin)), final_only=final)
     source = WebSocketSource(port, address=address, tell=screen.warn)
     screen.warn(f"listening to ws://{address}:{source.port}; Ctrl-C ends")
     return _run(people, source, final_only=final)
@@ -114,6 +115,7 @@ def replay(
 def _run(people: "LivePeople", source: "Source", *, final_only: bool) -> int:
     """Label what a source gives until it ends; 1 if some lines were of no use."""
     wrong: Counter[str] = Counter()
+    n_wrong = 0
 
     def give(events: "list[PersonEvent]") -> None:
         for event in events:
@@ -126,15 +128,21 @@ def _run(people: "LivePeople", source: "Source", *, final_only: bool) -> int:
 
     try:
         for sender, line in source.lines():
+            if line is None:
+                give(people.leave(sender))
+                wrong.pop(sender, None)
+                continue
             try:
                 give(people.push(line, sender=sender))
             except InvalidInput as error:
+                n_wrong += 1
                 wrong[sender] += 1
                 if wrong[sender] <= _MOST_TOLD:
-                    screen.warn(f"{sender or 'a line'}: {error}")
+                    screen.warn(f"{f'sender {sender}' if sender else 'a line'}: {error}")
     except KeyboardInterrupt:
         screen.warn("stopped; what is left becomes final")
     give(people.finish())
-    if wrong:
-        screen.warn(f"{wrong.total()} lines were of no use")
-    return 1 if wrong else 0
+    source.close()
+    if n_wrong:
+        screen.warn(f"{n_wrong} lines were of no use")
+    return 1 if n_wrong else 0

@@ -20,11 +20,11 @@ from motionary.labels import Label
 from motionary.live.deciding import Decisions, Found
 from motionary.live.timing import EvenTimes
 from motionary.matching import StreamedPath
-from motionary.models.library import ClassLibrary, load_everyday, thresholds_for
+from motionary.models.library import ClassLibrary, load_everyday
 from motionary.packing import PackedFeatures, count_integers
 from motionary.recording import Recording, Segment
 from motionary.retrieval.explanation import Evidence, explain
-from motionary.retrieval.scored_labels import find_evidence, make_label
+from motionary.retrieval.scored_labels import find_evidence, limits_for, make_label
 
 Status = Literal["provisional", "revised", "withdrawn", "final"]
 
@@ -87,9 +87,9 @@ class LiveAnnotator:
         if not 1.0 <= rate_hz < np.inf:
             raise InvalidInput(f"rate_hz must be at least 1 pose per second, got {rate_hz}")
         library = load_everyday() if library is None else library
-        least = np.full(len(library), threshold)
-        if threshold is None:
-            least = thresholds_for(library, at_most_false_per_min)
+        if threshold is not None and at_most_false_per_min is not None:
+            raise InvalidInput("threshold or at_most_false_per_min: give one, not both")
+        least = limits_for(library, threshold, at_most_false_per_min)
         self.library, self._skeleton = library, skeleton
         self._recording = Recording(name, rate_hz=rate_hz)
         self._times = EvenTimes(rate_hz)
@@ -109,6 +109,11 @@ class LiveAnnotator:
         return self._features.delay_s + self._matches.look_ahead / SEQUENCE_HZ
 
     @property
+    def rate_hz(self) -> float:
+        """Poses per second."""
+        return self._recording.rate_hz
+
+    @property
     def duration_s(self) -> float:
         """Time that the poses so far last."""
         return self._recording.duration_s
@@ -125,8 +130,8 @@ class LiveAnnotator:
         Raises
         ------
         InvalidInput
-            If the joints are not those of the skeleton, a time does not grow, or the stream
-            has been finished. Nothing is kept of such poses.
+            If the joints are not those of the skeleton, a time does not grow or is a minute
+            later, or the stream has been finished. Nothing is kept of such poses.
         """
         if self.is_finished:
             raise InvalidInput("the stream is finished; a new recording needs a new annotator")

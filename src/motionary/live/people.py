@@ -1,6 +1,7 @@
 """Labels of several people at once, each by an annotator of their own."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,10 +11,14 @@ from motionary.live.annotator import LiveAnnotator, LiveEvent
 from motionary.live.poses import Pose, PoseLines
 from motionary.models.library import ClassLibrary, load_everyday
 
-#: Of a clock that goes back by more, what follows is another recording.
+# Of a clock that goes back by more, what follows is another recording.
 _RESTART_S = 1.0
+#: Who is not sent for longer has left; a return begins another recording.
+ABSENT_S = 10.0
 # Nobody sends so many people: a sender that numbers its poses instead would fill the memory.
 MOST_PEOPLE = 64
+# First lines of senders that have no people are kept of so many.
+_MOST_SENDERS = 256
 
 
 class PersonEvent(NamedTuple):
@@ -23,10 +28,17 @@ class PersonEvent(NamedTuple):
     ----------
     person : as the poses name them
     event : what became known
+    sender : whose poses they are
+    recording : its number, from 1; ids of events count anew in each
+    recording_start_s : when its first pose was, by the sender's clock, from which times of
+        labels count; None if it has none
     """
 
     person: str
     event: LiveEvent
+    sender: str = ""
+    recording: int = 1
+    recording_start_s: float | None = None
 
     def as_json(self) -> dict[str, Any]:
         """The event as `motionary live` prints it."""
@@ -34,7 +46,10 @@ class PersonEvent(NamedTuple):
         return {
             "event": event.status,
             "id": event.id,
+            "sender": self.sender,
             "person": self.person,
+            "recording": self.recording,
+            "recording_start_s": self.recording_start_s,
             "label": label.name,
             "start_s": round(label.start_s, 4),
             "end_s": round(label.end_s, 4),
@@ -51,7 +66,38 @@ class PersonEvent(NamedTuple):
 class _Person:
     annotator: LiveAnnotator
     joints: str | tuple[str, ...] | None
+    name: str
+    sender: str
+    recording: int = 0
+    begin_s: float | None = None
     last_s: float | None = None
+    last_round: int = 0
+
+    def tell(self, events: Iterable[LiveEvent]) -> list[PersonEvent]:
+        """Events as those of this person."""
+        facts = self.sender, self.recording, self.begin_s
+        return [PersonEvent(self.name, event, *facts) for event in events]
+
+
+@dataclass(slots=True)
+class _Sender:
+    """What a sender says of all its poses, and how far they are.
+
+    A round is over when one of its people is sent again: poses without times have no other
+    clock, and clocks are set.
+    """
+
+    reader: PoseLines
+    round: int = 0
+    sent: set[str] = field(default_factory=set)
+
+    def count(self, name: str) -> int:
+        """Number of the round of a person's pose."""
+        if name in self.sent:
+            self.round += 1
+            self.sent.clear()
+        self.sent.add(name)
+        return self.round
 
 
 class LivePeople:
@@ -76,8 +122,10 @@ class LivePeople:
         self._library = load_everyday() if library is None else library
         self._rate_hz, self._skeleton = rate_hz, skeleton
         self._at_most_false = at_most_false_per_min
-        self._readers: dict[str, PoseLines] = {}
+        self._senders: dict[str, _Sender] = {}
         self._people: dict[tuple[str, str], _Person] = {}
+        self._n_recordings = 0
+        self._due: list[PersonEvent] = []
 
     def push(self, line: str | bytes, *, sender: str = "") -> list[PersonEvent]:
         """What a line makes known.
@@ -87,32 +135,62 @@ class LivePeople:
         InvalidInput
             If it is no pose, or one that does not fit; other lines and people go on.
         """
-        reader = self._readers.setdefault(sender, PoseLines(self._rate_hz, self._skeleton))
-        pose = reader.read(line)
-        if pose is None:
-            return []
-        key = sender, pose.person
-        events: list[PersonEvent] = []
-        person = self._people.get(key)
-        if person is not None and _starts_anew(pose, person):
-            events, person = self._finish(key), None
-        if person is None:
-            person = self._people[key] = self._start(pose, reader.rate_hz)
-        times = None if pose.time_s is None else [pose.time_s]
-        found = person.annotator.push(pose.positions[np.newaxis], times)
-        person.last_s = pose.time_s
-        return events + [PersonEvent(pose.person, event) for event in found]
+        # What was due before an error comes with the next line.
+        self._push(line, sender)
+        return self._take()
+
+    def leave(self, sender: str) -> list[PersonEvent]:
+        """What is left of the people of a sender that has gone or is silent."""
+        for key in [key for key in self._people if key[0] == sender]:
+            self._finish(key)
+        return self._take()
 
     def finish(self) -> list[PersonEvent]:
         """What is left of all people when no more poses come."""
-        return [event for key in list(self._people) for event in self._finish(key)]
+        for key in list(self._people):
+            self._finish(key)
+        return self._take()
 
-    def _start(self, pose: Pose, rate_hz: float | None) -> _Person:
+    def _push(self, line: str | bytes, sender: str) -> None:
+        own = self._senders.get(sender) or self._meet(sender)
+        pose = own.reader.read(line)
+        if pose is None:
+            return
+        key = sender, pose.person
+        person = self._people.get(key)
+        if person is not None and _starts_anew(pose, person):
+            self._finish(key)
+            person = None
+        if person is None:
+            person = self._people[key] = self._start(pose, sender, own.reader.rate_hz)
+        times = None if pose.time_s is None else [pose.time_s]
+        events = person.annotator.push(pose.positions[np.newaxis], times)
+        if not person.recording:
+            self._n_recordings += 1
+            person.recording, person.begin_s = self._n_recordings, pose.time_s
+        self._due += person.tell(events)
+        person.last_s, person.last_round = pose.time_s, own.count(pose.person)
+        for other, one in list(self._people.items()):
+            n_absent = own.round - one.last_round if one.sender == sender else 0
+            if n_absent > ABSENT_S * one.annotator.rate_hz:
+                self._finish(other)
+
+    def _meet(self, sender: str) -> _Sender:
+        if len(self._senders) >= _MOST_SENDERS:
+            with_people = {key[0] for key in self._people}
+            del self._senders[next(one for one in self._senders if one not in with_people)]
+        new = self._senders[sender] = _Sender(PoseLines(self._rate_hz, self._skeleton))
+        return new
+
+    def _start(self, pose: Pose, sender: str, rate_hz: float | None) -> _Person:
         if rate_hz is None:
             raise InvalidInput(
                 'how many poses a second come is unknown: a first line {"rate_hz": 60} or '
                 "--rate-hz (rate_hz=) says it"
             )
+        if len(self._people) >= MOST_PEOPLE:
+            # Those of whom no pose was of use hold no place.
+            self._people = {k: one for k, one in self._people.items() if one.annotator.duration_s}
         if len(self._people) >= MOST_PEOPLE:
             raise InvalidInput(
                 f"more than {MOST_PEOPLE} people at once; does the sender number its poses where "
@@ -124,16 +202,21 @@ class LivePeople:
             skeleton=pose.joints,
             at_most_false_per_min=self._at_most_false,
         )
-        return _Person(annotator, pose.joints)
+        return _Person(annotator, pose.joints, pose.person, sender)
 
-    def _finish(self, key: tuple[str, str]) -> list[PersonEvent]:
-        return [PersonEvent(key[1], e) for e in self._people.pop(key).annotator.finish()]
+    def _finish(self, key: tuple[str, str]) -> None:
+        person = self._people.pop(key)
+        self._due += person.tell(person.annotator.finish())
+
+    def _take(self) -> list[PersonEvent]:
+        events, self._due = self._due, []
+        return events
 
 
 def _starts_anew(pose: Pose, person: _Person) -> bool:
-    """Whether a pose begins another recording: other joints, or a clock set back."""
+    """Whether a pose begins another recording: other joints, a clock set back, or a return."""
     if pose.joints != person.joints:
         return True
     if pose.time_s is None or person.last_s is None:
         return (pose.time_s is None) != (person.last_s is None)
-    return pose.time_s < person.last_s - _RESTART_S
+    return not -_RESTART_S <= pose.time_s - person.last_s <= ABSENT_S

@@ -7,7 +7,8 @@ or {"joints": {"Hips": [x, y, z], ...}}. "time_s" and "person" may stand beside 
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,11 @@ from motionary.errors import InvalidInput
 from motionary.features.body import Floats
 from motionary.motion import Motion
 
+#: No pose is longer, in characters.
+LONGEST_LINE = 100_000
 _SHOWN = 60
+# Seconds since 1970 are such times; milliseconds since then are not.
+_LAST_S, _FARTHEST_M = 1e11, 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +65,12 @@ class PoseLines:
             If it is no such line: what was expected, and its beginning.
         """
         text = line.decode("utf-8", "replace") if isinstance(line, bytes) else line
-        if not text.strip():
+        # Some programs begin a file with a mark of its encoding.
+        text = text.strip().removeprefix("\ufeff")
+        if not text:
             return None
+        if len(line) > LONGEST_LINE:
+            raise InvalidInput(f"a line of a pose has at most {LONGEST_LINE} characters, got more")
         try:
             content = json.loads(text)
         except (ValueError, RecursionError):
@@ -72,12 +81,16 @@ class PoseLines:
             self._read_head(content, text)
             return None
         time_s = content.get("time_s")
-        if time_s is not None and not _is_number(time_s):
-            raise InvalidInput(f"time_s must be a number of seconds, got {str(time_s)[:_SHOWN]!r}")
-        person = str(content.get("person", ""))[:_SHOWN]
+        if time_s is not None and not _is_number(time_s, _LAST_S):
+            raise InvalidInput(f"time_s must be a number of seconds, got {_shown(time_s)}")
+        person = _as_person(content.get("person"))
         if "positions" in content:
             return Pose(self.joints, _as_positions(content["positions"]), time_s, person)
-        named: dict[str, Any] = content["joints"]
+        positions = self._read_named(content["joints"])
+        return Pose(self.joints, positions, time_s, person)
+
+    def _read_named(self, named: Mapping[str, Any]) -> Floats:
+        """Positions by the names of joints, in the order of the first pose."""
         if not named:
             raise InvalidInput("a pose needs at least one joint, got none")
         if not isinstance(self.joints, tuple):
@@ -88,8 +101,7 @@ class PoseLines:
                 f"joint {new[0][:_SHOWN]!r} was not among those of the first pose; a first line "
                 'with "joints" names all of them, and poses may then leave some out'
             )
-        rows = [named.get(name) for name in self.joints]
-        return Pose(self.joints, _as_positions(rows), time_s, person)
+        return _as_positions([named.get(name) for name in self.joints])
 
     def _read_head(self, content: Mapping[str, Any], text: str) -> None:
         if not {"rate_hz", "joints", "skeleton"} & content.keys():
@@ -99,16 +111,16 @@ class PoseLines:
             )
         rate_hz, names = content.get("rate_hz"), content.get("joints")
         if rate_hz is not None:
-            if not _is_number(rate_hz) or not 1 <= rate_hz < 10_000:
-                raise InvalidInput(
-                    f"rate_hz must be a number from 1 on, got {str(rate_hz)[:_SHOWN]!r}"
-                )
+            if not _is_number(rate_hz, _FARTHEST_M) or not 1 <= rate_hz < 10_000:
+                raise InvalidInput(f"rate_hz must be a number from 1 on, got {_shown(rate_hz)}")
             self.rate_hz = float(rate_hz)
         if isinstance(names, list) and names and all(isinstance(name, str) for name in names):
             self.joints = tuple(names)
         elif names is not None:
             raise InvalidInput('"joints" must be a list of names, or the positions by their names')
-        elif isinstance(content.get("skeleton"), str):
+        elif "skeleton" in content:
+            if not isinstance(content["skeleton"], str):
+                raise InvalidInput('"skeleton" must be a name, as "smpl"')
             self.joints = content["skeleton"]
 
 
@@ -121,25 +133,41 @@ def write_lines(motion: Motion) -> Iterator[str]:
         yield json.dumps({"time_s": round(i / motion.rate_hz, 6), "positions": rows})
 
 
+def _as_person(name: Any) -> str:
+    """Name of a person; that of two people must not become one by being cut."""
+    if name is None:
+        return ""
+    if isinstance(name, bool) or not isinstance(name, str | int):
+        raise InvalidInput(f"person must be a name or a number, got {_shown(name)}")
+    if len(text := str(name)) > _SHOWN:
+        raise InvalidInput(f"person must have at most {_SHOWN} characters, got {len(text)}")
+    return text
+
+
 def _as_positions(rows: Any) -> Floats:
-    if not isinstance(rows, Sequence) or isinstance(rows, str) or not rows:
+    if not isinstance(rows, list) or not rows:
         raise InvalidInput("positions must be a list with [x, y, z] or null for each joint")
     positions = np.full((len(rows), 3), np.nan)
     for i, row in enumerate(rows):
         if row is None:
             continue
-        if not (isinstance(row, list) and len(row) == 3 and all(map(_is_number_or_null, row))):
-            raise InvalidInput(
-                f"a position must be [x, y, z] in metres or null, got {str(row)[:_SHOWN]!r}"
-            )
-        if None not in row:
+        if not (isinstance(row, list) and len(row) == 3 and all(map(_is_coordinate, row))):
+            raise InvalidInput(f"a position must be [x, y, z] in metres or null, got {_shown(row)}")
+        if None not in row and not any(map(math.isnan, row)):
             positions[i] = row
     return positions
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < 1e9
+def _is_number(value: Any, limit: float) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < limit
 
 
-def _is_number_or_null(value: Any) -> bool:
-    return value is None or _is_number(value)
+def _is_coordinate(value: Any) -> bool:
+    """Whether it is one, or NaN or null: some write what is not seen so."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return True
+    return _is_number(value, _FARTHEST_M)
+
+
+def _shown(value: Any) -> str:
+    return repr(str(value)[:_SHOWN])

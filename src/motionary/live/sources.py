@@ -1,34 +1,53 @@
 """Where poses come from: lines of a file or a pipe, or a websocket.
 
 A source gives lines and takes events. What arrives faster than it is labelled waits in a
-queue of bounded length; a websocket's sender then has to wait, which is told once.
+queue of bounded length; a websocket's sender then has to wait, which is told once. Nobody waits
+for a listener: events that it does not take are lost to it, which is told once, too.
 """
 
+import errno
+import ipaddress
 import json
+import logging
 import queue
+import re
+import socket
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, Protocol
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from typing import IO, Any, Protocol
 
 from motionary.errors import InvalidInput
+from motionary.live.poses import LONGEST_LINE
 
-#: Lines that wait at most.
+#: Lines, and events of one listener, that wait at most.
 MOST_WAITING = 256
-# A longer message is no pose.
+#: Of a sender that is silent for longer, what is left becomes final.
+SILENT_S = 10.0
+# A longer message is no pose, nor several.
 _LONGEST = 1_000_000
 _LOOPBACK = "127.0.0.1"
+_TICK_S, _CLOSING_S = 0.5, 2.0
+# A page of any other origin that a browser shows could read what a body does.
+_ORIGINS = (None, re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"))
 
 Tell = Callable[[str], None]
+#: Sender and line; None instead of a line if the sender has gone or is silent.
+Arrival = tuple[str, str | bytes | None]
 
 
 class Source(Protocol):
     """Lines of poses, each with the name of its sender, and a way back for events."""
 
-    def lines(self) -> Iterator[tuple[str, str | bytes]]:
-        """Sender and line, until no more come."""
+    def lines(self) -> Iterator[Arrival]:
+        """Sender and line, until no more come; None for a line if a sender ends or is silent."""
 
     def send(self, event: Mapping[str, Any]) -> None:
         """Give an event to whoever listens."""
+
+    def close(self) -> None:
+        """Give what waits to whoever listens, and end."""
 
 
 class PipeSource:
@@ -36,18 +55,23 @@ class PipeSource:
 
     Parameters
     ----------
-    file : gives lines
+    file : gives lines, of bytes or text
     """
 
-    def __init__(self, file: Iterable[str]) -> None:
+    def __init__(self, file: IO[str] | IO[bytes]) -> None:
         self._file = file
 
-    def lines(self) -> Iterator[tuple[str, str | bytes]]:
+    def lines(self) -> Iterator[Arrival]:
         """Sender and line; there is one sender."""
-        return (("", line) for line in self._file)
+        # A file without line ends must not be read as a whole.
+        while line := self._file.readline(LONGEST_LINE + 1):
+            yield "", line
 
     def send(self, event: Mapping[str, Any]) -> None:
         """Nobody else listens."""
+
+    def close(self) -> None:
+        """Nothing waits."""
 
 
 class WebSocketSource:
@@ -66,7 +90,8 @@ class WebSocketSource:
     Raises
     ------
     InvalidInput
-        If the package websockets is not installed, or the port is taken.
+        If the package websockets is not installed, the port is taken, or the address is
+        none of this computer.
     """
 
     def __init__(self, port: int, *, address: str = _LOOPBACK, tell: Tell) -> None:
@@ -77,24 +102,41 @@ class WebSocketSource:
                 f"poses by websocket need the package websockets ({error}); "
                 "pip install 'motionary[live]', or send lines of JSON to stdin"
             ) from error
-        self._tell, self._waiting = tell, queue.Queue[tuple[str, str | bytes]](MOST_WAITING)
-        self._listeners: dict[int, Any] = {}
+        self._tell, self._waiting = tell, queue.Queue[Arrival](MOST_WAITING)
+        self._listeners: dict[int, _Listener] = {}
         self._lock = threading.Lock()
-        self._n_connections, self._is_slow = 0, False
+        self._n_connections, self._is_slow, self._is_closed = 0, False, False
+        logger = logging.Logger("motionary.live", logging.DEBUG)
+        logger.addHandler(_Failures(tell))
         try:
-            self._server = serve(self._receive, address, port, max_size=_LONGEST)
+            self._server = serve(
+                self._receive, address, port, max_size=_LONGEST, origins=_ORIGINS, logger=logger
+            )
         except OSError as error:
-            raise InvalidInput(
-                f"port {port} of {address} cannot be listened to ({error.strerror or error}); "
-                "give another with --port, or 0 for any that is free"
-            ) from error
-        self.port = int(self._server.socket.getsockname()[1])
+            raise InvalidInput(_describe(error, address, port)) from error
+        bound, self.port = self._server.socket.getsockname()[:2]
+        if not ipaddress.ip_address(bound).is_loopback:
+            tell(
+                f"{address} is open to the network: whoever reaches this computer there can send "
+                "poses and read labels"
+            )
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
-    def lines(self) -> Iterator[tuple[str, str | bytes]]:
-        """Sender and line, for as long as this is listened to."""
-        while True:
-            yield self._waiting.get()
+    def lines(self) -> Iterator[Arrival]:
+        """Sender and line, for as long as this is listened to; None if one ends or is silent."""
+        heard: dict[str, float] = {}
+        while not self._is_closed:
+            # Without a limit of time no Ctrl-C would be heard on Windows.
+            with suppress(queue.Empty):
+                sender, line = self._waiting.get(timeout=_TICK_S)
+                yield sender, line
+                heard[sender] = time.monotonic()
+                if line is None:
+                    del heard[sender]
+            now = time.monotonic()
+            for sender in [one for one, last in heard.items() if now - last > SILENT_S]:
+                del heard[sender]
+                yield sender, None
 
     def send(self, event: Mapping[str, Any]) -> None:
         """Give an event to all that are connected."""
@@ -102,15 +144,21 @@ class WebSocketSource:
         with self._lock:
             listeners = list(self._listeners.values())
         for listener in listeners:
-            # Who has gone has gone; the others are still there.
-            try:
-                listener.send(text)
-            except Exception as error:
-                self._tell(f"an event did not reach a listener: {error}")
+            listener.offer(text)
 
     def close(self) -> None:
-        """Listen no more."""
-        self._server.shutdown()
+        """Give what waits to those that are connected, and listen no more."""
+        self._is_closed = True
+        with self._lock:
+            listeners = list(self._listeners.values())
+        for listener in listeners:
+            listener.end()
+        for listener in listeners:
+            listener.thread.join(_CLOSING_S)
+        # It waits for connections that may never answer.
+        closing = threading.Thread(target=self._server.shutdown, daemon=True)
+        closing.start()
+        closing.join(_CLOSING_S)
 
     def _receive(self, connection: Any) -> None:
         from websockets.exceptions import ConnectionClosed
@@ -118,25 +166,100 @@ class WebSocketSource:
         with self._lock:
             self._n_connections += 1
             number = self._n_connections
-            self._listeners[number] = connection
+            listener = self._listeners[number] = _Listener(connection, number, self._tell)
         self._tell(f"sender {number} is connected")
+        reason = ""
         try:
             for message in connection:
                 # Several poses may come in one message.
-                for line in message.splitlines():
-                    self._wait_for_room()
-                    self._waiting.put((str(number), line))
-        except ConnectionClosed:
-            pass
+                for line in message.split(b"\n" if isinstance(message, bytes) else "\n"):
+                    if line.strip():
+                        self._put((str(number), line[: LONGEST_LINE + 1]))
+        except ConnectionClosed as error:
+            reason = f" ({error})"
         finally:
             with self._lock:
                 del self._listeners[number]
-            self._tell(f"sender {number} is gone")
+            listener.end()
+            self._put((str(number), None))
+            self._tell(f"sender {number} is gone{reason}")
 
-    def _wait_for_room(self) -> None:
+    def _put(self, arrival: Arrival) -> None:
+        """Let a line wait for its turn, and its sender for room."""
         if self._waiting.full() and not self._is_slow:
             self._is_slow = True
             self._tell(
                 "poses come faster than they can be labelled: senders have to wait; send fewer a "
                 "second, or one person only"
             )
+        while not self._is_closed:
+            with suppress(queue.Full):
+                self._waiting.put(arrival, timeout=_TICK_S)
+                return
+
+
+class _Listener:
+    """Events on their way to one connection, by a thread of their own."""
+
+    def __init__(self, connection: Any, number: int, tell: Tell) -> None:
+        self._connection, self._number, self._tell = connection, number, tell
+        self._events = queue.Queue[str | None](MOST_WAITING)
+        self._is_slow = False
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.thread.start()
+
+    def offer(self, text: str) -> None:
+        try:
+            self._events.put_nowait(text)
+        except queue.Full:
+            if not self._is_slow:
+                self._is_slow = True
+                self._tell(
+                    f"sender {self._number} does not read its events: those that do not wait for "
+                    "it are lost to it"
+                )
+
+    def end(self) -> None:
+        """Let the thread end when what waits has been sent."""
+        # Where there is no room, the thread ends by the connection's end.
+        with suppress(queue.Full):
+            self._events.put_nowait(None)
+
+    def _run(self) -> None:
+        # Who has gone has gone; the others are still there.
+        with suppress(Exception):
+            while (text := self._events.get()) is not None:
+                self._connection.send(text)
+
+
+class _Failures(logging.Handler):
+    """Tells of connections that did not come about, in a line each."""
+
+    def __init__(self, tell: Tell) -> None:
+        super().__init__()
+        self._tell, self._last = tell, ""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        from websockets.exceptions import InvalidHandshake
+
+        # Refusals are logged for those only who trace everything.
+        error = record.exc_info[1] if record.exc_info else None
+        if not isinstance(error, ValueError | InvalidHandshake):
+            return
+        text = (
+            f"a connection failed ({error}); programs connect by ws://, "
+            "without TLS, and pages of a browser from this computer only"
+        )
+        # One that tries for hours is told once.
+        if text != self._last:
+            self._last = text
+            self._tell(text)
+
+
+def _describe(error: OSError, address: str, port: int) -> str:
+    """What is wrong with a place that cannot be listened to."""
+    remedy = "give another with --port, or 0 for any that is free"
+    if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+        remedy = "give an address of this computer with --address"
+    reason = error.strerror or error
+    return f"port {port} of {address} cannot be listened to ({reason}); {remedy}"

@@ -12,8 +12,11 @@ from motionary.features.body import Floats
 
 #: Positions that are farther apart in time leave a gap between them.
 MOST_GAP_S = 0.25
-# A time so near to an even one is that one: clocks round.
-_SLACK = 1e-9
+#: Two poses of one recording are not farther apart: a gap fills memory, and time.
+MOST_JUMP_S = 60.0
+# A time so near to an even one is that one: clocks round to microseconds, and seconds since
+# 1970 have no more digits.
+_SLACK_S = 1e-6
 
 
 class EvenTimes:
@@ -42,7 +45,8 @@ class EvenTimes:
         Raises
         ------
         InvalidInput
-            If a time is not a number, or not later than the one before; nothing is kept then.
+            If a time is not a number, not later than the one before, or so much later that
+            it is another recording's; nothing is kept then.
         """
         before = np.concatenate([[self._last_s], times_s[:-1]])
         if not np.isfinite(times_s).all() or not (times_s > before).all():
@@ -53,6 +57,12 @@ class EvenTimes:
             )
         if len(times_s) == 0:
             return positions
+        jumps = np.diff(times_s, prepend=times_s[0] if self._first_s is None else self._last_s)
+        if jumps.max() > MOST_JUMP_S:
+            raise InvalidInput(
+                f"times must be seconds, at most {MOST_JUMP_S:g} s apart, got poses that are "
+                f"{jumps.max():g} s apart; a new recording needs a new annotator"
+            )
         if self._first_s is None:
             self._first_s = float(times_s[0])
         else:
@@ -60,13 +70,16 @@ class EvenTimes:
             times_s = np.concatenate([[self._last_s], times_s])
         self._last, self._last_s = positions[-1], float(times_s[-1])
         elapsed = (times_s - self._first_s) * self.rate_hz
-        numbers = np.arange(self._n_given, math.floor(elapsed[-1] + _SLACK) + 1)
+        slack = _SLACK_S * self.rate_hz
+        numbers = np.arange(self._n_given, math.floor(elapsed[-1] + slack) + 1)
         self._n_given += len(numbers)
         if len(times_s) == 1:
             return positions[: len(numbers)]
-        right = np.clip(np.searchsorted(elapsed, numbers - _SLACK), 1, len(elapsed) - 1)
+        right = np.clip(np.searchsorted(elapsed, numbers - slack), 1, len(elapsed) - 1)
         span = (elapsed[right] - elapsed[right - 1])[:, np.newaxis, np.newaxis]
         along = (numbers - elapsed[right - 1])[:, np.newaxis, np.newaxis] / span
+        is_right = (numbers > elapsed[right - 1]) & (elapsed[right] - numbers <= slack)
+        along[is_right] = 1.0
         along = np.clip(along, 0.0, 1.0)
         low, high = positions[right - 1], positions[right]
         between = np.where(span > MOST_GAP_S * self.rate_hz, np.nan, low + along * (high - low))
