@@ -120,42 +120,6 @@ def test_each_person_and_sender_has_labels_of_their_own(lines, library):
         assert sorted(labels_of(own)) == sorted(labels_of(expected) * times)
 
 
-def test_a_stream_of_bytes_may_hold_any(capsys, monkeypatch, lines, library):
-    text = "\ufeff" + "\n".join(lines[:3]) + "\n"
-    content = text.encode() + b"\xff\xfe\n" + b"x" * 250_000 + b"\n"
-    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(content), encoding="utf-8"))
-    ran = run(capsys, monkeypatch, "live", "--library", library)
-    assert ran.code == 1
-    assert "has at most 100000 characters, got more" in ran.err
-    assert "4 lines were of no use" in ran.err
-
-
-def as_poses(lines, **more):
-    """The lines, with something beside the positions of each pose."""
-    yield lines[0]
-    for line in lines[1:]:
-        yield json.dumps(json.loads(line) | more)
-
-
-def labels_of(events):
-    final = [one.event.label for one in events if one.event.status == "final"]
-    return [(label.name, label.start_s, label.end_s) for label in final]
-
-
-def test_each_person_and_sender_has_labels_of_their_own(lines, library):
-    classes = mo.ClassLibrary.load(library)
-    alone, people = LivePeople(classes), LivePeople(classes)
-    expected = [event for line in lines for event in alone.push(line)] + alone.finish()
-    found = []
-    for one, other in zip(as_poses(lines, person="a"), as_poses(lines, person="b"), strict=True):
-        found += people.push(one) + people.push(other, sender="2") + people.push(other)
-    found += people.finish()
-    assert labels_of(expected)
-    for person, times in (("a", 1), ("b", 2)):
-        own = [event for event in found if event.person == person]
-        assert sorted(labels_of(own)) == sorted(labels_of(expected) * times)
-
-
 def test_a_clock_set_back_begins_another_recording(lines, library):
     people = LivePeople(mo.ClassLibrary.load(library))
     first = [event for line in lines for event in people.push(line)]
