@@ -196,9 +196,9 @@ def _read_json(path: str) -> dict[str, Any]:
     try:
         told = json.loads(Path(path).read_text("utf-8"))
     except (OSError, ValueError) as error:
-        raise UnreadableFile(f"{Path(path).name}: cannot be read as JSON: {error}") from None
+        raise UnreadableFile(f"cannot be read as JSON: {error}", file=Path(path).name) from None
     if not isinstance(told, dict):
-        raise InvalidInput(f'{Path(path).name}: needs {{"focal": [fx, fy], "centre": [cx, cy]}}')
+        raise InvalidInput('needs {"focal": [fx, fy], "centre": [cx, cy]}', file=Path(path).name)
     return told
 
 
@@ -213,7 +213,7 @@ def _read_database(path: str | None) -> "PoseDatabase | None":
         with np.load(path, allow_pickle=False) as arrays:
             held = {key: arrays[key] for key in arrays.files}
     except (OSError, ValueError) as error:
-        raise UnreadableFile(f"{Path(path).name}: is no pose database: {error}") from None
+        raise UnreadableFile(f"is no pose database: {error}", file=Path(path).name) from None
     return database_from_arrays(held)
 
 

@@ -77,7 +77,8 @@ def track_recording(
         first = list(islice(images, background))
         if len(first) == len(recording):
             raise InvalidInput(
-                f"{recording.name}: {background} images of the empty scene leave none of the person"
+                f"{background} images of the empty scene leave none of the person",
+                file=recording.name,
             )
         empty = learn_background(np.stack(first)) if first else None
     elif background is not None:
@@ -93,7 +94,7 @@ def track_recording(
             tracker.forget()
         poses.append(tracker.track(image))
     if all(pose.status == "none" for pose in poses):
-        raise InvalidInput(f"{recording.name}: no person is tracked: {poses[-1].reason}")
+        raise InvalidInput(f"no person is tracked: {poses[-1].reason}", file=recording.name)
     motion = to_motion(
         poses, tracker.body, rate_hz=recording.rate_hz, name=recording.name,
         least_confidence=least_confidence,

@@ -79,13 +79,14 @@ class DepthRecording:
         ):
             if not 0.2 * side < focal < 10 * side or not low * side < centre < high * side:
                 raise InvalidInput(
-                    f"{self.name}: intrinsics do not belong to images of {self.width} x "
+                    f"intrinsics do not belong to images of {self.width} x "
                     f"{self.height}: focal {self.focal}, centre {self.centre}; give those of the "
-                    "depth camera at this size, in pixels"
+                    "depth camera at this size, in pixels",
+                    file=self.name,
                 )
         if not 0 < self.rate_hz <= 1000:
             raise InvalidInput(
-                f"{self.name}: images a second must be above 0, got {self.rate_hz:g}"
+                f"images a second must be above 0, got {self.rate_hz:g}", file=self.name
             )
 
     def __len__(self) -> int:
@@ -103,8 +104,9 @@ class DepthRecording:
             raw, name = (_read_png(one), one.name) if isinstance(one, Path) else (one, self.name)
             if raw.shape != (self.height, self.width):
                 raise InvalidInput(
-                    f"{name}: has another size, {raw.shape[1]} x {raw.shape[0]} in place of "
-                    f"{self.width} x {self.height}; all images of a recording need one size"
+                    f"has another size, {raw.shape[1]} x {raw.shape[0]} in place of "
+                    f"{self.width} x {self.height}; all images of a recording need one size",
+                    file=name,
                 )
             depth = raw.astype(np.float64) * self.scale
             depth[~(depth > 0)] = np.nan
@@ -136,7 +138,7 @@ def read_depth(
     """
     path = Path(path)
     if not path.exists():
-        raise UnreadableFile(f"{path}: there is no such folder or file of depth images")
+        raise UnreadableFile("there is no such folder or file of depth images", file=path)
     source: tuple[Path, ...] | NDArray[Any]
     if path.is_dir():
         source, told = _read_folder(path)
@@ -146,7 +148,7 @@ def read_depth(
         source, told = _read_mat(path)
     else:
         kinds = "; ".join(f"{kind}: {what}" for kind, what in DEPTH_FORMATS.items())
-        raise UnreadableFile(f"{path.name}: holds no depth images that can be read ({kinds})")
+        raise UnreadableFile(f"holds no depth images that can be read ({kinds})", file=path.name)
     told = {**told, **(intrinsics or {})}
     first = _read_png(source[0]) if isinstance(source, tuple) else source[0]
     recording = _describe(path.stem, source, first, told)
@@ -167,18 +169,20 @@ def _describe(
     centre = _pair(told, "centre", ("cx", "cy"), ("ppx", "ppy"), ("center",))
     if focal is None or centre is None:
         raise InvalidInput(
-            f"{name}: intrinsics are missing: write focal (fx, fy) and centre (cx, cy) of the "
-            "depth camera, in pixels, into camera.json beside the images"
+            "intrinsics are missing: write focal (fx, fy) and centre (cx, cy) of the "
+            "depth camera, in pixels, into camera.json beside the images",
+            file=name,
         )
     for side, given in (("width", first.shape[1]), ("height", first.shape[0])):
         if side in told and int(told[side]) != given:
             raise InvalidInput(
-                f"{name}: intrinsics are for a {side} of {told[side]}, the images have {given}; "
-                "give those of this size"
+                f"intrinsics are for a {side} of {told[side]}, the images have {given}; "
+                "give those of this size",
+                file=name,
             )
     scale = told.get("depth_scale", _UNITS.get(str(told.get("unit", "mm"))))
     if scale is None:
-        raise InvalidInput(f"{name}: unit: choose {', '.join(_UNITS)}, got {told['unit']!r}")
+        raise InvalidInput(f"unit: choose {', '.join(_UNITS)}, got {told['unit']!r}", file=name)
     rate, gaps, notes = _read_times(told, len(source))
     turn, place = told.get("world_from_camera"), told.get("position")
     if told.get("synthetic"):
@@ -225,14 +229,14 @@ def _read_times(told: Mapping[str, Any], n: int) -> tuple[float, tuple[int, ...]
 def _read_folder(path: Path) -> tuple[tuple[Path, ...], dict[str, Any]]:
     files = tuple(sorted(one for one in path.iterdir() if one.suffix.lower() == ".png"))
     if not files:
-        raise UnreadableFile(f"{path}: holds no PNG images of depth")
+        raise UnreadableFile("holds no PNG images of depth", file=path)
     told: dict[str, Any] = {}
     for name in INTRINSICS:
         if (path / name).is_file():
             try:
                 told = json.loads((path / name).read_text("utf-8"))
             except ValueError as error:
-                raise UnreadableFile(f"{name}: is no JSON: {error}") from None
+                raise UnreadableFile(f"is no JSON: {error}", file=name) from None
             break
     if "times_s" not in told and all(one.stem.count(".") == 1 for one in files):
         # As the TUM benchmark names them: 1305031102.160407.png.
@@ -246,12 +250,12 @@ def _read_npz(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
         with np.load(path, allow_pickle=False) as arrays:
             held = {key: arrays[key] for key in arrays.files}
     except (ValueError, OSError) as error:
-        raise UnreadableFile(f"{path.name}: cannot be read: {error}") from None
+        raise UnreadableFile(f"cannot be read: {error}", file=path.name) from None
     images = held.pop("depth", None)
     if images is None or images.ndim != 3 or not len(images):
         raise UnreadableFile(
-            f"{path.name}: needs an array `depth` (images, height, width), got "
-            f"{', '.join(held) or 'nothing'}"
+            f"needs an array `depth` (images, height, width), got {', '.join(held) or 'nothing'}",
+            file=path.name,
         )
     told = {key: one.item() if one.ndim == 0 else one for key, one in held.items()}
     if "unit" not in told and np.issubdtype(images.dtype, np.floating):
@@ -265,10 +269,10 @@ def _read_mat(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
     try:
         held = loadmat(path)
     except (ValueError, OSError, NotImplementedError) as error:
-        raise UnreadableFile(f"{path.name}: cannot be read: {error}") from None
+        raise UnreadableFile(f"cannot be read: {error}", file=path.name) from None
     images = held.get("d_depth")
     if images is None or images.ndim != 3:
-        raise UnreadableFile(f"{path.name}: holds no d_depth (height, width, images)")
+        raise UnreadableFile("holds no d_depth (height, width, images)", file=path.name)
     return np.moveaxis(images, 2, 0), dict(UTD_MHAD)
 
 
@@ -281,12 +285,13 @@ def _read_png(path: Path) -> NDArray[Any]:
             mode = image.mode
             values = np.array(image)
     except (UnidentifiedImageError, OSError, SyntaxError) as error:
-        raise UnreadableFile(f"{path.name}: is no image that can be read: {error}") from None
+        raise UnreadableFile(f"is no image that can be read: {error}", file=path.name) from None
     if not (mode.startswith("I") and values.ndim == 2):
         raise InvalidInput(
-            f"{path.name}: depth needs one channel of 16 bits, got {mode} with "
+            f"depth needs one channel of 16 bits, got {mode} with "
             f"{8 if values.dtype == np.uint8 else 8 * values.itemsize} bits: this is a picture "
-            "for the eye; export the raw depth"
+            "for the eye; export the raw depth",
+            file=path.name,
         )
     return values
 
@@ -300,6 +305,7 @@ def _check_unit(depth: Floats, name: str) -> None:
     if not _NEAREST_M < middle < _FARTHEST_M:
         other = "mm" if middle > _FARTHEST_M else "m"
         raise InvalidInput(
-            f"{name}: depths of {middle:.4g} m are none of a room; the unit is another one, "
-            f'perhaps "unit": "{other}"'
+            f"depths of {middle:.4g} m are none of a room; the unit is another one, "
+            f'perhaps "unit": "{other}"',
+            file=name,
         )
