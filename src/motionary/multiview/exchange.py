@@ -29,11 +29,17 @@ LIMBS = {
 #: Of a pair of rays that contradict the others at most this counts, at `_SCALE_PX` half.
 _SCALE_PX = 20.0
 _COST_EXCHANGED = 0.06
+# A ray that no other meets: else exchanges would pay that part rays which nearly meet.
+_COST_ALONE = 0.3
 _COST_CHANGE = 0.3
 _COST_JUMP, _MOST_JUMP_M = 40.0, 0.3
 # Hips and elbows that lie against the shoulders, left where those have right, cost so much. It
 # tells a state from its opposite, which has the same rays.
 _COST_AGAINST = 0.6
+# Bones whose length is off by this part of it or more cost so much: rays of two cameras to points
+# of both sides meet as well, but not where the limb could be.
+_COST_LENGTH, _WRONG_LENGTH = 0.8, 0.35
+_BONES = (("Shoulder", "Elbow"), ("Elbow", "Wrist"), ("Hip", "Knee"), ("Knee", "Ankle"))
 #: States whose costs differ by less are told apart by chance: "unsure".
 UNSURE = 0.25
 #: Cameras beyond so many are decided one after the other.
@@ -68,25 +74,68 @@ def find_exchanges(sight: Sight, *, near: Floats | None = None) -> tuple[Exchang
         unknown; None = by the rays alone
     """
     found = []
-    across = _shoulders(sight, near)
+    shoulders = _shoulders(sight, near)
+    lengths = _bone_lengths(sight, near)
     for limb, parts in LIMBS.items():
-        pairs = find_pairs(sight.names, parts)
-        if len(pairs):
-            found.append(_decide(limb, _pair_rays(sight, pairs, near), across))
+        own = [part for part in parts if len(find_pairs(sight.names, (part,)))]
+        if own:
+            pairs = find_pairs(sight.names, own)
+            body = _Body(tuple(own), shoulders, lengths)
+            found.append(_decide(limb, _pair_rays(sight, pairs, near), body))
     return tuple(found)
 
 
+class _Body(NamedTuple):
+    """What the rest of the body tells of a limb of `parts`.
+
+    `shoulders` (frames, 2, 3), left and right, NaN where unknown; `lengths` of bones.
+    """
+
+    parts: tuple[str, ...]
+    shoulders: Floats
+    lengths: dict[tuple[str, str], float]
+
+    def cost(self, places: Floats) -> Floats:
+        """Costs (states, frames) of places of the left limb (states, frames, pairs, 3)."""
+        right = places[::-1]
+        # The first pair of a limb lies nearest to the trunk.
+        sides = unit_vectors(places[:, :, 0] - right[:, :, 0])
+        across = unit_vectors(self.shoulders[:, 0] - self.shoulders[:, 1])
+        total: Floats = _COST_AGAINST * np.nan_to_num(1 - (sides * across).sum(axis=-1)) / 2
+        bones = [bone for bone in self.lengths if bone[1] in self.parts]
+        for one, other in bones:
+            for side, limb in enumerate((places, right)):
+                start = self.shoulders[:, side]
+                if one in self.parts:
+                    start = limb[:, :, self.parts.index(one)]
+                far = np.linalg.norm(limb[:, :, self.parts.index(other)] - start, axis=-1)
+                off = np.abs(far / self.lengths[one, other] - 1) / _WRONG_LENGTH
+                total += _COST_LENGTH / (2 * len(bones)) * np.nan_to_num(np.minimum(off, 1) ** 2)
+        return total
+
+
+def _bone_lengths(sight: Sight, near: Floats | None) -> dict[tuple[str, str], float]:
+    """Medians of the lengths of arms and legs, of both sides."""
+    points = triangulate(sight).points if near is None else near
+    lengths = {}
+    for one, other in _BONES:
+        pairs = find_pairs(sight.names, (one, other))
+        if len(pairs) == 2:
+            far = np.linalg.norm(points[:, pairs[0]] - points[:, pairs[1]], axis=-1)
+            if np.isfinite(far).any():
+                lengths[one, other] = float(np.nanmedian(far))
+    return lengths
+
+
 def _shoulders(sight: Sight, near: Floats | None) -> Floats:
-    """Directions from the right shoulder to the left one, (frames, 3); NaN where unknown."""
+    """Places of the left shoulder and the right one, (frames, 2, 3); NaN where unknown."""
     pair = find_pairs(sight.names, ("Shoulder",))
     if not len(pair):
-        return np.full((sight.weights.shape[1], 3), np.nan)
+        return np.full((sight.weights.shape[1], 2, 3), np.nan)
     own = pair[0].tolist()
     if near is None or np.isnan(near[:, own]).any():
-        shoulders = triangulate(sight.of_points(own)).points
-    else:
-        shoulders = near[:, own]
-    return unit_vectors(shoulders[:, 0] - shoulders[:, 1])
+        return triangulate(sight.of_points(own)).points
+    return near[:, own]
 
 
 def find_pairs(names: Sequence[str], parts: Sequence[str]) -> NDArray[np.intp]:
@@ -143,7 +192,7 @@ def _pair_rays(sight: Sight, pairs: NDArray[np.intp], near: Floats | None) -> _R
     )
 
 
-def _decide(limb: str, rays: _Rays, across: Floats) -> Exchange:
+def _decide(limb: str, rays: _Rays, body: _Body) -> Exchange:
     """The exchanges of one limb."""
     seen = rays.weights.sum(axis=(2, 3))
     n_cameras, n_frames = seen.shape
@@ -155,9 +204,7 @@ def _decide(limb: str, rays: _Rays, across: Floats) -> Exchange:
     own = rays.of(together.tolist())
     states = _states(len(together))
     unary, places = _cost_states(own, states)
-    # The first pair of a limb lies nearest to the trunk.
-    sides = unit_vectors(places[:, :, 0] - places[::-1, :, 0])
-    unary += _COST_AGAINST * np.nan_to_num(1 - (sides * across).sum(axis=-1)) / 2
+    unary += body.cost(places)
     path, costs = _viterbi(unary, _Steps(states, places))
     exchanged[together] = states[path].T
     for k, camera in enumerate(together):
@@ -232,8 +279,8 @@ def _misses(rays: _Rays, places: Floats, state: Bools | None = None) -> Floats:
         depth = (away * n).sum(axis=-1)
         square = np.maximum((away * away).sum(axis=-1) - depth**2, 0.0)
         square = square / np.maximum(depth, 0.1) ** 2 * USUAL_FOCAL**2
-        cost: Floats = np.nan_to_num(w * square / (square + _SCALE_PX**2), nan=0.0)
-        total += cost.sum(axis=(1, 2))
+        cost = np.nan_to_num(square / (square + _SCALE_PX**2), nan=_COST_ALONE)
+        total += (w * cost).sum(axis=(1, 2))
     mean: Floats = total / places.shape[1]
     return mean
 
