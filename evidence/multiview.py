@@ -138,7 +138,7 @@ def _found(found: Any, planted: dict[str, NDArray[np.bool_]], name: str) -> Resu
         total, rest = total + int((truth & seen).sum()), rest + int((~truth & seen).sum())
     return {
         "name": name, "planted": total, "found": hits / total if total else None,
-        "false": wrong / rest, "wrong_but_unsure": unsure,
+        "false": wrong / rest, "wrong_but_unsure": unsure, "damaged_mm": None, "put_right_mm": None,
     }  # fmt: skip
 
 

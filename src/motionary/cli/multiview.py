@@ -8,10 +8,11 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.options import Excel, Force, check_target
-from motionary.errors import UnwritableFile
+from motionary.errors import InvalidInput, UnwritableFile
 
 if TYPE_CHECKING:
-    from motionary.multiview import Tracking
+    from motionary.models.library import ClassLibrary
+    from motionary.multiview import PoseMemory, Tracking
     from motionary.multiview.steadiness import Steadiness
 
 Keypoints = Annotated[
@@ -101,33 +102,63 @@ def track(
         typer.Option("--output", "-o", metavar="FILE", help="The motion: .trc, .c3d, .bvh, .npz."),
     ],
     options: ViewOptions,
+    library: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Classes of motion: recognised, they hold feet and lend poses; 'everyday' ships.",
+        ),
+    ] = None,
+    labels: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Write what was recognised, with --library.")
+    ] = None,
     force: Force = False,
 ) -> int:
     """Track a person in keypoints of several calibrated cameras.
 
     Left and right are put right, gaps are bridged by a body of constant bones, noise is smoothed as
     far as the views are noisy. Points are those of the keypoints, y up, in metres; a .bvh holds the
-    chain of bones.
+    chain of bones. With a library, poses of other people are lent from its file poses.npz, which
+    `PoseMemory.save` writes; without that file, those of the recording itself.
 
     motionary track pose --cameras Calib.toml --rate 60 -o walk.trc
     """
-    from motionary.io import write
+    from motionary.io import write, write_labels
     from motionary.io.keypoints import read_keypoints
     from motionary.multiview import track as find
 
-    check_target(output, replace=force)
+    for target in (output, labels):
+        check_target(target, replace=force)
+    if labels is not None and library is None:
+        raise InvalidInput("--labels needs --library: the classes to be recognised")
     views = read_keypoints(keypoints, layout=options.layout, person=options.person)
+    known, memory = _read_library(library)
     found = find(
-        views, options.cameras, rate_hz=options.rate, unit=options.unit,
-        synchronise=options.synchronise,
+        views, options.cameras, rate_hz=options.rate, library=known, memory=memory,
+        unit=options.unit, synchronise=options.synchronise,
     )  # fmt: skip
     rigged = Path(output).suffix.lower() == ".bvh"
     write((found.rig if rigged else found.motion).renamed(Path(output).stem), output)
     _show(found)
+    if labels is not None and found.labels is not None:
+        write_labels([found.labels], labels)
     for note in found.notes:
         screen.warn(note)
     screen.say(f"{views.n_frames} frames written to {output}")
     return 0
+
+
+def _read_library(folder: str | None) -> "tuple[ClassLibrary | None, PoseMemory | None]":
+    """The classes of a folder or those that ship, and poses of people beside them."""
+    if folder is None:
+        return None, None
+    from motionary.models.library import ClassLibrary, load_everyday
+    from motionary.multiview import PoseMemory
+
+    if folder == "everyday":
+        return load_everyday(), None
+    poses = Path(folder, "poses.npz")
+    return ClassLibrary.load(folder), PoseMemory.load(poses) if poses.is_file() else None
 
 
 def _show(found: "Tracking") -> None:
@@ -140,6 +171,9 @@ def _show(found: "Tracking") -> None:
     ]
     screen.print_table(("", ">triangulated", ">tracked"), rows)
     frames = sum((label.end_s - label.start_s) for label in found.exchanges)
+    for prior in found.priors:
+        taken = "taken" if prior.kept else "not taken"
+        screen.say(f"{prior.name}, frames {prior.first} to {prior.stop}: {taken}, {prior.reason}")
     screen.say(f"{len(found.exchanges)} segments of limbs exchanged or unsure, {frames:.1f} s")
 
 

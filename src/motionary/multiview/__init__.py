@@ -2,6 +2,7 @@
 
 from motionary.multiview.cameras import Sight, project, see, undistort
 from motionary.multiview.exchange import LIMBS, Exchange, exchange_sources, find_exchanges
+from motionary.multiview.priors import PoseMemory, remember_poses
 from motionary.multiview.tracking import Tracking, track
 from motionary.multiview.triangulation import Triangulated, triangulate
 from motionary.multiview.untangling import Untangled, untangle
@@ -11,6 +12,7 @@ __all__ = [
     "LIMBS",
     "Exchange",
     "FittedViews",
+    "PoseMemory",
     "Sight",
     "Tracking",
     "Triangulated",
@@ -20,6 +22,7 @@ __all__ = [
     "find_offsets",
     "fit_views",
     "project",
+    "remember_poses",
     "see",
     "track",
     "triangulate",

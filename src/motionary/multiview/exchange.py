@@ -28,7 +28,8 @@ LIMBS = {
 }
 #: Of a pair of rays that contradict the others at most this counts, at `_SCALE_PX` half.
 _SCALE_PX = 20.0
-_COST_EXCHANGED = 0.06
+# Two cameras contradict each other less than more do.
+_COST_EXCHANGED, _COST_OF_TWO = 0.06, 0.2
 # A ray that no other meets: else exchanges would pay that part rays which nearly meet.
 _COST_ALONE = 0.3
 _COST_CHANGE = 0.3
@@ -249,7 +250,8 @@ def _cost_states(rays: _Rays, states: Bools) -> tuple[Floats, Floats]:
             right = np.broadcast_to(part.near[None, :, :, 1], right.shape)
         for k, state in enumerate(states):
             costs[k, span] = _misses(part, np.stack([left[k], right[k]], axis=2), state)
-    return costs + _COST_EXCHANGED * states.sum(axis=1)[:, None], places
+    each = _COST_OF_TWO if states.shape[1] == 2 else _COST_EXCHANGED
+    return costs + each * states.sum(axis=1)[:, None], places
 
 
 def _place(rays: _Rays, states: Bools) -> Floats:
@@ -290,7 +292,8 @@ class _Steps:
 
     def __init__(self, states: Bools, places: Floats | None) -> None:
         self._change: Floats = _COST_CHANGE * (states[:, None] != states[None]).sum(axis=2)
-        self._places = places
+        # A limb that is not seen is where it was, so that it cannot turn up as the other side.
+        self._places = None if places is None else _hold_last(places)
 
     def at(self, frame: int) -> Floats:
         """Costs (states before, states after) from the frame before to a frame."""
@@ -305,6 +308,13 @@ class _Steps:
         count = count + count[::-1, ::-1]
         jump: Floats = self._change + _COST_JUMP * far / np.maximum(count, 1)
         return jump
+
+
+def _hold_last(places: Floats) -> Floats:
+    """Places (states, frames, pairs, 3), where not known those of the last frame that was."""
+    frames = np.arange(places.shape[1])[None, :, None]
+    last = np.maximum.accumulate(np.where(np.isnan(places[..., 0]), 0, frames), axis=1)
+    return np.take_along_axis(places, last[..., None], axis=1)
 
 
 def _viterbi(unary: Floats, steps: _Steps) -> tuple[NDArray[np.intp], Floats]:

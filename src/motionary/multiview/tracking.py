@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.io.cameras import CalibratedCamera, read_cameras
 from motionary.io.keypoints import Views, read_keypoints
-from motionary.labels import LabelTrack
+from motionary.labels import LabelTrack, compare_labels
+from motionary.models.library import ClassLibrary
 from motionary.motion import Motion
+from motionary.multiview.allocation import AllocatedPrior, allocate, as_seen, bridge_gaps
 from motionary.multiview.cameras import Sight, distances
 from motionary.multiview.chain import (
     Chain,
@@ -27,12 +29,14 @@ from motionary.multiview.chain import (
     to_skeleton,
 )
 from motionary.multiview.exchange import Exchange, exchange_sources, find_exchanges
+from motionary.multiview.priors import PoseMemory
 from motionary.multiview.solving import SolverSettings, free_points, ray_weights, solve_chain
 from motionary.multiview.steadiness import Steadiness, floor_of, measure_steadiness, stances
 from motionary.multiview.triangulation import Triangulated, triangulate
 from motionary.multiview.untangling import label_exchanges
 from motionary.multiview.views import fit_views
 from motionary.recording import Recording
+from motionary.retrieval.annotation import annotate
 from motionary.rotations import unit_vectors
 from motionary.skeletons import named_mapping
 
@@ -41,7 +45,7 @@ Floats = NDArray[np.float64]
 _FIRST_SCALES = (0.3, 0.15, 0.10)
 _PASS_SCALES = (0.08, 0.06)
 _FREE_SCALE = 0.06
-_N_PASSES = 3
+_N_PASSES, _N_ITERATIONS = 3, 3
 _LEAST_NOISE_M = 0.003
 # The world's up is one of its axes if the body stands within so many degrees of it.
 _AXIS_DEG = 25.0
@@ -63,6 +67,7 @@ class TrackedPoints(NamedTuple):
     triangulated: Triangulated
     by_pass: tuple[Floats, ...]
     settings: SolverSettings
+    sight: Sight
 
 
 def track_points(sight: Sight, *, rate_hz: float, n_passes: int = _N_PASSES) -> TrackedPoints:
@@ -88,9 +93,84 @@ def track_points(sight: Sight, *, rate_hz: float, n_passes: int = _N_PASSES) -> 
         )  # fmt: skip
         passes.append(points_of(chain, pose))
     own = of_chain(right, chain)
-    points = free_points(own, passes[-1], rate_hz=rate_hz, settings=settings, scale_m=_FREE_SCALE)
-    confidence = np.minimum(ray_weights(own, points, _FREE_SCALE).sum(axis=0) / 2, 1.0)
-    return TrackedPoints(chain, pose, points, confidence, exchanges, found, tuple(passes), settings)
+    pull = bridge_gaps(chain.points, passes[-1], _confidence(own, passes[-1]), settings)
+    if pull.matrices.any():
+        pose = solve_chain(
+            chain, pose, own, scales_m=_PASS_SCALES * 2, rate_hz=rate_hz, settings=settings,
+            pull=pull,
+        )  # fmt: skip
+        passes[-1] = points_of(chain, pose)
+    points = free_points(
+        own, passes[-1], rate_hz=rate_hz, settings=settings, scale_m=_FREE_SCALE, pull=pull
+    )
+    return TrackedPoints(
+        chain, pose, points, _confidence(own, points), exchanges, found, tuple(passes),
+        settings, own,
+    )  # fmt: skip
+
+
+def _confidence(sight: Sight, points: Floats) -> Floats:
+    """How well views tell points: 1 where two whole rays or more agree, (frames, points)."""
+    told: Floats = ray_weights(sight, points, _FREE_SCALE).sum(axis=0) / 2
+    return np.minimum(told, 1.0)
+
+
+class Recognised(NamedTuple):
+    """A track that recognised motion steadied.
+
+    `found` the track; `priors` those that were tried, by time; `labels` after each iteration;
+    `iterations` the points after each.
+    """
+
+    found: TrackedPoints
+    priors: tuple[AllocatedPrior, ...]
+    labels: tuple[LabelTrack, ...]
+    iterations: tuple[Floats, ...]
+
+
+def steady(
+    found: TrackedPoints,
+    library: ClassLibrary,
+    recording: Recording,
+    *,
+    memory: PoseMemory | None = None,
+    n_iterations: int = _N_ITERATIONS,
+) -> Recognised:
+    """The track again with priors of what it is recognised as, until labels stand still.
+
+    Parameters
+    ----------
+    found : a track without priors, y up
+    library : classes to recognise
+    recording : of the labels
+    memory : poses of examples; None lends those of the recording's own best matches
+    """
+    names = found.chain.points
+    floor = floor_of(names, found.points)
+    labels: list[LabelTrack] = []
+    priors: list[AllocatedPrior] = []
+    iterations = [found.points]
+    pose, points = found.pose, found.points
+    for _ in range(n_iterations):
+        motion = Motion(names, points, recording, mapping=named_mapping(_TABLE, names))
+        labels.append(annotate(as_seen(motion, found.confidence), library))
+        if len(labels) > 1 and all(c.kind == "kept" for c in compare_labels(*labels[-2:])):
+            break
+        pull, priors = allocate(
+            motion, found.confidence, library, settings=found.settings, memory=memory, floor=floor
+        )
+        # Always from the pose that views alone gave: priors must not feed on themselves.
+        pose = solve_chain(
+            found.chain, found.pose, found.sight, scales_m=_PASS_SCALES * 2,
+            rate_hz=recording.rate_hz, settings=found.settings, pull=pull,
+        )  # fmt: skip
+        points = free_points(
+            found.sight, points_of(found.chain, pose), rate_hz=recording.rate_hz,
+            settings=found.settings, scale_m=_FREE_SCALE, pull=pull,
+        )  # fmt: skip
+        iterations.append(points)
+    steadied = found._replace(pose=pose, points=points)
+    return Recognised(steadied, tuple(priors), tuple(labels), tuple(iterations))
 
 
 def of_chain(sight: Sight, chain: Chain) -> Sight:
@@ -146,6 +226,8 @@ class Tracking:
     exchanges : exchanged sides as labels
     before, after : steadiness of triangulated and of tracked points
     floor_m : height of the floor; None if no foot is seen
+    labels : what was recognised, with a library; None without
+    priors : what the recognised motion told, and whether it was taken
     notes : what was assumed and noticed, a sentence each
     """
 
@@ -156,6 +238,8 @@ class Tracking:
     before: Steadiness
     after: Steadiness
     floor_m: float | None
+    labels: LabelTrack | None
+    priors: tuple[AllocatedPrior, ...]
     notes: tuple[str, ...]
 
 
@@ -164,6 +248,8 @@ def track(
     cameras: str | Path | Sequence[CalibratedCamera],
     *,
     rate_hz: float,
+    library: ClassLibrary | None = None,
+    memory: PoseMemory | None = None,
     unit: str | None = None,
     synchronise: bool = False,
 ) -> Tracking:
@@ -174,6 +260,9 @@ def track(
     keypoints : a folder with a folder for each camera, or what `read_keypoints` gives
     cameras : a calibration, or what `read_cameras` gives
     rate_hz : images a second
+    library : classes of motion; what is recognised holds resting feet, and lends poses to limbs
+        that no view tells
+    memory : poses of people, from `remember_poses`; without it the recording's own are lent
     unit : of the calibration: m, dm, cm, mm; found by the length of the legs, if None
     synchronise : move images of cameras that are late or early, instead of refusing them
 
@@ -196,6 +285,9 @@ def track(
     recording = Recording(
         name, rate_hz=rate_hz, n_frames=views.n_frames, first_frame=views.first_frame
     )
+    steadied = None if library is None else steady(found, library, recording, memory=memory)
+    if steadied is not None:
+        found = steadied.found
     names = found.chain.points
     floor = floor_of(names, found.points)
     standing = stances(names, found.points, rate_hz)
@@ -211,6 +303,8 @@ def track(
         before,
         after,
         floor,
+        None if steadied is None else steadied.labels[-1],
+        () if steadied is None else steadied.priors,
         (*views.notes, *fitted.notes, said, *_describe(found)),
     )
 
