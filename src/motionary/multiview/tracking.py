@@ -281,6 +281,8 @@ def track(
     sight = fitted.sight._replace(
         directions=fitted.sight.directions @ upright.T, origins=fitted.sight.origins @ upright.T
     )
+    # Points that the layout has and the detector never gives would be made up in every frame.
+    sight = sight.of_points(np.flatnonzero(sight.weights.any(axis=(0, 1))).tolist())
     found = track_points(sight, rate_hz=rate_hz)
     recording = Recording(
         name, rate_hz=rate_hz, n_frames=views.n_frames, first_frame=views.first_frame
@@ -290,11 +292,7 @@ def track(
         found = steadied.found
     names = found.chain.points
     floor = floor_of(names, found.points)
-    standing = stances(names, found.points, rate_hz)
-    before, after = (
-        measure_steadiness(names, points, rate_hz, standing=standing, floor=floor)
-        for points in (in_sequence_of(names, sight.names, found.triangulated.points), found.points)
-    )
+    before, after = _compare(found, sight.names, rate_hz, floor)
     return Tracking(
         Motion(names, found.points, recording, mapping=named_mapping(_TABLE, names)),
         _rig(found, recording),
@@ -307,6 +305,19 @@ def track(
         () if steadied is None else steadied.priors,
         (*views.notes, *fitted.notes, said, *_describe(found)),
     )
+
+
+def _compare(
+    found: TrackedPoints, names: tuple[str, ...], rate_hz: float, floor: float | None
+) -> tuple[Steadiness, Steadiness]:
+    """Steadiness of the detected points as triangulated and as tracked."""
+    tracked = in_sequence_of(names, found.chain.points, found.points)
+    standing = stances(names, tracked, rate_hz)
+    before, after = (
+        measure_steadiness(names, points, rate_hz, standing=standing, floor=floor)
+        for points in (found.triangulated.points, tracked)
+    )
+    return before, after
 
 
 def in_sequence_of(wanted: tuple[str, ...], names: tuple[str, ...], points: Floats) -> Floats:
