@@ -70,10 +70,10 @@ class PoseMemory(NamedTuple):
             with np.load(path, allow_pickle=False) as content:
                 poses = {_split(key): content[key] for key in content.files}
         except (OSError, ValueError) as error:
-            raise UnreadableFile(f"{Path(path).name}: is no memory of poses: {error}") from error
+            raise UnreadableFile(f"is no memory of poses: {error}", file=path) from error
         shape = (len(LENT), 3)
         if any(one.shape[1:] != shape for one in poses.values()):
-            raise InvalidInput(f"{Path(path).name}: needs poses (columns, {len(LENT)}, 3)")
+            raise InvalidInput(f"needs poses (columns, {len(LENT)}, 3)", file=path)
         return cls(poses)
 
 
