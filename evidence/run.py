@@ -22,7 +22,7 @@ SCRIPTS = (
     "body", "stream_decisions", "corrections", "styles", "kills",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("simulated_sensors", "depth", "multiview", "multiview_priors")
+FURTHER = ("simulated_sensors", "depth", "multiview", "multiview_priors", "live")
 
 
 def main(arguments: list[str]) -> int:

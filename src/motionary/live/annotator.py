@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike
 
 from motionary.errors import InvalidInput
 from motionary.features import SEQUENCE_HZ, FeatureSequence, FeatureStream, motion_from_array
+from motionary.features.body import Floats
 from motionary.labels import Label
 from motionary.live.deciding import Decisions, Found
 from motionary.live.timing import EvenTimes
 from motionary.matching import StreamedPath
 from motionary.models.library import ClassLibrary, load_everyday
+from motionary.motion import Motion
 from motionary.packing import PackedFeatures, count_integers
 from motionary.recording import Recording, Segment
 from motionary.retrieval.explanation import Evidence, explain
@@ -98,6 +100,7 @@ class LiveAnnotator:
         n_integers = count_integers(len(library.feature_set))
         self._packed = np.empty((0, n_integers), dtype=np.uint64)
         self._known = self._packed.copy()
+        self._first_motion: Motion | None = None
         self._told: dict[int, Label] = {}
         self._n_ids = 0
         self._looked_at = 0
@@ -137,16 +140,9 @@ class LiveAnnotator:
             raise InvalidInput("the stream is finished; a new recording needs a new annotator")
         array = np.asarray(positions, dtype=np.float64)
         array = array[np.newaxis] if array.ndim == 2 else array
-        rate_hz = self._recording.rate_hz
         if len(array) == 0:
             return ()
-        motion = motion_from_array(array, rate_hz, self._skeleton)
-        if motion.mapping is not None and motion.mapping.normals:
-            raise InvalidInput(
-                f"the markers of {motion.mapping.name!r} give joints only over a whole recording; "
-                "send joints, or markers that lie at them"
-            )
-        generic = motion.generic_positions()
+        generic = self._to_generic(array)
         if times_s is not None:
             times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
             if times.shape != (len(array),):
@@ -155,6 +151,20 @@ class LiveAnnotator:
         n_frames = self._recording.n_frames + len(generic)
         self._recording = replace(self._recording, n_frames=n_frames)
         return self._advance(*self._features.push(generic), at_end=False)
+
+    def _to_generic(self, positions: Floats) -> Floats:
+        """Positions of the generic joints; the skeleton is looked up once."""
+        first = self._first_motion
+        if first is not None and positions.shape[1:] == first.positions.shape[1:]:
+            return replace(first, positions=positions).generic_positions()
+        motion = motion_from_array(positions, self._recording.rate_hz, self._skeleton)
+        if motion.mapping is not None and motion.mapping.normals:
+            raise InvalidInput(
+                f"the markers of {motion.mapping.name!r} give joints only over a whole recording; "
+                "send joints, or markers that lie at them"
+            )
+        self._first_motion = motion
+        return motion.generic_positions()
 
     def finish(self) -> tuple[LiveEvent, ...]:
         """What is left when no more poses come: all labels are final then."""
