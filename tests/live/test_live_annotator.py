@@ -1,13 +1,16 @@
 """Live labels are those of the whole recording, however its poses arrive."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import motionary as mo
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FeatureStream
 from motionary.live.timing import MOST_GAP_S, EvenTimes
 from motionary.models.library import load_everyday
+from motionary.motion import GENERIC_JOINTS
 from motionary.samples import SYNTHETIC_CLASSES, synthetic_stream
 
 RATE_HZ = 60.0
@@ -67,6 +70,47 @@ def test_what_is_final_is_what_annotate_gives(take, offline, in_fives, sizes):
     final = sorted(facts(event.label) for _, event in events if event.status == "final")
     assert len(final) > 3
     assert final == sorted(map(facts, offline))
+
+
+def test_what_is_not_assessed_is_what_annotate_tells(offline, in_fives):
+    found = [event.label for _, event in in_fives if event.status == "unassessed"]
+    assert [(one.start_s, one.end_s) for one in found] == [tuple(one) for one in offline.unassessed]
+    assert len(found) >= 2
+
+
+def test_a_stream_that_is_saved_goes_on_as_if_it_had_not_been(take, in_fives, tmp_path):
+    path = tmp_path / "state.npz"
+    annotator = mo.LiveAnnotator(rate_hz=RATE_HZ, threshold=4.0)
+    events = []
+    for i, part in enumerate(chunks(len(take), 5)):
+        events += annotator.push(take[part])
+        # Before anything is seen, in a gap, and where labels are open.
+        if i in (4, 9, 85, 150):
+            annotator.save(path)
+            annotator = mo.LiveAnnotator.resume(path)
+    assert [*events, *annotator.finish()] == [event for _, event in in_fives]
+
+
+def test_times_go_on_after_a_break_and_other_files_and_libraries_are_refused(take, tmp_path):
+    path, other = tmp_path / "state.npz", tmp_path / "other.npz"
+    annotator = mo.LiveAnnotator(rate_hz=RATE_HZ, skeleton=GENERIC_JOINTS)
+    annotator.push(take[500:503], [7.0, 7.1, 7.2])
+    annotator.save(path)
+    again = mo.LiveAnnotator.resume(path)
+    with pytest.raises(InvalidInput, match=r"got 7.15 s after 7.2 s"):
+        again.push(take[503], 7.15)
+    again.push(take[503], 7.25)
+    assert again.duration_s == pytest.approx(16 / RATE_HZ)
+    with pytest.raises(UnreadableFile, match="no such file"):
+        mo.LiveAnnotator.resume(other)
+    np.savez(other, facts=np.zeros(3, dtype=np.uint8))
+    for content in (b"", b"PK\x03\x04 cut", path.read_bytes()[:5000], other.read_bytes()):
+        other.write_bytes(content)
+        with pytest.raises(UnreadableFile):
+            mo.LiveAnnotator.resume(other)
+    everyday = load_everyday()
+    with pytest.raises(InvalidInput, match="another library"):
+        mo.LiveAnnotator.resume(path, replace(everyday, classes=everyday.classes[:3]))
 
 
 @pytest.mark.parametrize("rate_hz", [24.0, 30.0, 90.0, 120.0])

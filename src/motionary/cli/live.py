@@ -62,7 +62,8 @@ def live(
 ) -> int:
     """Label motion while it goes on: poses in as lines of JSON, events out as lines of JSON.
 
-    Events are "provisional" when a label is foreseen, "revised", "withdrawn", and "final".
+    Events are "provisional" when a label is foreseen, "revised", "withdrawn", and "final";
+    "unassessed" tells of a segment of which too little was seen to judge.
 
     motionary replay take.bvh | motionary live
     motionary live --port 8765
@@ -119,7 +120,7 @@ def _run(people: "LivePeople", source: "Source", *, final_only: bool) -> int:
 
     def give(events: "list[PersonEvent]") -> None:
         for event in events:
-            if final_only and event.event.status != "final":
+            if final_only and event.event.status not in ("final", "unassessed"):
                 continue
             content = event.as_json()
             screen.print_json(content)

@@ -34,6 +34,9 @@ class FeatureStream:
     rate_hz : positions per second
     """
 
+    #: What changes as positions arrive.
+    REMEMBERED = ("_raw", "_even", "_reference", "_state", "_n_done")
+
     def __init__(self, feature_set: FeatureSet, rate_hz: float) -> None:
         self.feature_set, self.rate_hz = feature_set, rate_hz
         widths = [window_frames(one.window_s, MEASURE_HZ) for one in feature_set.features]
@@ -121,6 +124,8 @@ class FeatureStream:
 
 class _Window:
     """The last positions of a stream, by the number of their frame."""
+
+    REMEMBERED = ("first", "_positions")
 
     def __init__(self) -> None:
         self.first = 0

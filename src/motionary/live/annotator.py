@@ -9,26 +9,28 @@ Conventions: times in seconds from the first pose; frames of features are at 30 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import SEQUENCE_HZ, FeatureSequence, FeatureStream, motion_from_array
 from motionary.features.body import Floats
 from motionary.labels import Label
 from motionary.live.deciding import Decisions, Found
+from motionary.live.saving import read_state, restore, save_state
 from motionary.live.timing import EvenTimes
 from motionary.matching import StreamedPath
 from motionary.models.library import ClassLibrary, load_everyday
 from motionary.motion import Motion
-from motionary.packing import PackedFeatures, count_integers
+from motionary.packing import PackedFeatures, count, count_integers
 from motionary.recording import Recording, Segment
-from motionary.retrieval.explanation import Evidence, explain
+from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, explain
 from motionary.retrieval.scored_labels import find_evidence, limits_for, make_label
 
-Status = Literal["provisional", "revised", "withdrawn", "final"]
+Status = Literal["provisional", "revised", "withdrawn", "final", "unassessed"]
 
 # Provisional labels are looked at every so many frames of features.
 _EVERY = 3
@@ -44,7 +46,8 @@ class LiveEvent:
     Attributes
     ----------
     status : "provisional" when it is first foreseen, "revised" when it changed,
-        "withdrawn" when it is no longer foreseen, and "final", after which it stays
+        "withdrawn" when it is no longer foreseen, and "final", after which it stays;
+        "unassessed" of a segment that is over, of which too little was seen to judge
     id : the same for all events of one label, counted from 1
     label : as it is now
     why : of a final label, what told most for it, in words
@@ -76,6 +79,11 @@ class LiveAnnotator:
         If the rate is too low, the skeleton unknown, or the library has no scores.
     """
 
+    REMEMBERED = (
+        "_recording", "_times", "_features", "_matches", "_packed", "_known", "_told", "_n_ids",
+        "_looked_at", "_unseen_since", "is_finished",
+    )  # fmt: skip
+
     def __init__(
         self,
         library: ClassLibrary | None = None,
@@ -93,6 +101,12 @@ class LiveAnnotator:
             raise InvalidInput("threshold or at_most_false_per_min: give one, not both")
         least = limits_for(library, threshold, at_most_false_per_min)
         self.library, self._skeleton = library, skeleton
+        self._settings: dict[str, Any] = {
+            "rate_hz": rate_hz,
+            "skeleton": skeleton if skeleton is None or isinstance(skeleton, str) else [*skeleton],
+            "threshold": threshold,
+            "at_most_false_per_min": at_most_false_per_min,
+        }
         self._recording = Recording(name, rate_hz=rate_hz)
         self._times = EvenTimes(rate_hz)
         self._features = FeatureStream(library.feature_set, rate_hz)
@@ -104,7 +118,32 @@ class LiveAnnotator:
         self._told: dict[int, Label] = {}
         self._n_ids = 0
         self._looked_at = 0
+        self._unseen_since: int | None = None
         self.is_finished = False
+
+    def save(self, path: str | Path) -> None:
+        """Write what the stream remembers into a file (npz), to go on from there later."""
+        save_state(path, self, self.library, self._settings)
+
+    @classmethod
+    def resume(cls, path: str | Path, library: ClassLibrary | None = None) -> "LiveAnnotator":
+        """The stream that was saved: its further events are those without the break.
+
+        Raises
+        ------
+        UnreadableFile
+            If the file is none that `save` wrote, or damaged.
+        InvalidInput
+            If it was saved with another library.
+        """
+        library = load_everyday() if library is None else library
+        settings, state, arrays = read_state(path, library)
+        try:
+            stream = cls(library, **settings)
+            restore(stream, state, arrays)
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            raise UnreadableFile("damaged: its parts do not fit", file=str(path)) from error
+        return stream
 
     @property
     def look_ahead_s(self) -> float:
@@ -181,7 +220,7 @@ class LiveAnnotator:
         self._known = np.concatenate([self._known, known])
         for row in zip(packed, known, strict=True):
             self._matches.push(*row)
-        events = []
+        events = self._find_unassessed(known, at_end=at_end)
         for found in self._matches.decide(at_end=at_end):
             label, why = self._describe(found)
             events.append(LiveEvent("final", self._id_of(label), label, why))
@@ -192,6 +231,30 @@ class LiveAnnotator:
             events += self._foresee(at_end)
         self._packed, self._known = self._packed[-kept:], self._known[-kept:]
         return tuple(events)
+
+    def _find_unassessed(self, known: PackedFeatures, *, at_end: bool) -> list[LiveEvent]:
+        """Segments that end in the last frames and of which too little was seen to judge."""
+        events = []
+        n_frames = self._matches.n_frames
+        unseen = (count(known) / len(self.library.feature_set) < ASSESSED_FROM).tolist()
+        # What is not seen up to the end ends there.
+        last = [False] if at_end else []
+        for frame, is_unseen in enumerate([*unseen, *last], start=n_frames - len(known)):
+            if is_unseen and self._unseen_since is None:
+                self._unseen_since = frame
+            elif not is_unseen and self._unseen_since is not None:
+                segment, self._unseen_since = self._segment(self._unseen_since, frame), None
+                label = self._in_frames(Label("unassessed", segment.start_s, segment.end_s))
+                events.append(LiveEvent("unassessed", self._new_id(), label))
+        return events
+
+    def _in_frames(self, label: Label) -> Label:
+        """A label with the numbers of the frames of its times."""
+        return replace(
+            label,
+            start_frame=self._recording.frame_at(label.start_s),
+            end_frame=self._recording.last_frame_before(label.end_s),
+        )
 
     @property
     def _sequence(self) -> FeatureSequence:
@@ -222,14 +285,8 @@ class LiveAnnotator:
         segment = self._segment(found.start, found.stop)
         if found.detail is not None:
             label, why = found.detail
-            label = replace(
-                label,
-                start_s=segment.start_s,
-                end_s=segment.end_s,
-                start_frame=self._recording.frame_at(segment.start_s),
-                end_frame=self._recording.last_frame_before(segment.end_s),
-            )
-            return label, why
+            label = replace(label, start_s=segment.start_s, end_s=segment.end_s)
+            return self._in_frames(label), why
         place = self._matches.places[found.best.pattern]
         label = Label(
             self.library.names[place.class_index],

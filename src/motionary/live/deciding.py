@@ -71,6 +71,10 @@ class Decisions(Generic[Detail]):
     look_ahead : frames after its end at which a match is decided
     """
 
+    REMEMBERED = (
+        "_paths", "_arriving", "_state", "_waiting", "_joiner", "_unjoined", "_states",
+    )  # fmt: skip
+
     def __init__(
         self,
         library: ClassLibrary,

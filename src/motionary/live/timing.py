@@ -27,6 +27,8 @@ class EvenTimes:
     rate_hz : of the positions that come out
     """
 
+    REMEMBERED = ("_first_s", "_last_s", "_last", "_n_given")
+
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz = rate_hz
         self._first_s: float | None = None

@@ -57,6 +57,12 @@ class PathStream:
         If patterns and ratios do not fit.
     """
 
+    #: What changes as frames arrive.
+    REMEMBERED = (
+        "_one", "_two", "_steps", "_set", "_known", "_level", "_since", "_fell", "_counts",
+        "n_frames",
+    )  # fmt: skip
+
     def __init__(
         self,
         patterns: Sequence[Pattern],
