@@ -120,15 +120,6 @@ def test_each_person_and_sender_has_labels_of_their_own(lines, library):
         assert sorted(labels_of(own)) == sorted(labels_of(expected) * times)
 
 
-def test_a_clock_set_back_begins_another_recording(lines, library):
-    people = LivePeople(mo.ClassLibrary.load(library))
-    first = [event for line in lines for event in people.push(line)]
-    again = [event for line in lines[1:] for event in people.push(line)]
-    events = labels_of([*first, *again, *people.finish()])
-    assert len(events) >= 2
-    assert sorted(events[: len(events) // 2]) == sorted(events[len(events) // 2 :])
-
-
 @pytest.fixture
 def pose(take):
     """The first pose of the take as a line, at a time, of a person."""
