@@ -198,7 +198,7 @@ class Decisions(Generic[Detail]):
         )
 
     def _close_states(self, joined: float) -> Iterator[Found[Detail]]:
-        """Join what begins up to a frame, and give the states that nothing can join any more."""
+        """Join what begins up to a frame; states that nothing can join any more."""
         ready = [found for found in self._unjoined if found.start <= joined]
         self._unjoined = [found for found in self._unjoined if found.start > joined]
         self._join(self._joiner, self._states, ready)

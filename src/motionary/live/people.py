@@ -101,7 +101,7 @@ class _Sender:
 
 
 class LivePeople:
-    """Labels of the people whose poses arrive as lines of JSON, from one sender or several.
+    """Labels of people whose poses arrive as lines of JSON, from one or more senders.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ class LivePeople:
 
 
 def _starts_anew(pose: Pose, person: _Person) -> bool:
-    """Whether a pose begins another recording: other joints, a clock set back, or a return."""
+    """Whether other joints, a clock set back or a return begin another recording."""
     if pose.joints != person.joints:
         return True
     if pose.time_s is None or person.last_s is None:

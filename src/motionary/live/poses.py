@@ -57,7 +57,7 @@ class PoseLines:
     joints: str | tuple[str, ...] | None = None
 
     def read(self, line: str | bytes) -> Pose | None:
-        """The pose of a line; None of one that is empty, or says what poses have in common.
+        """The pose of a line; None of an empty one, and of one on all poses.
 
         Raises
         ------

@@ -41,7 +41,7 @@ class Source(Protocol):
     """Lines of poses, each with the name of its sender, and a way back for events."""
 
     def lines(self) -> Iterator[Arrival]:
-        """Sender and line, until no more come; None for a line if a sender ends or is silent."""
+        """Sender and line, until no more come; no line: it has gone or is silent."""
 
     def send(self, event: Mapping[str, Any]) -> None:
         """Give an event to whoever listens."""
@@ -123,7 +123,7 @@ class WebSocketSource:
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     def lines(self) -> Iterator[Arrival]:
-        """Sender and line, for as long as this is listened to; None if one ends or is silent."""
+        """Sender and line, until this is closed; no line: it has gone or is silent."""
         heard: dict[str, float] = {}
         while not self._is_closed:
             # Without a limit of time no Ctrl-C would be heard on Windows.
