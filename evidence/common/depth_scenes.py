@@ -25,10 +25,10 @@ Floats = NDArray[np.float64]
 SEED = 0
 HZ = 30
 #: What is tracked: recording, first second and seconds.
-LONG = (("cmu/86_01.amc", 2.0, 12.0), ("cmu/exercises/13_29.amc", 4.0, 10.0))
+LONG = (("cmu/86_01.amc", 2.0, 7.0), ("cmu/exercises/13_29.amc", 4.0, 6.0))
 SHORT = (
-    ("cmu/86_01.amc", 16.0, 2.0), ("cmu/exercises/13_30.amc", 6.0, 2.0),
-    ("hdm05/throwBasketball", 0.0, 2.0), ("hdm05/kickLFront1Reps", 0.0, 2.0),
+    ("cmu/86_01.amc", 16.0, 1.5), ("cmu/exercises/13_30.amc", 6.0, 1.5),
+    ("hdm05/throwBasketball", 0.0, 1.5), ("hdm05/kickLFront1Reps", 0.0, 1.5),
 )  # fmt: skip
 BUILDS = {
     "man": {"gender": 1.0},
