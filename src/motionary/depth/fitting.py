@@ -69,7 +69,6 @@ class Surface(NamedTuple):
     pulled : vertices that points may pull; pulling : those that pull, evenly spread
     active : joints that turn, by `ACTIVE`
     above : array, shape (joints, active), whether a joint turns what is fixed to a bone
-    blend : array, shape (vertices, 4 * joints): what turns and places of bones make of them
     mean, precision : the prior over rotation vectors (45,) of all joints but the root
     """
 
@@ -80,7 +79,6 @@ class Surface(NamedTuple):
     pulling: Indices
     active: Indices
     above: Mask
-    blend: Floats
     mean: Floats
     precision: Floats
 
@@ -130,7 +128,6 @@ def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) 
         spread(surface.rest, settings.vertices),
         active,
         above,
-        _blend(body),
         database.mean,
         np.asarray(np.linalg.inv(database.covariance + 0.02 * np.eye(size)), dtype=np.float64),
     )
@@ -139,17 +136,7 @@ def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) 
 def reshape_surface(surface: Surface, body: Body) -> Surface:
     """The same for the body in another shape."""
     rest, faces = body.surface.rest, body.faces
-    return surface._replace(body=body, normals=vertex_normals(rest, faces), blend=_blend(body))
-
-
-def _blend(body: Body) -> Floats:
-    rest, bones, weights, _ = body.surface
-    result = np.zeros((len(rest), len(body.names), 4))
-    rows = np.arange(len(rest))
-    for bone, weight in zip(bones.T, weights.T, strict=True):
-        result[rows, bone, :3] += weight[:, None] * rest
-        result[rows, bone, 3] += weight
-    return result.reshape(len(rest), -1)
+    return surface._replace(body=body, normals=vertex_normals(rest, faces))
 
 
 def spread(places: Floats, n: int) -> Indices:
@@ -249,14 +236,13 @@ def fit_published(
 
 
 def place_surface(
-    surface: Surface, state: State, *, vertices: bool = False
+    surface: Surface, state: State, *, vertices: bool = False, engine: Engine = "numpy"
 ) -> tuple[Floats, Floats]:
     """Global turns of a pose, and the places of its joints, or of its vertices."""
-    body = surface.body
-    turned, placed = place(body.parents, body.joints, state.turns, state.root)
+    body, kernels = surface.body, load_twin(_COMPILED, engine, pays=True)
+    move_joints, move_skin = (place, skin) if kernels is None else (kernels.place, kernels.skin)
+    turned, placed = move_joints(body.parents, body.joints, state.turns, state.root)
     if not vertices:
         return turned, placed
-    steps = placed - np.einsum("jik,jk->ji", turned, body.joints)
-    moved = np.concatenate([turned.transpose(0, 2, 1), steps[:, None]], axis=1)
-    placed_vertices: Floats = surface.blend @ moved.reshape(-1, 3)
-    return turned, placed_vertices
+    rest, bones, weights, _ = body.surface
+    return turned, move_skin(body.joints, rest, bones, weights, turned, placed)

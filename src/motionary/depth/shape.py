@@ -93,7 +93,7 @@ def fit_person(
                 surface, state, view.points, view.depth, camera, engine=engine,
                 settings=settings, steps=_FIT_STEPS,
             )  # fmt: skip
-            vertices = place_surface(surface, fitted, vertices=True)[1]
+            vertices = place_surface(surface, fitted, vertices=True, engine=engine)[1]
             apart = compare_images(vertices[None], person.body.faces, depth, eye, engine=engine)
             total += float(apart.costs[0])
             found.append(fitted)

@@ -345,10 +345,10 @@ class DepthTracker:
         self._fixed = spread(body.vertices, PUBLISHED_VERTICES)
 
     def _vertices(self, state: State) -> Floats:
-        return place_surface(self.surface, state, vertices=True)[1]
+        return place_surface(self.surface, state, vertices=True, engine=self.engine)[1]
 
     def _joints(self, state: State) -> Floats:
-        return place_surface(self.surface, state)[1]
+        return place_surface(self.surface, state, engine=self.engine)[1]
 
     def _finish(self, seen: _Seen, chosen: Floats, best: _Found) -> TrackedPose:
         vertices, joints = self._vertices(best.state), self._joints(best.state)
