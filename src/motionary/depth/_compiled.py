@@ -258,13 +258,12 @@ def _fill(face: Indices, x: Floats, y: Floats, z: Floats, buffer: Floats) -> Non
 def see(
     vertices: Floats,
     normals: Floats,
-    lens: Floats,
-    turn: Floats,
-    eye: Floats,
+    camera: tuple[Floats, Floats, Floats],
     depth: Floats,
     hiding: float,
 ) -> NDArray[np.bool_]:
     """Which vertices face the camera with nothing measured before them; see `solving.see`."""
+    lens, turn, eye = camera
     height, width = depth.shape
     visible = np.zeros(len(vertices), np.bool_)
     for v in range(len(vertices)):
@@ -291,11 +290,10 @@ def pair(
     visible: NDArray[np.bool_],
     pulling: Indices,
     points: Floats,
-    scale: float,
-    along: float,
-    outward: float,
+    weighing: tuple[float, float, float],
 ) -> tuple[Floats, Floats, Floats]:
     """Pulls of points and vertices on each other, summed by vertex; see `solving.pair`."""
+    scale, along, outward = weighing
     n = len(vertices)
     pulls, misses, counts = np.zeros((n, 9)), np.zeros(n), np.zeros(n)
     seen = np.flatnonzero(visible)

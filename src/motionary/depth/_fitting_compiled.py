@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 
 from motionary.depth._compiled import pair, see
 
+__all__ = ["gather", "hold", "move", "pair", "place", "see", "skin", "solve"]
+
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
@@ -324,41 +326,3 @@ def solve(system: Floats, slope: Floats) -> Floats:
             result[i] -= lower[r, i] * result[r]
         result[i] /= lower[i, i]
     return result
-
-
-@njit(cache=True, error_model="numpy")
-def fit(chain, prior, eye, numbers, points, depth, pose, steps):  # type: ignore[no-untyped-def]
-    """Steps of Gauss-Newton; see `solving.fit`."""
-    parents, joints, rest, bones, weights, normals, owners, pulling, active, _above = chain
-    lens, turn, position = eye
-    turns, root = pose
-    scale, along, outward, held, damping, hiding = numbers
-    system = np.zeros((3 + 3 * len(active), 3 + 3 * len(active)))
-    visible = np.zeros(len(rest), np.bool_)
-    misses, counts = np.zeros(len(rest)), np.zeros(len(rest))
-    turned_normals = np.empty_like(normals)
-    for _ in range(steps):
-        turned, placed = place(parents, joints, turns, root)
-        vertices = skin(joints, rest, bones, weights, turned, placed)
-        for v in range(len(rest)):
-            own = turned[owners[v]]
-            for i in range(3):
-                turned_normals[v, i] = 0.0
-                for k in range(3):
-                    turned_normals[v, i] += own[i, k] * normals[v, k]
-        visible = see(vertices, turned_normals, lens, turn, position, depth, hiding)
-        pulls, misses, counts = pair(
-            vertices, turned_normals, visible, pulling, points, scale, along, outward
-        )
-        system, slope = gather(parents, bones, weights, active, placed, vertices, pulls)
-        hold(parents, active, turns, turned, prior, held, system, slope)
-        for k in range(len(slope)):
-            system[k, k] += damping
-        move(parents, active, turned, solve(system, slope), turns, root)
-    of_joints, pulls_of_joints = np.zeros(len(parents)), np.zeros(len(parents))
-    for v in range(len(rest)):
-        of_joints[owners[v]] += misses[v]
-        pulls_of_joints[owners[v]] += counts[v]
-    for joint in range(len(parents)):
-        of_joints[joint] /= max(pulls_of_joints[joint], 1.0)
-    return system, visible, of_joints, pulls_of_joints

@@ -10,15 +10,15 @@ step of the root, then three of each joint of `ACTIVE`.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.body import Body, Camera
 from motionary.body.fitting import vertex_normals
+from motionary.depth import solving
 from motionary.depth.poses import ACTIVE, PoseDatabase
-from motionary.depth.solving import fit, gather, move, place, skin, sum_pulls
 from motionary.matching.distance import Engine, load_twin
 
 Floats = NDArray[np.float64]
@@ -68,7 +68,6 @@ class Surface(NamedTuple):
     owners : array, shape (vertices,), the bone that weighs most
     pulled : vertices that points may pull; pulling : those that pull, evenly spread
     active : joints that turn, by `ACTIVE`
-    above : array, shape (joints, active), whether a joint turns what is fixed to a bone
     mean, precision : the prior over rotation vectors (45,) of all joints but the root
     """
 
@@ -78,7 +77,6 @@ class Surface(NamedTuple):
     pulled: Indices
     pulling: Indices
     active: Indices
-    above: Mask
     mean: Floats
     precision: Floats
 
@@ -109,14 +107,7 @@ class Support(NamedTuple):
 
 def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) -> Surface:
     """A body ready for fits, with the prior of a database."""
-    n = len(body.names)
     active = np.array([body.index(name) for name in ACTIVE])
-    above = np.zeros((n, len(active)), dtype=bool)
-    for joint in range(n):
-        here = joint
-        while here >= 0:
-            above[joint, active == here] = True
-            here = int(body.parents[here])
     surface = body.surface
     owners = surface.bones[np.arange(len(surface.rest)), surface.weights.argmax(axis=1)]
     size = len(database.mean)
@@ -127,7 +118,6 @@ def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) 
         np.arange(len(surface.rest)),
         spread(surface.rest, settings.vertices),
         active,
-        above,
         database.mean,
         np.asarray(np.linalg.inv(database.covariance + 0.02 * np.eye(size)), dtype=np.float64),
     )
@@ -180,28 +170,31 @@ def fit_pose(
     steps : of Gauss-Newton, if not as many as the settings say
     engine : which twin computes
     """
-    kernels = load_twin(_COMPILED, engine, pays=True)
-    kernel = fit if kernels is None else kernels.fit
-    body = surface.body
-    chain = (
-        body.parents, body.joints, body.surface.rest, body.surface.bones, body.surface.weights,
-        surface.normals, surface.owners, surface.pulling, surface.active, surface.above,
-    )  # fmt: skip
-    eye = (
-        np.array([*camera.focal, *camera.centre]),
-        np.ascontiguousarray(camera.world_from_camera),
-        np.asarray(camera.position, dtype=np.float64),
-    )
-    numbers = np.array(
-        [settings.scale_m, settings.along, settings.outward, settings.prior, settings.damping,
-         _HIDING_M]
-    )  # fmt: skip
+    kernels: Any = load_twin(_COMPILED, engine, pays=True) or solving
+    body, active = surface.body, surface.active
+    parents, joints, (rest, bones, weights, _) = body.parents, body.joints, body.surface
+    turn = np.ascontiguousarray(camera.world_from_camera)
+    place = np.asarray(camera.position, dtype=np.float64)
+    eye = (np.array([*camera.focal, *camera.centre]), turn, place)
+    weighing = (settings.scale_m, settings.along, settings.outward)
     turns, root = state.turns.copy(), state.root.copy()
-    system, visible, misses, pulls = kernel(
-        chain, (surface.mean, surface.precision), eye, numbers, points, depth,
-        (turns, root), settings.steps if steps is None else steps,
-    )  # fmt: skip
-    return State(turns, root), Support(system, visible, misses, pulls)
+    for _ in range(settings.steps if steps is None else steps):
+        turned, placed = kernels.place(parents, joints, turns, root)
+        vertices = kernels.skin(joints, rest, bones, weights, turned, placed)
+        facing = np.einsum("vij,vj->vi", turned[surface.owners], surface.normals)
+        visible = kernels.see(vertices, facing, eye, depth, _HIDING_M)
+        pulls, misses, counts = kernels.pair(
+            vertices, facing, visible, surface.pulling, points, weighing
+        )
+        system, slope = kernels.gather(parents, bones, weights, active, placed, vertices, pulls)
+        prior = (surface.mean, surface.precision)
+        kernels.hold(parents, active, turns, turned, prior, settings.prior, system, slope)
+        system[np.diag_indices(len(system))] += settings.damping
+        kernels.move(parents, active, turned, kernels.solve(system, slope), turns, root)
+    n = len(parents)
+    pulls_of = np.bincount(surface.owners, counts, n).astype(np.float64)
+    misses_of = np.bincount(surface.owners, misses, n) / np.maximum(pulls_of, 1.0)
+    return State(turns, root), Support(system, visible, misses_of, pulls_of)
 
 
 #: Vertices that pull and nearest points whose median each goes to, as far as it is printed.
@@ -220,18 +213,18 @@ def fit_published(
     tree = cKDTree(points)
     chosen = spread(rest, PUBLISHED_VERTICES)
     for _ in range(steps):
-        turned, placed = place(parents, joints, turns, root)
-        vertices = skin(joints, rest, bones, weights, turned, placed)
+        turned, placed = solving.place(parents, joints, turns, root)
+        vertices = solving.skin(joints, rest, bones, weights, turned, placed)
         nearest = tree.query(vertices[chosen], min(PUBLISHED_NEAREST, len(points)))[1]
         ways = np.median(points[nearest.reshape(len(chosen), -1)], axis=1) - vertices[chosen]
         ones = np.ones(len(chosen))
-        pulls = sum_pulls(len(rest), chosen, ones, 1.0, surface.normals, ways)
-        system, slope = gather(
-            bones, weights, surface.active, surface.above, placed, vertices, pulls
+        pulls = solving.sum_pulls(len(rest), chosen, ones, 1.0, surface.normals, ways)
+        system, slope = solving.gather(
+            parents, bones, weights, surface.active, placed, vertices, pulls
         )
         system[np.diag_indices(len(system))] += damping
-        change: Floats = np.linalg.solve(system, slope).astype(np.float64)
-        move(parents, surface.active, turned, change, turns, root)
+        change = solving.solve(system, slope)
+        solving.move(parents, surface.active, turned, change, turns, root)
     return State(turns, root)
 
 
@@ -240,7 +233,9 @@ def place_surface(
 ) -> tuple[Floats, Floats]:
     """Global turns of a pose, and the places of its joints, or of its vertices."""
     body, kernels = surface.body, load_twin(_COMPILED, engine, pays=True)
-    move_joints, move_skin = (place, skin) if kernels is None else (kernels.place, kernels.skin)
+    move_joints, move_skin = (
+        (solving.place, solving.skin) if kernels is None else (kernels.place, kernels.skin)
+    )
     turned, placed = move_joints(body.parents, body.joints, state.turns, state.root)
     if not vertices:
         return turned, placed

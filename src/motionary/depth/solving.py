@@ -3,8 +3,6 @@
 Pulls on a vertex are nine numbers: the six of a symmetric matrix W, and W times the way to go.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,39 +16,6 @@ from motionary.rotations import (
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-
-def fit(
-    chain: tuple[Any, ...],
-    prior: tuple[Floats, Floats],
-    eye: tuple[Floats, Floats, Floats],
-    numbers: Floats,
-    points: Floats,
-    depth: Floats,
-    pose: tuple[Floats, Floats],
-    steps: int,
-) -> tuple[Floats, Mask, Floats, Floats]:
-    """Steps of Gauss-Newton; the pose, turns and place of the root, is changed in place."""
-    turns, root = pose
-    parents, joints, rest, bones, weights, normals, owners, pulling, active, above = chain
-    scale, along, outward, held, damping, hiding = numbers
-    for _ in range(steps):
-        turned, placed = place(parents, joints, turns, root)
-        vertices = skin(joints, rest, bones, weights, turned, placed)
-        facing = np.einsum("vij,vj->vi", turned[owners], normals)
-        visible = see(vertices, facing, eye, depth, hiding)
-        pulls, misses, counts = pair(
-            vertices, facing, visible, pulling, points, (scale, along, outward)
-        )
-        system, slope = gather(bones, weights, active, above, placed, vertices, pulls)
-        hold(parents, active, turns, turned, prior, held, system, slope)
-        system[np.diag_indices(len(system))] += damping
-        change: Floats = np.linalg.solve(system, slope).astype(np.float64)
-        move(parents, active, turned, change, turns, root)
-    n = len(parents)
-    pulls_of: Floats = np.bincount(owners, counts, n).astype(np.float64)
-    of_joints: Floats = np.bincount(owners, misses, n) / np.maximum(pulls_of, 1.0)
-    return system, visible, of_joints, pulls_of
 
 
 def place(parents: Indices, joints: Floats, turns: Floats, root: Floats) -> tuple[Floats, Floats]:
@@ -146,17 +111,17 @@ def sum_pulls(
 
 
 def gather(
+    parents: Indices,
     bones: Indices,
     weights: Floats,
     active: Indices,
-    above: Mask,
     placed: Floats,
     vertices: Floats,
     pulls: Floats,
 ) -> tuple[Floats, Floats]:
     """The normal equations of pulls on vertices: system (columns, columns) and slope."""
     used = np.flatnonzero(pulls[:, 0] + pulls[:, 3] > 0)
-    places, m = vertices[used], len(active)
+    places, m, above = vertices[used], len(active), _list_above(parents, active)
     carried = np.zeros((len(used), m))
     for bone, weight in zip(bones[used].T, weights[used].T, strict=True):
         carried += weight[:, None] * above[bone]
@@ -173,6 +138,16 @@ def gather(
     system: Floats = flat.T @ (full @ rows).reshape(flat.shape)
     slope: Floats = flat.T @ pulls[used, 6:].ravel()
     return system, slope
+
+
+def _list_above(parents: Indices, active: Indices) -> Mask:
+    """Whether each active joint turns what is fixed to each bone, shape (joints, active)."""
+    above = np.zeros((len(parents), len(active)), dtype=bool)
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            above[joint] = above[parent]
+        above[joint, active == joint] = True
+    return above
 
 
 def hold(
@@ -222,3 +197,8 @@ def move(
     for joint, turn in zip(active, small, strict=True):
         before = np.eye(3) if parents[joint] < 0 else turned[parents[joint]]
         turns[joint] = before.T @ turn @ before @ turns[joint]
+
+
+def solve(system: Floats, slope: Floats) -> Floats:
+    """Solution of a positive definite system."""
+    return np.asarray(np.linalg.solve(system, slope), dtype=np.float64)
