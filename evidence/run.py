@@ -19,10 +19,10 @@ SCRIPTS = (
     "query_learning_generations", "query_learning_speed", "exercises", "everyday",
     "everyday_classes", "inertial",
     "figures_2012",
-    "body", "stream_decisions", "corrections", "styles", "kills",
+    "body", "depth", "stream_decisions", "corrections", "styles", "kills",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("simulated_sensors", "depth", "multiview", "multiview_priors", "live")
+FURTHER = ("simulated_sensors", "multiview", "multiview_priors", "live")
 
 
 def main(arguments: list[str]) -> int:
