@@ -75,7 +75,7 @@ def walker(n_frames=60, rate_hz=60.0):
     return points
 
 
-def detect(points, cameras, *, noise_px=2.0, seed=0):
+def detect(points, cameras, *, noise_px=1.5, seed=0):
     """Pixels (cameras, frames, points, 2) and scores with noise."""
     rng = np.random.default_rng(seed)
     pixels = np.stack([pinhole(camera, points) for camera in cameras])

@@ -9,7 +9,7 @@ from motionary.multiview.chain import linearise, measure_chain, move, points_of,
 from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
 from view_cases import NAMES, detect, exchange, ring, walker, write_openpose, write_toml
 
-FRAMES = 40
+FRAMES = 30
 LEGS = ("Hip", "Knee", "Ankle", "BigToe", "SmallToe", "Heel")
 
 
@@ -24,7 +24,7 @@ def session(tmp_path_factory):
     scores[:, 12:20, NAMES.index("LWrist")] = 0
     for values in (pixels, scores):
         exchange(values, 0, slice(5, 18), LEGS)
-        exchange(values, 1, slice(10, 25), LEGS)
+        exchange(values, 1, slice(10, 22), LEGS)
     write_openpose(folder / "pose", pixels, scores)
     write_toml(folder / "calib.toml", ring())
     return folder
@@ -49,7 +49,7 @@ def test_the_track_is_near_the_truth_and_has_no_gaps(session):
     assert not np.isnan(found.motion.generic_positions()[:, 1:9]).any()
 
 
-@pytest.mark.parametrize("suffix", [".trc", ".bvh", ".c3d"])
+@pytest.mark.parametrize("suffix", [".trc", ".bvh"])
 def test_the_command_writes_what_can_be_read(session, tmp_path, capsys, monkeypatch, suffix):
     path = tmp_path / f"walk{suffix}"
     given = ("--cameras", session / "calib.toml", "--rate", "60", "-o", path)

@@ -94,15 +94,15 @@ def test_a_camera_that_is_far_off_is_left_out(session):
 
 @pytest.mark.parametrize("n_cameras", [2, 7])
 def test_two_cameras_and_more_than_are_decided_together(tmp_path, n_cameras):
-    pixels, scores = detect(walker(40), ring(n_cameras))
-    exchange(pixels, n_cameras - 1, slice(20, 35), LEGS)
-    exchange(scores, n_cameras - 1, slice(20, 35), LEGS)
+    pixels, scores = detect(walker(24), ring(n_cameras))
+    exchange(pixels, n_cameras - 1, slice(8, 18), LEGS)
+    exchange(scores, n_cameras - 1, slice(8, 18), LEGS)
     scores[n_cameras - 1] *= 0.8  # so that it is decided last
     write_openpose(tmp_path / "pose", pixels, scores)
     write_toml(tmp_path / "calib.toml", ring(n_cameras))
     legs = mo.untangle(tmp_path / "pose", tmp_path / "calib.toml", rate_hz=60).exchanges[0]
-    planted = np.zeros((n_cameras, 40), dtype=bool)
-    planted[-1, 20:35] = True
+    planted = np.zeros((n_cameras, 24), dtype=bool)
+    planted[-1, 8:18] = True
     assert (legs.exchanged == planted).mean() > 0.98
 
 

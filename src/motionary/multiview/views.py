@@ -27,7 +27,7 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 _LEG_M, _LEAST_LEG_M, _MOST_LEG_M = 0.8, 0.45, 1.3
 _SCALE_PX = 20.0
 # Costs are from 0 to 1: half is rays that miss each other by 20 pixels.
-_FITS, _BETTER = 0.45, 0.75
+_FITS, _BETTER, _NOTHING_TO_GAIN = 0.45, 0.75, 0.02
 _RESOLUTIONS = (0.25, 1 / 3, 0.5, 2 / 3, 0.75, 4 / 3, 1.5, 2.0, 3.0, 4.0)
 _MOST_CAMERAS_PERMUTED = 5
 _FRAMES_TRIED = 150
@@ -184,6 +184,11 @@ def find_offsets(sight: Sight, *, most: int = MOST_OFFSET) -> NDArray[np.intp]:
     n_cameras = len(sight.origins)
     most = min(most, some.weights.shape[1] // 3)
     steps = np.arange(-most, most + 1)
+    together = np.zeros((n_cameras, n_cameras))
+    for a, b in combinations(range(n_cameras), 2):
+        together[a, b] = together[b, a] = np.nan_to_num(_pair_cost(some, a, some, b))
+    if (together.sum(axis=1) <= _NOTHING_TO_GAIN * (n_cameras - 1)).all():
+        return np.zeros(n_cameras, dtype=np.intp)
     costs = np.zeros((n_cameras, n_cameras, len(steps)))
     for a, b in combinations(range(n_cameras), 2):
         row = [_pair_cost(some, a, some, b, int(step)) for step in steps]
@@ -196,7 +201,7 @@ def find_offsets(sight: Sight, *, most: int = MOST_OFFSET) -> NDArray[np.intp]:
             others = [other for other in range(n_cameras) if other != camera]
             total = np.sum([_moved(costs[o, camera], int(offsets[o])) for o in others], axis=0)
             now, best = total[most + offsets[camera]], int(total.argmin())
-            fits = total[best] < _BETTER * now and now > 0.02 * len(others)
+            fits = total[best] < _BETTER * now and now > _NOTHING_TO_GAIN * len(others)
             gains.append((now - total[best] if fits else 0.0, camera, best - most))
         gain, camera, offset = max(gains)
         if gain <= 0 or abs(offset) > most:
