@@ -20,9 +20,10 @@ SCRIPTS = (
     "everyday_classes", "inertial",
     "figures_2012",
     "body", "depth", "stream_decisions", "corrections", "styles", "kills",
+    "multiview", "multiview_priors",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("simulated_sensors", "multiview", "multiview_priors", "live")
+FURTHER = ("simulated_sensors", "live")
 
 
 def main(arguments: list[str]) -> int:
