@@ -43,7 +43,9 @@ TITLE = "The library that ships on recordings of strangers"
 SPLIT = (
     "nobody in ACCAD, Bandai Namco's set or the rigs taught; designs were chosen on ACCAD's Male1 "
     "and Bandai's normal style, the others are reported; the four recordings are labelled by a "
-    "library without their people; promises are of a library of the development people alone"
+    "library without their people; promises are of a library of the development people alone. "
+    "All of it was reported once before, of an earlier state of the library: what was to be "
+    "mended was known from there, how was chosen on the development people, Male1 and normal"
 )
 SEED = 0
 DATA = (
