@@ -19,6 +19,7 @@ from motionary.depth.poses import (
     N_VIEWS,
     PoseDatabase,
     expand_pose,
+    mirror_turns,
     to_matrices,
     turn_about_up,
 )
@@ -280,3 +281,15 @@ def reach(surface: Surface, state: State, ends: Floats, target: Floats) -> list[
         if np.isfinite(turns).all():
             found.append(State(turns, state.root.copy()))
     return found
+
+
+def turn_round(surface: Surface, state: State, camera: Camera) -> State:
+    """The pose that has the same outline and looks the other way: its reflection in depth."""
+    away = (camera.position - state.root) * (1, 0, 1)
+    away /= np.linalg.norm(away)
+    turns = state.turns.copy()
+    turns[surface.active] = mirror_turns(state.turns[None, surface.active])[0]
+    # The root is reflected in the world, and in the body, which makes it a turn again.
+    flip = np.diag([-1.0, 1.0, 1.0])
+    turns[0] = (np.eye(3) - 2 * np.outer(away, away)) @ state.turns[0] @ flip
+    return State(turns, state.root.copy())

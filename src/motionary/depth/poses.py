@@ -219,7 +219,7 @@ def build_database(
     if not turns:
         raise InvalidInput("a pose database needs at least one recording")
     both = np.concatenate(turns)
-    both = np.concatenate([both, _mirror(both)])
+    both = np.concatenate([both, mirror_turns(both)])
     pose = expand_pose(body, both)
     places = pose.joints - pose.joints[:, :1]
     chosen = choose_apart(places[:, 1:].reshape(len(both), -1), least_m * (len(body.names) - 1))
@@ -296,7 +296,8 @@ def _read_turns(body: Body, motion: Motion, rate_hz: float) -> Floats:
     return upright
 
 
-def _mirror(turns: Floats) -> Floats:
+def mirror_turns(turns: Floats) -> Floats:
+    """The turns (n, active, 3, 3) of poses with left and right exchanged."""
     sides = {"l": "r", "r": "l"}
     paired = [
         sides[name[0]] + name[1:] if sides.get(name[0], "") + name[1:] in ACTIVE else name

@@ -40,6 +40,7 @@ from motionary.depth.lookup import (
     permit,
     reach,
     shrink,
+    turn_round,
 )
 from motionary.depth.poses import (
     PoseDatabase,
@@ -233,17 +234,23 @@ class DepthTracker:
         with self._timed("lookup"):
             first = self._state is None
             ranked = self.settings.ranked * (5 if first else 1)
-            states = [
-                one.state(self.lookup, k)
+            groups = [
+                [one.state(self.lookup, k) for k in range(min(ranked, len(one.poses)))]
                 for one in sets
-                for k in range(min(ranked, len(one.poses)))
-            ] + more
-            vertices = np.stack([self._vertices(state) for state in states])
+            ]
+            groups[0] += more
+            vertices = [self._vertices(state) for group in groups for state in group]
             costs = compare_images(
-                vertices, self.body.faces, seen.small, seen.eye, engine=self.engine
+                np.stack(vertices), self.body.faces, seen.small, seen.eye, engine=self.engine
             ).costs
-            order = np.argsort(costs, kind="stable")[: 6 if first else 1]
-            return [states[k] for k in order]
+            # The best of each viewing direction: at the start both are followed.
+            best: list[State] = []
+            at = 0
+            for group in groups:
+                order = np.argsort(costs[at : at + len(group)], kind="stable")
+                best += [group[k] for k in order[: 3 if first else 1]]
+                at += len(group)
+            return best
 
     def _follow(self, name: Hypothesis, start: State, seen: _Seen) -> _Found:
         """A hypothesis: the pose fitted from a start, and how far it is from the image."""
@@ -280,14 +287,16 @@ class DepthTracker:
         if self.settings.published:
             return found[int(costs.argmin())]
         if self._state is None and len(found) > 1:
-            return self._open_duel(found, costs)
+            round_ = turn_round(self.surface, found[int(costs.argmin())].state, self.camera)
+            found = [*found, self._follow("lookup", round_, seen)]
+            return self._open_duel(found)
         leads = np.array([self.settings.lead * (one.name == "lookup") for one in found])
         best = found[int((costs * (1 + leads)).argmin())]
         return self._fight(best, seen) if self._rival is not None else best
 
-    def _open_duel(self, found: list[_Found], costs: Floats) -> _Found:
+    def _open_duel(self, found: list[_Found]) -> _Found:
         """The best start; the best that looks another way is followed beside for a while."""
-        order = costs.argsort()
+        order = np.array([one.comparison.costs[0] for one in found]).argsort()
         best = found[int(order[0])]
         own = self._heading_of(best.state)
         for k in order[1:]:
