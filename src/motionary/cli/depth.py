@@ -18,7 +18,7 @@ from motionary.cli.options import (
     wrong,
 )
 from motionary.cli.recordings import find_files, read_motions, split_failures, warn_of_all
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -196,7 +196,8 @@ def _read_json(path: str) -> dict[str, Any]:
     try:
         told = json.loads(Path(path).read_text("utf-8"))
     except (OSError, ValueError) as error:
-        raise UnreadableFile(f"cannot be read as JSON: {error}", file=Path(path).name) from None
+        cause = describe_cause(error)
+        raise UnreadableFile(f"cannot be read as JSON: {cause}", file=Path(path).name) from None
     if not isinstance(told, dict):
         raise InvalidInput('needs {"focal": [fx, fy], "centre": [cx, cy]}', file=Path(path).name)
     return told

@@ -242,7 +242,9 @@ class Opener:
         """
         folders = [path for path in paths if Path(path).is_dir()]
         if options.index is not None and (len(paths) != 1 or not folders or options.no_index):
-            raise typer.BadParameter("keeps the features of one folder", param_hint="--index")
+            raise typer.BadParameter(
+                "keeps the features of one folder that exists", param_hint="--index"
+            )
         if options.no_index or not folders:
             return self._read(paths)
         if len(paths) > 1:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, UnreadableFile
+from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 
 Floats = NDArray[np.float64]
 
@@ -236,7 +236,7 @@ def _read_folder(path: Path) -> tuple[tuple[Path, ...], dict[str, Any]]:
             try:
                 told = json.loads((path / name).read_text("utf-8"))
             except ValueError as error:
-                raise UnreadableFile(f"is no JSON: {error}", file=name) from None
+                raise UnreadableFile(f"is no JSON: {describe_cause(error)}", file=name) from None
             break
     if "times_s" not in told and all(one.stem.count(".") == 1 for one in files):
         # As the TUM benchmark names them: 1305031102.160407.png.
