@@ -17,13 +17,12 @@ SCRIPTS = (
     "true_recordings", "figures_2009", "thresholds", "generation_metrics", "same_trial",
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
     "query_learning_generations", "query_learning_speed", "exercises", "everyday",
-    "everyday_classes", "inertial",
-    "figures_2012",
+    "everyday_classes", "inertial", "simulated_sensors", "figures_2012",
     "body", "depth", "stream_decisions", "corrections", "styles", "kills",
-    "multiview", "multiview_priors",
+    "multiview", "multiview_priors", "live",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER = ("simulated_sensors", "live")
+FURTHER: tuple[str, ...] = ()
 
 
 def main(arguments: list[str]) -> int:

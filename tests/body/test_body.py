@@ -19,15 +19,27 @@ from motionary.body import (
     load_body,
     local_rotations,
     pose_body,
+    pose_from_motion,
     render_depth,
     shade,
     skin,
 )
-from motionary.body.chain import exponentials, place_joints, pose_by_twists, revolute_twists
+from motionary.body.chain import (
+    accumulate,
+    exponentials,
+    place_joints,
+    pose_by_twists,
+    revolute_twists,
+)
 from motionary.errors import InvalidInput
 from motionary.matching.distance import load_twin
 from motionary.motion import Skeleton, forward_kinematics
-from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
+from motionary.rotations import (
+    matrices_to_quaternions,
+    quaternions_to_matrices,
+    rotation_vectors_to_quaternions,
+)
+from motionary.samples import synthetic_motion
 from oracles.bodies import ray_depths, skinned
 
 BODY = load_body()
@@ -272,3 +284,23 @@ def test_wrong_poses_shapes_and_cameras_are_refused():
         CAMERA.looking_at(np.zeros(3), np.array([0, 1.0, 0]))
     away = render_depth(BODY.vertices + np.array([0, 0, -9]), BODY.faces, CAMERA)
     assert np.isnan(away.depth).all(), "what is behind the camera is not seen"
+
+
+def test_a_rig_that_lies_at_rest_drives_the_body_as_one_that_stands():
+    motion = synthetic_motion("squat", seed=2, rate_hz=10.0)
+    skeleton, lying = motion.skeleton, turns_of(np.array([0.1, 0.2, -1.6]))
+    turned = accumulate(skeleton.parents, quaternions_to_matrices(motion.rotations)) @ lying.T
+    local = turned.copy()
+    for joint, parent in enumerate(skeleton.parents):
+        if parent >= 0:
+            local[:, joint] = np.swapaxes(turned[:, parent], -1, -2) @ turned[:, joint]
+    rig = replace(
+        motion,
+        skeleton=replace(skeleton, offsets=skeleton.offsets @ lying.T),
+        rotations=matrices_to_quaternions(local),
+    )
+    standing, found = (pose_from_motion(BODY, one).pose for one in (motion, rig))
+    assert found.joints == pytest.approx(standing.joints, abs=0.03)
+    head = BODY.index("head")
+    up = (found.joints[:, head] - found.joints[:, 0])[:, 1]
+    assert up.min() > 0.3

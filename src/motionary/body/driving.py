@@ -43,6 +43,8 @@ _NEXT = {
     "upperarm": "forearm", "forearm": "hand", "thigh": "shank", "shank": "foot", "foot": "toes",
 }  # fmt: skip
 _LIMBS = {"thigh": ("hip", "knee", "ankle"), "upperarm": ("shoulder", "elbow", "wrist")}
+# A trunk that leans by less at rest (cosine) is taken for upright.
+_UPRIGHT = 0.7
 # Below this bend, in radians, three joints have no plane.
 _BENT = np.radians(20)
 
@@ -67,11 +69,13 @@ class BoneTurns(NamedTuple):
     joints : array, shape (frames, 24, 3), the generic joints, metres; NaN = not seen
     turns : of the bones whose turns the file holds, global ones, shape (frames, 3, 3)
     rest : of these the directions at rest, unit vectors; of the root from right to left hip
+    up : direction from the hips to the neck at rest, a unit vector; None if unknown
     """
 
     joints: Floats
     turns: dict[str, Floats]
     rest: dict[str, Floats]
+    up: Floats | None = None
 
     def directions(self) -> dict[str, Floats]:
         """Of all bones between two generic joints the unit directions (frames, 3).
@@ -161,7 +165,8 @@ def read_turns(motion: Motion) -> BoneTurns:
     if root is not None:
         turns["root"] = turned[:, root]
         directions["root"] = unit_vectors(rest[_generic("lhip")] - rest[_generic("rhip")])
-    return BoneTurns(joints, turns, directions)
+    up = unit_vectors(rest[_generic("neck")] - rest[_generic("root")])
+    return BoneTurns(joints, turns, directions, None if np.isnan(up).any() else up)
 
 
 def _turn_bones(body: Body, driver: BoneTurns) -> tuple[Floats, NDArray[np.bool_]]:
@@ -170,13 +175,14 @@ def _turn_bones(body: Body, driver: BoneTurns) -> tuple[Floats, NDArray[np.bool_
     turned = np.empty((n_frames, n, 3, 3))
     alignments = np.tile(np.eye(3), (n, 1, 1))
     known = np.zeros(n, dtype=bool)
+    trunk = _align_trunk(driver)
     for joint, parent in enumerate(body.parents):
         name = body.names[joint]
-        inherited = alignments[parent] if parent >= 0 and name not in _TRUNK else np.eye(3)
+        inherited = alignments[parent] if parent >= 0 and name not in _TRUNK else trunk
         mesh = _mesh_direction(body, name)
         if name in driver.turns and not np.isnan(driver.rest[name]).any():
             if name == "root":
-                inherited = shortest_turn(np.array([1.0, 0, 0]), driver.rest[name])
+                inherited = shortest_turn(trunk[:, 0], driver.rest[name]) @ trunk
             elif name not in _TRUNK and mesh is not None:
                 inherited = shortest_turn(inherited @ mesh, driver.rest[name]) @ inherited
             alignments[joint], known[joint] = inherited, True
@@ -201,6 +207,15 @@ def _turn_bones(body: Body, driver: BoneTurns) -> tuple[Floats, NDArray[np.bool_
         if parent >= 0 and body.names[joint] not in BONES:
             known[joint] = known[parent]
     return turned, known
+
+
+def _align_trunk(driver: BoneTurns) -> Floats:
+    """How the trunk of the body at rest turns into that of the file, which may lie, (3, 3)."""
+    if driver.up is None or "root" not in driver.rest or driver.up[1] > _UPRIGHT:
+        return np.eye(3)
+    left = driver.rest["root"]
+    up = unit_vectors(driver.up - (driver.up @ left) * left)
+    return np.stack([left, up, np.cross(left, up)], axis=1)
 
 
 def _mesh_direction(body: Body, name: str) -> Floats | None:

@@ -214,7 +214,9 @@ def _read_database(path: str | None) -> "PoseDatabase | None":
         with np.load(path, allow_pickle=False) as arrays:
             held = {key: arrays[key] for key in arrays.files}
     except (OSError, ValueError) as error:
-        raise UnreadableFile(f"is no pose database: {error}", file=Path(path).name) from None
+        raise UnreadableFile(
+            f"is no pose database: {describe_cause(error)}", file=Path(path).name
+        ) from None
     return database_from_arrays(held)
 
 
@@ -269,14 +271,16 @@ def database(
     from motionary.files import write_atomically
 
     check_target(output, replace=force)
+    if Path(output).suffix != ".npz":
+        raise InvalidInput(f"a database of poses is written as .npz, got {Path(output).name!r}")
     found = find_files(recordings, reading)
     motions, failures = split_failures(read_motions(found.files, reading))
     failed = warn_of_all(found.missing.values(), failures, given=recordings)
     made = build_database(
         motions, least_m=least_m, provenance={"recordings": sorted(one.source for one in motions)}
     )
-    with write_atomically(output) as beside:
-        np.savez_compressed(beside, **database_to_arrays(made))  # type: ignore[arg-type]
+    with write_atomically(output) as beside, beside.open("wb") as file:
+        np.savez_compressed(file, **database_to_arrays(made))  # type: ignore[arg-type]
     screen.say(f"{len(made)} poses of {len(motions)} recordings written to {output}")
     return 1 if failed else 0
 
