@@ -34,10 +34,10 @@ from motionary.multiview.tracking import TrackedPoints, bridge, in_sequence_of, 
 
 TITLE = "Tracking in views of several cameras"
 SPLIT = (
-    "settings were chosen on CMU 02, 05 and 35 with one seed; the table's people are others, but an "
-    "earlier run of theirs was seen before the exchange was changed (on the first three) and the "
-    "table measured again; on Pose2Sim's demonstration the costs of exchanges and jumps were chosen, "
-    "so that it is no test of them"
+    "settings were chosen on CMU 02, 05 and 35 with one seed; the table's people are others, but "
+    "an earlier run of theirs was seen before the exchange was changed (on the first three) and "
+    "the table measured again; on Pose2Sim's demonstration the costs of exchanges and jumps were "
+    "chosen, so that it is no test of them"
 )
 SEED = 0
 #: What is filmed, and from which second.

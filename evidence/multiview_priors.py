@@ -24,8 +24,8 @@ from motionary.skeletons import named_mapping
 TITLE = "Tracking steadied by recognised motion"
 SPLIT = (
     "library: walking cycles of CMU 02, 05, 06, 07, 10, 16 and 35; tracked: CMU 01, 32, 38, 49 and "
-    "86; settings were chosen on 35, two of them (the gate, the threshold of labels) after a look at "
-    "86, so that its rows are no test; 38 and 49 were not seen before"
+    "86; settings were chosen on 35, two of them (the gate, the threshold of labels) after a look "
+    "at 86, so that its rows are no test; 38 and 49 were not seen before"
 )
 SEED = 0
 DATA = (
