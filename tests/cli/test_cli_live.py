@@ -313,3 +313,14 @@ def test_an_address_open_to_the_network_is_told():
     told = []
     WebSocketSource(0, address="0.0.0.0", tell=told.append).close()
     assert "0.0.0.0 is open to the network" in told[0]
+
+
+def test_options_that_would_do_nothing_are_refused(capsys, monkeypatch, lines):
+    for options, what in (
+        (("--address", "0.0.0.0"), "needs --port"),
+        (("--skeleton", "foo"), "foo"),
+    ):
+        feed(monkeypatch, "\n".join(lines[:3]))
+        ran = run(capsys, monkeypatch, "live", *options)
+        assert ran.code != 0
+        assert what in ran.err

@@ -168,7 +168,10 @@ def track(
         )
     for note in (*tracked.motion.notes, *notes):
         screen.warn(note)
-    return 0 if row["unsure"] + row["none"] < row["images"] / 2 else 1
+    if row["unsure"] + row["none"] < row["images"] / 2:
+        return 0
+    screen.warn("half of the images or more are unsure or without a person: look at the motion")
+    return 1
 
 
 def _cut_to_person(tracked: "Tracking", *, whole: bool) -> "tuple[Motion, tuple[str, ...]]":
@@ -281,7 +284,8 @@ def database(
     )
     with write_atomically(output) as beside, beside.open("wb") as file:
         np.savez_compressed(file, **database_to_arrays(made))  # type: ignore[arg-type]
-    screen.say(f"{len(made)} poses of {len(motions)} recordings written to {output}")
+    many = "recording" if len(motions) == 1 else "recordings"
+    screen.say(f"{len(made)} poses of {len(motions)} {many} written to {output}")
     return 1 if failed else 0
 
 

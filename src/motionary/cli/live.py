@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
+from motionary.cli.options import wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 # What is wrong with a sender's lines is told so often, then only counted.
 _MOST_TOLD = 5
+
+
+_LOOPBACK = "127.0.0.1"
 
 
 def live(
@@ -58,7 +62,7 @@ def live(
     address: Annotated[
         str,
         typer.Option(metavar="IP", help="Listen there; by default only to this computer."),
-    ] = "127.0.0.1",
+    ] = _LOOPBACK,
 ) -> int:
     """Label motion while it goes on: poses in as lines of JSON, events out as lines of JSON.
 
@@ -70,7 +74,12 @@ def live(
     """
     from motionary.live import LivePeople, PipeSource, WebSocketSource
     from motionary.models.library import open_library
+    from motionary.skeletons import named_mapping
 
+    if port is None and address != _LOOPBACK:
+        raise wrong("--address", "needs --port: from stdin nobody else can send")
+    if skeleton is not None:
+        named_mapping(skeleton)
     people = LivePeople(
         open_library(library),
         rate_hz=rate_hz,
@@ -145,5 +154,5 @@ def _run(people: "LivePeople", source: "Source", *, final_only: bool) -> int:
     give(people.finish())
     source.close()
     if n_wrong:
-        screen.warn(f"{n_wrong} lines were of no use")
+        screen.warn(f"{n_wrong} line{' was' if n_wrong == 1 else 's were'} of no use")
     return 1 if n_wrong else 0

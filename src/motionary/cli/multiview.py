@@ -174,7 +174,9 @@ def _show(found: "Tracking") -> None:
     for prior in found.priors:
         taken = "taken" if prior.kept else "not taken"
         screen.say(f"{prior.name}, frames {prior.first} to {prior.stop}: {taken}, {prior.reason}")
-    screen.say(f"{len(found.exchanges)} segments of limbs exchanged or unsure, {frames:.1f} s")
+    n = len(found.exchanges)
+    many = "segment" if n == 1 else "segments"
+    screen.say(f"{n} {many} of limbs exchanged or unsure, {frames:.1f} s")
 
 
 def _both(found: "Tracking") -> tuple["Steadiness", "Steadiness"]:
