@@ -64,7 +64,7 @@ def test_a_database_is_made_of_recordings(folder, motionary):
     out = folder / "poses.npz"
     done = motionary("depth", "database", folder / "motion.npz", "-o", out, "--apart", "0.03")
     assert done.code == 0
-    assert "poses of 1 recordings" in done.err + done.out
+    assert "poses of 1 recording " in done.err + done.out
     tracked = motionary("depth", "track", folder / "images.npz", "-o", folder / "own.npz",
                         "--database", out, "--published", "--json")  # fmt: skip
     assert json.loads(tracked.out)["images"] == 6
