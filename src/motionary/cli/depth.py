@@ -22,7 +22,7 @@ from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from motionary.depth import PoseDatabase, Tracking
     from motionary.depth.preparation import Floats
@@ -157,6 +157,11 @@ def track(
 
         images = list(recording.images())[options.empty :]
         save(plot_depth(images, tracked), options.picture)
+    return _say(tracked, (*tracked.motion.notes, *notes), options.output, as_json=as_json)
+
+
+def _say(tracked: "Tracking", notes: "Sequence[str]", output: str, *, as_json: bool) -> int:
+    """Tell what was tracked; 1 if it is of little use."""
     row = _to_row(tracked)
     if as_json:
         screen.print_json(row)
@@ -164,9 +169,9 @@ def track(
         screen.say(
             f"{row['images']} images: {row['tracked']} tracked, {row['unsure']} unsure, "
             f"{row['none']} without a person; off from the images by {100 * row['cost_m']:.1f} cm",
-            f"motion written to {options.output}",
+            f"motion written to {output}",
         )
-    for note in (*tracked.motion.notes, *notes):
+    for note in notes:
         screen.warn(note)
     if row["unsure"] + row["none"] < row["images"] / 2:
         return 0

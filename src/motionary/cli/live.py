@@ -3,6 +3,7 @@
 import sys
 import time
 from collections import Counter
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,52 +19,55 @@ if TYPE_CHECKING:
 
 # What is wrong with a sender's lines is told so often, then only counted.
 _MOST_TOLD = 5
-
-
 _LOOPBACK = "127.0.0.1"
 
 
-def live(
+@dataclass(frozen=True, kw_only=True)
+class LiveOptions:
+    """What poses are labelled with, and where they come from."""
+
     library: Annotated[
         str,
         typer.Option(
             metavar="LIB",
             help="A folder that `motionary learn` wrote; everyday is the library that ships.",
         ),
-    ] = "everyday",
+    ] = "everyday"
     rate_hz: Annotated[
         float | None,
         typer.Option(
             "--rate-hz", min=1.0, metavar="HZ", help="Poses a second, where no line says it."
         ),
-    ] = None,
+    ] = None
     skeleton: Annotated[
         str | None,
         typer.Option(
             metavar="NAME", help="Skeleton of poses that list joints without names: smpl, ..."
         ),
-    ] = None,
+    ] = None
     at_most_false: Annotated[
         float | None,
         typer.Option(
             metavar="PER_MINUTE",
             help="With the threshold at which so many false labels a minute are expected.",
         ),
-    ] = None,
+    ] = None
     final: Annotated[
         bool, typer.Option("--final", help="Print labels only once they are final.")
-    ] = False,
+    ] = False
     port: Annotated[
         int | None,
         typer.Option(
             min=0, max=65535, metavar="N", help="Take poses by websockets; 0 is any free port."
         ),
-    ] = None,
+    ] = None
     address: Annotated[
         str,
         typer.Option(metavar="IP", help="Listen there; by default only to this computer."),
-    ] = _LOOPBACK,
-) -> int:
+    ] = _LOOPBACK
+
+
+def live(options: LiveOptions) -> int:
     """Label motion while it goes on: poses in as lines of JSON, events out as lines of JSON.
 
     Events are "provisional" when a label is foreseen, "revised", "withdrawn", and "final";
@@ -76,24 +80,26 @@ def live(
     from motionary.models.library import open_library
     from motionary.skeletons import named_mapping
 
-    if port is None and address != _LOOPBACK:
+    if options.port is None and options.address != _LOOPBACK:
         raise wrong("--address", "needs --port: from stdin nobody else can send")
-    if skeleton is not None:
-        named_mapping(skeleton)
+    if options.skeleton is not None:
+        named_mapping(options.skeleton)
     people = LivePeople(
-        open_library(library),
-        rate_hz=rate_hz,
-        skeleton=skeleton,
-        at_most_false_per_min=at_most_false,
+        open_library(options.library),
+        rate_hz=options.rate_hz,
+        skeleton=options.skeleton,
+        at_most_false_per_min=options.at_most_false,
     )
-    if port is None:
+    source: Source
+    if options.port is None:
         if sys.stdin.isatty():
             screen.warn("waiting for poses from stdin, lines of JSON; Ctrl-D ends")
         # Bytes that are no text end no stream.
-        return _run(people, PipeSource(getattr(sys.stdin, "buffer", sys.stdin)), final_only=final)
-    source = WebSocketSource(port, address=address, tell=screen.warn)
-    screen.warn(f"listening to ws://{address}:{source.port}; Ctrl-C ends")
-    return _run(people, source, final_only=final)
+        source = PipeSource(getattr(sys.stdin, "buffer", sys.stdin))
+    else:
+        source = WebSocketSource(options.port, address=options.address, tell=screen.warn)
+        screen.warn(f"listening to ws://{options.address}:{source.port}; Ctrl-C ends")
+    return _run(people, source, final_only=options.final)
 
 
 def replay(
