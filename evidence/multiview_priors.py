@@ -15,9 +15,9 @@ from motionary.io import read
 from motionary.models.library import ClassLibrary, learn
 from motionary.motion import Motion
 from motionary.multiview import PoseMemory, remember_poses, see
-from motionary.multiview.steadiness import floor_of, measure_steadiness, runs, stances
+from motionary.multiview.steadiness import floor_of, measure_steadiness, stances
 from motionary.multiview.tracking import Recognised, in_sequence_of, steady, track_points
-from motionary.recording import Recording
+from motionary.recording import Recording, find_runs
 from motionary.retrieval.annotation import annotate
 from motionary.skeletons import named_mapping
 
@@ -89,7 +89,7 @@ def _library(folder: Path) -> tuple[ClassLibrary, PoseMemory]:
 def _cycles(motion: Motion, side: str) -> list[Motion]:
     """Pieces from one stance of a foot to its next."""
     points = true_points(motion, 0.0, 60.0)
-    starts = [first for first, _ in runs(stances(NAMES, points, RATE_HZ)[side])][1:]
+    starts = find_runs(stances(NAMES, points, RATE_HZ)[side])[1:, 0].tolist()
     pieces = []
     for first, stop in pairwise(starts):
         if 40 < stop - first < 100:

@@ -27,7 +27,8 @@ from motionary.multiview.priors import (
     remember_best,
 )
 from motionary.multiview.solving import Pull, SolverSettings
-from motionary.multiview.steadiness import runs, sole_points
+from motionary.multiview.steadiness import sole_points
+from motionary.recording import find_runs
 from motionary.retrieval.explanation import Evidence
 
 Floats = NDArray[np.float64]
@@ -132,7 +133,7 @@ def _close(mask: Bools, most: int) -> Bools:
     """The mask with holes along frames closed that are no longer than `most`."""
     result = mask.copy()
     for k in range(mask.shape[1]):
-        for first, stop in runs(~mask[:, k]):
+        for first, stop in find_runs(~mask[:, k]).tolist():
             if stop - first <= most and first > 0 and stop < len(mask):
                 result[first:stop, k] = True
     return result
@@ -178,7 +179,7 @@ def _hold_feet(
     for prior in named_priors(match.template, match.sequence.feature_set.names):
         mask = (columns >= 0) & prior.columns[np.maximum(columns, 0)]
         feet = sole_points(track.names, prior.name[0].upper())
-        for first, stop in runs(mask):
+        for first, stop in find_runs(mask).tolist():
             if not feet or stop - first < _LEAST_REST_S * track.rate_hz:
                 continue
             part = track.points[first:stop, feet]
@@ -254,7 +255,9 @@ def _lend_poses(
             better, error_m = _try(own[:, members], lending[:, members], sure, track, frame)
             gaps = [
                 run
-                for run in runs(np.asarray(~np.isnan(lending[:, members, 0]).any(axis=1)))
+                for run in find_runs(
+                    np.asarray(~np.isnan(lending[:, members, 0]).any(axis=1))
+                ).tolist()
                 if (track.confidence[slice(*run)][:, points] < _UNSEEN).any()
             ]
             side_name = "left" if side == "L" else "right"
@@ -284,7 +287,7 @@ def _try(
         sure & ~np.isnan(lending).any(axis=(1, 2)) & ~np.isnan(own).any(axis=(1, 2))
     )
     lent, straight = [], []
-    for first, stop in runs(usable):
+    for first, stop in find_runs(usable).tolist():
         for start in range(first + _EDGE, stop - length - _EDGE + 1, max(1, length // 4)):
             end = start + length
             lent.append(lending[start:end] + _bridge(own - lending, start, end) - own[start:end])

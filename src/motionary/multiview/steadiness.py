@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.recording import find_runs
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -77,16 +79,10 @@ def stances(names: tuple[str, ...], points: Floats, rate_hz: float) -> dict[str,
 
 def _without_short(mask: Bools, least: int) -> Bools:
     result = mask.copy()
-    for first, stop in runs(mask):
+    for first, stop in find_runs(mask).tolist():
         if stop - first < least:
             result[first:stop] = False
     return result
-
-
-def runs(mask: Bools) -> list[tuple[int, int]]:
-    """First frame and one past the last of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def measure_steadiness(

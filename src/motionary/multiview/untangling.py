@@ -13,7 +13,7 @@ from motionary.io.keypoints import Views, read_keypoints
 from motionary.labels import Label, LabelTrack
 from motionary.multiview.exchange import Exchange, exchange_sources, find_exchanges
 from motionary.multiview.views import FittedViews, fit_views, shift
-from motionary.recording import Recording
+from motionary.recording import Recording, find_runs
 
 
 class Untangled(NamedTuple):
@@ -94,7 +94,6 @@ def label_exchanges(
     for one in exchanges:
         for what, mask in (("exchanged", one.exchanged), ("unsure", one.unsure)):
             for camera, own in zip(cameras, mask, strict=True):
-                edges = np.flatnonzero(np.diff(np.concatenate([[0], own.astype(int), [0]])))
                 labels += [
                     Label(
                         f"{one.limb} {what}",
@@ -104,6 +103,6 @@ def label_exchanges(
                         end_frame=recording.first_frame + stop - 1,
                         extra={"camera": camera},
                     )
-                    for first, stop in edges.reshape(-1, 2).tolist()
+                    for first, stop in find_runs(own).tolist()
                 ]
     return LabelTrack(recording, tuple(labels))
