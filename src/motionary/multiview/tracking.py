@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
-from motionary.io.cameras import CalibratedCamera, read_cameras
-from motionary.io.keypoints import Views, read_keypoints
+from motionary.io.cameras import CalibratedCamera
+from motionary.io.keypoints import Views
 from motionary.labels import LabelTrack, compare_labels
 from motionary.models.library import ClassLibrary
 from motionary.motion import Motion
@@ -34,7 +33,7 @@ from motionary.multiview.solving import SolverSettings, free_points, ray_weights
 from motionary.multiview.steadiness import Steadiness, floor_of, measure_steadiness, stances
 from motionary.multiview.triangulation import Triangulated, triangulate
 from motionary.multiview.untangling import label_exchanges
-from motionary.multiview.views import fit_views
+from motionary.multiview.views import open_views
 from motionary.recording import Recording
 from motionary.retrieval.annotation import annotate
 from motionary.rotations import unit_vectors
@@ -271,12 +270,9 @@ def track(
     InvalidInput
         If cameras and images do not fit; says what would.
     """
-    if not 0 < rate_hz < np.inf:
-        raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
-    views = keypoints if isinstance(keypoints, Views) else read_keypoints(keypoints)
-    name = "keypoints" if isinstance(keypoints, Views) else Path(keypoints).resolve().name
-    given = read_cameras(cameras) if isinstance(cameras, str | Path) else cameras
-    fitted = fit_views(views, given, unit=unit, synchronise=synchronise)
+    views, fitted, recording = open_views(
+        keypoints, cameras, rate_hz=rate_hz, unit=unit, synchronise=synchronise
+    )
     upright, said = find_upright(fitted.sight)
     sight = fitted.sight._replace(
         directions=fitted.sight.directions @ upright.T, origins=fitted.sight.origins @ upright.T
@@ -284,9 +280,6 @@ def track(
     # Points that the layout has and the detector never gives would be made up in every frame.
     sight = sight.of_points(np.flatnonzero(sight.weights.any(axis=(0, 1))).tolist())
     found = track_points(sight, rate_hz=rate_hz)
-    recording = Recording(
-        name, rate_hz=rate_hz, n_frames=views.n_frames, first_frame=views.first_frame
-    )
     steadied = None if library is None else steady(found, library, recording, memory=memory)
     if steadied is not None:
         found = steadied.found

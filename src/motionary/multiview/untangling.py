@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
-from motionary.io.cameras import CalibratedCamera, read_cameras
-from motionary.io.keypoints import Views, read_keypoints
+from motionary.io.cameras import CalibratedCamera
+from motionary.io.keypoints import Views
 from motionary.labels import Label, LabelTrack
 from motionary.multiview.exchange import Exchange, exchange_sources, find_exchanges
-from motionary.multiview.views import FittedViews, fit_views, shift
+from motionary.multiview.views import move_frames, open_views, shift
 from motionary.recording import Recording, find_runs
 
 
@@ -58,32 +57,23 @@ def untangle(
     InvalidInput
         If cameras and images do not fit; says what would.
     """
-    if not 0 < rate_hz < np.inf:
-        raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
-    views = keypoints if isinstance(keypoints, Views) else read_keypoints(keypoints)
-    name = "keypoints" if isinstance(keypoints, Views) else Path(keypoints).resolve().name
-    given = read_cameras(cameras) if isinstance(cameras, str | Path) else cameras
-    fitted = fit_views(views, given, unit=unit, synchronise=synchronise)
-    found = find_exchanges(fitted.sight)
-    own = tuple(_unshift(one, fitted) for one in found)
-    recording = Recording(
-        name, rate_hz=rate_hz, n_frames=views.n_frames, first_frame=views.first_frame
+    views, fitted, recording = open_views(
+        keypoints, cameras, rate_hz=rate_hz, unit=unit, synchronise=synchronise
     )
-    sources = exchange_sources(shift(fitted.sight, -fitted.offsets), own)
+    found = find_exchanges(fitted.sight)
+    # By the frames of each camera's own images.
+    back = -fitted.offsets
+    own = tuple(
+        Exchange(
+            one.limb,
+            move_frames(one.exchanged, back),
+            move_frames(one.margin, back, empty=np.inf),
+        )
+        for one in found
+    )
+    sources = exchange_sources(shift(fitted.sight, back), own)
     track = label_exchanges(own, views.cameras, recording)
     return Untangled(views, sources, own, track, (*views.notes, *fitted.notes))
-
-
-def _unshift(one: Exchange, fitted: FittedViews) -> Exchange:
-    """The exchange by the frames of each camera's own images."""
-    exchanged, margin = np.zeros_like(one.exchanged), np.full_like(one.margin, np.inf)
-    n = exchanged.shape[1]
-    for camera, offset in enumerate(fitted.offsets.tolist()):
-        own = slice(max(0, offset), n - max(0, -offset))
-        here = slice(max(0, -offset), n - max(0, offset))
-        exchanged[camera, own] = one.exchanged[camera, here]
-        margin[camera, own] = one.margin[camera, here]
-    return Exchange(one.limb, exchanged, margin)
 
 
 def label_exchanges(

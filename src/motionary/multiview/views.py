@@ -9,18 +9,21 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations, permutations
-from typing import NamedTuple
+from pathlib import Path
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.io.cameras import CalibratedCamera
-from motionary.io.keypoints import Views
+from motionary.io.cameras import CalibratedCamera, read_cameras
+from motionary.io.keypoints import Views, read_keypoints
 from motionary.multiview.cameras import Sight, see
 from motionary.multiview.triangulation import USUAL_FOCAL, triangulate
+from motionary.recording import Recording
 
 Floats = NDArray[np.float64]
+_T = TypeVar("_T", bound=np.generic)
 
 #: Units of calibrations in metres, and the length of an adult's thigh and shank that tells them.
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
@@ -49,6 +52,38 @@ class FittedViews(NamedTuple):
     offsets: NDArray[np.intp]
     cameras: tuple[CalibratedCamera, ...]
     notes: tuple[str, ...]
+
+
+def open_views(
+    keypoints: str | Path | Views,
+    cameras: str | Path | Sequence[CalibratedCamera],
+    *,
+    rate_hz: float,
+    unit: str | None = None,
+    synchronise: bool = False,
+) -> tuple[Views, FittedViews, Recording]:
+    """Keypoints and cameras, read where they are files, their rays, and the recording they are of.
+
+    Parameters
+    ----------
+    keypoints : a folder with a folder for each camera, or what `read_keypoints` gives
+    cameras : a calibration, or what `read_cameras` gives
+    rate_hz : images a second
+    unit, synchronise : as of `fit_views`
+    """
+    if not 0 < rate_hz < np.inf:
+        raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
+    name = "keypoints"
+    if not isinstance(keypoints, Views):
+        name = Path(keypoints).resolve().name
+        keypoints = read_keypoints(keypoints)
+    if isinstance(cameras, str | Path):
+        cameras = read_cameras(cameras)
+    fitted = fit_views(keypoints, cameras, unit=unit, synchronise=synchronise)
+    recording = Recording(
+        name, rate_hz=rate_hz, n_frames=keypoints.n_frames, first_frame=keypoints.first_frame
+    )
+    return keypoints, fitted, recording
 
 
 def fit_views(
@@ -222,16 +257,23 @@ def _moved(costs: Floats, offset: int) -> Floats:
 
 def shift(sight: Sight, offsets: NDArray[np.intp]) -> Sight:
     """The sight with each camera's frames taken so many frames later."""
-    directions, weights = np.zeros_like(sight.directions), np.zeros_like(sight.weights)
-    n = weights.shape[1]
+    return sight._replace(
+        directions=move_frames(sight.directions, offsets),
+        weights=move_frames(sight.weights, offsets),
+    )
+
+
+def move_frames(
+    values: NDArray[_T], offsets: NDArray[np.intp], *, empty: float = 0.0
+) -> NDArray[_T]:
+    """Values (cameras, frames, ...) of each camera so many frames later; `empty` where none is."""
+    result = np.full_like(values, empty)
+    n = values.shape[1]
     for camera, offset in enumerate(offsets.tolist()):
-        to, here = (
-            slice(max(0, -offset), n - max(0, offset)),
-            slice(max(0, offset), n - max(0, -offset)),
-        )
-        directions[camera, to] = sight.directions[camera, here]
-        weights[camera, to] = sight.weights[camera, here]
-    return sight._replace(directions=directions, weights=weights)
+        to = slice(max(0, -offset), n - max(0, offset))
+        here = slice(max(0, offset), n - max(0, -offset))
+        result[camera, to] = values[camera, here]
+    return result
 
 
 def _explain_misfit(views: Views, cameras: Sequence[CalibratedCamera], cost: float) -> str:
