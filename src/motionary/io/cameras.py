@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, UnreadableFile, check_path
 from motionary.io.text import read_text, read_toml
 from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 Floats = NDArray[np.float64]
 
@@ -183,16 +186,21 @@ def _from_toml(content: Mapping[str, Any], source: str) -> list[CalibratedCamera
     ]  # fmt: skip
 
 
-def _from_qualisys(text: str, source: str) -> list[CalibratedCamera]:
-    """Video cameras of a Qualisys calibration; those without images are left out."""
+def _parse_xml(text: str, source: str, maker: str) -> "Element":
+    """The root of an XML text that defines no entities."""
     from xml.etree import ElementTree
 
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise UnreadableFile("has entities, as no calibration of Qualisys does", file=source)
+        raise UnreadableFile(f"has entities, as no file of {maker} does", file=source)
     try:
-        root = ElementTree.fromstring(text)
+        return ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise UnreadableFile(f"is no XML of Qualisys: {error}", file=source) from None
+        raise UnreadableFile(f"is no XML of {maker}: {error}", file=source) from None
+
+
+def _from_qualisys(text: str, source: str) -> list[CalibratedCamera]:
+    """Video cameras of a Qualisys calibration; those without images are left out."""
+    root = _parse_xml(text, source, "Qualisys")
     cameras: list[CalibratedCamera] = []
     found = root.findall(".//camera")
     seeing = [one for one in found if "video" in (one.get("model") or "").lower()]
@@ -303,16 +311,8 @@ def _read_storage(path: Path) -> dict[str, Any]:
 
 
 def _read_xml(text: str, source: str) -> dict[str, Any]:
-    from xml.etree import ElementTree
-
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise UnreadableFile("has entities, as no file of OpenCV does", file=source)
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise UnreadableFile(f"is no XML of OpenCV: {error}", file=source) from None
     content: dict[str, Any] = {}
-    for node in root:
+    for node in _parse_xml(text, source, "OpenCV"):
         data = node.findtext("data") if node.find("data") is not None else node.text
         numbers = _numbers(data or "")
         content[node.tag] = numbers[0] if len(numbers) == 1 else numbers or (data or "").strip()
