@@ -282,15 +282,18 @@ def _explain_misfit(views: Views, cameras: Sequence[CalibratedCamera], cost: flo
         f"the cameras do not fit the images: rays of two cameras to one point miss each other "
         f"(cost {cost:.2f}, at most {_FITS} is usual)"
     )
+    enough = min(_FITS, _BETTER * cost)
     if len(cameras) <= _MOST_CAMERAS_PERMUTED:
-        best = min(permutations(range(len(cameras))), key=lambda own: _try(views, cameras, own))
-        if _try(views, cameras, best) < min(_FITS, _BETTER * cost):
+        orders = permutations(range(len(cameras)))
+        least, best = min((_try(views, cameras, own), own) for own in orders)
+        if least < enough:
             right = ", ".join(
                 f"{view} by {cameras[k].name}" for view, k in zip(views.cameras, best, strict=True)
             )
             return f"{told}; they fit in another sequence: {right}; rename folders or cameras"
-    factor = min(_RESOLUTIONS, key=lambda own: _try(views, cameras, range(len(cameras)), own))
-    if _try(views, cameras, range(len(cameras)), factor) < min(_FITS, _BETTER * cost):
+    every = range(len(cameras))
+    least, factor = min((_try(views, cameras, every, own), own) for own in _RESOLUTIONS)
+    if least < enough:
         return (
             f"{told}; they fit if pixels are multiplied by {factor:.3g}: keypoints and calibration "
             "are of images of different resolution; scale the keypoints or calibrate anew"
