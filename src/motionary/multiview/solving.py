@@ -38,6 +38,10 @@ class SolverSettings:
     acceleration: float = 20.0
     deviation_m: float = 0.02
 
+    def stiffness(self, rate_hz: float) -> float:
+        """What squared second differences of points cost, by squared distances from rays."""
+        return (self.noise_m / self.acceleration) ** 2 * rate_hz**4
+
 
 class Pull(NamedTuple):
     """Where priors want points: weights (frames, points, 3, 3) and places (frames, points, 3)."""
@@ -53,9 +57,11 @@ def ray_weights(sight: Sight, points: Floats, scale_m: float) -> Floats:
     return np.where((depth > 0) & ~np.isnan(points[..., 0]), weights, 0.0)
 
 
-def _ray_system(sight: Sight, weights: Floats) -> tuple[Floats, Floats]:
-    """M and b of the sum of weighted squared distances x·M x − 2 b·x."""
-    n = sight.directions
+def _system(
+    sight: Sight, points: Floats, scale_m: float, pull: Pull | None
+) -> tuple[Floats, Floats]:
+    """M and b of the sum of squared distances x·M x − 2 b·x from rays and from what pulls."""
+    n, weights = sight.directions, ray_weights(sight, points, scale_m)
     whole = weights.sum(axis=0)
     matrices = whole[..., None, None] * np.eye(3) - np.einsum(
         "cfp,cfpi,cfpj->fpij", weights, n, n, optimize=True
@@ -64,6 +70,9 @@ def _ray_system(sight: Sight, weights: Floats) -> tuple[Floats, Floats]:
     slopes = np.einsum("cfp,ci->fpi", weights, sight.origins) - np.einsum(
         "cfp,cfpi->fpi", weights * along, n
     )
+    if pull is not None:
+        matrices = matrices + pull.matrices
+        slopes = slopes + (pull.matrices @ pull.places[..., None])[..., 0]
     return matrices, slopes
 
 
@@ -129,16 +138,13 @@ def _step(
     """The Gauss-Newton step, (frames, unknowns)."""
     points = points_of(chain, pose)
     n_frames, n_points = points.shape[:2]
-    matrices, slopes = _ray_system(sight, ray_weights(sight, points, scale_m))
-    if pull is not None:
-        matrices = matrices + pull.matrices
-        slopes = slopes + (pull.matrices @ pull.places[..., None])[..., 0]
+    matrices, slopes = _system(sight, points, scale_m, pull)
     rows = linearise(chain, pose, points)
     n = rows.shape[-1]
     gradient = (matrices @ points[..., None])[..., 0] - slopes
     flat = rows.reshape(n_frames, 3 * n_points, n)
     weighted = (matrices @ rows).reshape(flat.shape)
-    stiff = (settings.noise_m / settings.acceleration) ** 2 * rate_hz**4
+    stiff = settings.stiffness(rate_hz)
     second = stiff * _second_differences(points.reshape(n_frames, -1))
     slope = np.einsum("fk,fkn->fn", gradient.reshape(n_frames, -1) + second, flat)
     return _solve_banded(flat, weighted, slope, stiff, n)
@@ -212,12 +218,9 @@ def free_points(
 
     result = points.copy()
     n_frames = len(points)
-    matrices, slopes = _ray_system(sight, ray_weights(sight, points, scale_m))
+    matrices, slopes = _system(sight, points, scale_m, pull)
     held = (settings.noise_m / settings.deviation_m) ** 2
-    if pull is not None:
-        matrices = matrices + pull.matrices
-        slopes = slopes + (pull.matrices @ pull.places[..., None])[..., 0]
-    stiff = (settings.noise_m / settings.acceleration) ** 2 * rate_hz**4
+    stiff = settings.stiffness(rate_hz)
     own, one, two = _couplings(n_frames)
     for k in range(points.shape[1]):
         band = np.zeros((7, n_frames, 3))
