@@ -30,7 +30,8 @@ from motionary.io.keypoints import read_keypoints
 from motionary.multiview import fit_views, see, triangulate
 from motionary.multiview.exchange import exchange_sources, find_exchanges
 from motionary.multiview.steadiness import floor_of, measure_steadiness, stances
-from motionary.multiview.tracking import TrackedPoints, bridge, in_sequence_of, track_points
+from motionary.multiview.tracking import TrackedPoints, in_sequence_of, track_points
+from motionary.multiview.triangulation import bridge
 
 TITLE = "Tracking in views of several cameras"
 SPLIT = (

@@ -55,14 +55,6 @@ class Sight(NamedTuple):
             names=tuple(self.names[k] for k in own),
         )  # fmt: skip
 
-    def of_cameras(self, chosen: Sequence[int]) -> "Sight":
-        """What some of the cameras see."""
-        own = np.asarray(chosen, dtype=np.intp)
-        return self._replace(
-            directions=self.directions[own], origins=self.origins[own],
-            weights=self.weights[own], focal=self.focal[own],
-        )  # fmt: skip
-
 
 def project(camera: CalibratedCamera, points: Floats) -> Floats:
     """Pixels (..., 2) of points (..., 3) in the calibration's unit; NaN behind the camera."""

@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FeatureSequence, compute_features
+from motionary.files import write_atomically
 from motionary.models.library import ClassLibrary
 from motionary.models.templates import QuantisedTemplate
 from motionary.motion import GENERIC_JOINTS, Motion, resample
+from motionary.multiview.triangulation import bridge
 from motionary.retrieval.annotation import class_distance
 from motionary.retrieval.explanation import Evidence
 from motionary.rotations import unit_vectors
@@ -61,7 +63,8 @@ class PoseMemory(NamedTuple):
     def save(self, path: str | Path) -> None:
         """Write as .npz."""
         named = {f"{one}\t{other}": poses for (one, other), poses in self.poses.items()}
-        np.savez_compressed(path, allow_pickle=False, **named)
+        with write_atomically(path) as beside, beside.open("wb") as file:
+            np.savez_compressed(file, **named)  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: str | Path) -> "PoseMemory":
@@ -231,17 +234,5 @@ def _by_column(match: Evidence, own: Floats) -> Floats:
         frames = frames[frames < len(own)]
         if len(frames):
             result[column] = own[frames].mean(axis=0)
-    return _fill_columns(result)
-
-
-def _fill_columns(poses: Floats) -> Floats:
-    """Columns that a path skips, from their neighbours."""
-    known = ~np.isnan(poses[:, :, 0])
-    columns = np.arange(len(poses))
-    for point in range(poses.shape[1]):
-        if known[:, point].any():
-            for axis in range(3):
-                poses[:, point, axis] = np.interp(
-                    columns, columns[known[:, point]], poses[known[:, point], point, axis]
-                )
-    return poses
+    # A path may skip columns.
+    return bridge(result)

@@ -31,7 +31,7 @@ from motionary.multiview.exchange import Exchange, exchange_sources, find_exchan
 from motionary.multiview.priors import PoseMemory
 from motionary.multiview.solving import SolverSettings, free_points, ray_weights, solve_chain
 from motionary.multiview.steadiness import Steadiness, floor_of, measure_steadiness, stances
-from motionary.multiview.triangulation import Triangulated, triangulate
+from motionary.multiview.triangulation import Triangulated, bridge, triangulate
 from motionary.multiview.untangling import label_exchanges
 from motionary.multiview.views import open_views
 from motionary.recording import Recording
@@ -182,18 +182,6 @@ def of_chain(sight: Sight, chain: Chain) -> Sight:
             directions[:, :, k] = sight.directions[:, :, sight.names.index(name)]
             weights[:, :, k] = sight.weights[:, :, sight.names.index(name)]
     return sight._replace(directions=directions, weights=weights, names=chain.points)
-
-
-def bridge(points: Floats) -> Floats:
-    """Points with gaps bridged in a straight line; the ends stay as they were last seen."""
-    result = points.copy()
-    frames = np.arange(len(points))
-    for k in range(points.shape[1]):
-        known = ~np.isnan(points[:, k, 0])
-        if known.any():
-            for axis in range(3):
-                result[:, k, axis] = np.interp(frames, frames[known], points[known, k, axis])
-    return result
 
 
 def estimate_noise(sight: Sight, found: Triangulated) -> float:

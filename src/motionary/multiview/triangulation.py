@@ -117,3 +117,15 @@ def _from_cameras(sight: Sight, used: NDArray[np.bool_]) -> tuple[Floats, Floats
     errors = np.divide(total.sum(axis=0), whole, out=np.full(whole.shape, np.nan), where=whole > 0)
     errors[np.isnan(points).any(axis=-1)] = np.nan
     return points, np.where(np.isnan(errors), np.inf, errors)
+
+
+def bridge(points: Floats) -> Floats:
+    """Points with gaps bridged in a straight line; the ends stay as they were last seen."""
+    result = points.copy()
+    frames = np.arange(len(points))
+    for k in range(points.shape[1]):
+        known = ~np.isnan(points[:, k, 0])
+        if known.any():
+            for axis in range(3):
+                result[:, k, axis] = np.interp(frames, frames[known], points[known, k, axis])
+    return result
