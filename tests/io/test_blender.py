@@ -26,7 +26,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 SCRIPT = """
-import json, sys
+import json, os, sys
 folder = sys.argv[1]
 sys.path.insert(0, folder)
 import bpy
@@ -39,7 +39,9 @@ for marker in markers:
     scene.frame_set(marker.frame)
     found.append([marker.name, marker.frame, list(armature.pose.bones[0].head)])
 motionary_markers.save(armature, folder + "/back.json")
-print("@" + json.dumps({"fps": scene.render.fps / scene.render.fps_base, "markers": found}))
+print("@" + json.dumps({"fps": scene.render.fps / scene.render.fps_base, "markers": found}), flush=True)
+# The module bpy may crash when Python takes it down, after all is done.
+os._exit(0)
 """
 
 
