@@ -39,7 +39,8 @@ for marker in markers:
     scene.frame_set(marker.frame)
     found.append([marker.name, marker.frame, list(armature.pose.bones[0].head)])
 motionary_markers.save(armature, folder + "/back.json")
-print("@" + json.dumps({"fps": scene.render.fps / scene.render.fps_base, "markers": found}), flush=True)
+said = {"fps": scene.render.fps / scene.render.fps_base, "markers": found}
+print("@" + json.dumps(said), flush=True)
 # The module bpy may crash when Python takes it down, after all is done.
 os._exit(0)
 """
