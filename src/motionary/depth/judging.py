@@ -1,7 +1,5 @@
 """How sure a pose is, and what speaks against an image."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,9 +14,9 @@ Floats = NDArray[np.float64]
 #: Fewer points are no person.
 LEAST_POINTS = 300
 #: A pose that is farther from the image, in metres, is not that of what is seen.
-UNSURE_M, WRONG_M = 0.058, 0.085
+UNSURE_M = 0.058
 #: Mean error of each joint where people are tracked well, in metres, by the body's names without
-#: sides: HDM05's bd and dg, rendered.
+#: sides: HDM05's bd, rendered.
 _TYPICAL = {
     "root": 0.016, "belly": 0.014, "chest": 0.038, "head": 0.031, "clavicle": 0.021,
     "upperarm": 0.024, "forearm": 0.042, "hand": 0.049, "thigh": 0.020, "shank": 0.019,
@@ -32,24 +30,14 @@ _HALF_M = 0.06
 _SMALLEST_M, _LARGEST_M = 0.7, 2.6
 
 
-class Judgement(NamedTuple):
-    """How sure a pose is.
-
-    `confidence` (joints,) in [0, 1]; `expected` (joints,) the error to be expected, metres.
-    """
-
-    confidence: Floats
-    expected: Floats
-
-
 def judge_pose(
     surface: Surface,
     joints: Floats,
     support: Support | None,
     comparison: Comparison,
     camera: Camera,
-) -> Judgement:
-    """The error to be expected of each joint, by what the image is off from the pose near it.
+) -> Floats:
+    """How sure each joint is (joints,), in [0, 1], by what the image is off from the pose near it.
 
     Parameters
     ----------
@@ -77,20 +65,19 @@ def judge_pose(
         seen = np.bincount(surface.owners, support.visible, n)
         whole = np.maximum(np.bincount(surface.owners, minlength=n), 1)
         expected = expected * np.where(seen / whole < 0.05, 1.5, 1.0)
-    return Judgement(1 / (1 + (expected / _HALF_M) ** 2), expected)
+    confidence: Floats = 1 / (1 + (expected / _HALF_M) ** 2)
+    return confidence
 
 
 def judge_cloud(cloud: Cloud, graph: Graph, camera: Camera) -> str:
     """What speaks against one whole person being seen, in a sentence; empty if nothing does."""
     height, width = cloud.depth.shape
     rows, columns = cloud.pixels // width, cloud.pixels % width
-    away = np.delete(np.arange(len(cloud.points)), graph.nodes)
-    apart = cloud.points[away]
-    if len(away) > 0.3 * len(graph.nodes) or _stands_apart(graph):
+    n_apart = len(cloud.points) - len(graph.nodes)
+    if n_apart > 0.3 * len(graph.nodes) or _stands_apart(graph):
         return "more than one person or thing is in front of the background"
-    body = graph.points if len(apart) else cloud.points
-    tall = float(np.ptp(body[:, 1]))
-    widest = float(np.linalg.norm(np.ptp(body, axis=0)))
+    tall = float(np.ptp(graph.points[:, 1]))
+    widest = float(np.linalg.norm(np.ptp(graph.points, axis=0)))
     if widest < _SMALLEST_M or tall > _LARGEST_M:
         return (
             f"no person has this size: what is seen is {widest:.2f} m long; are intrinsics and "

@@ -367,7 +367,7 @@ class DepthTracker:
             with self._timed("voting"):
                 confidence = judge_pose(
                     self.surface, joints, best.support, best.comparison, seen.eye
-                ).confidence
+                )
                 reason = judge_cloud(seen.cloud, seen.graph, self.camera)
             if not reason and cost > UNSURE_M:
                 reason = f"the pose is off from what is seen: by {100 * cost:.0f} cm"
