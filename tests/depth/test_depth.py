@@ -186,7 +186,7 @@ def test_assignments_are_those_in_reach_and_those_with_the_feet_below():
 
 
 def test_the_database_holds_poses_that_differ_and_their_mirror_images(database):
-    pose = poses.expand_pose(BODY, poses.to_matrices(database.turns))
+    pose = poses.expand_pose(BODY, quaternions_to_matrices(database.turns))
     flat = (pose.joints - pose.joints[:, :1])[:, 1:].reshape(len(database), -1)
     apart = np.linalg.norm(flat[:, None] - flat[None], axis=2)[~np.eye(len(flat), dtype=bool)]
     assert apart.min() > 0.018 * 19 - 1e-3
@@ -218,7 +218,7 @@ def test_a_person_is_tracked_lost_and_found_again(database, published):
     errors, names = [], []
     for k in range(8):
         pose = poses.expand_pose(
-            BODY, poses.to_matrices(database.turns[3:4]),
+            BODY, quaternions_to_matrices(database.turns[3:4]),
             np.array([[0.02 * k, BODY.joints[0, 1], 0.0]]),
         )  # fmt: skip
         image = seen(pose, 0.003, k) if k != 5 else np.full((120, 160), np.nan)

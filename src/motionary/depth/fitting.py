@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from motionary.body import Body, Camera
 from motionary.body.fitting import vertex_normals
 from motionary.depth import solving
-from motionary.depth.poses import ACTIVE, PoseDatabase
+from motionary.depth.poses import PoseDatabase, list_active
+from motionary.depth.preparation import unpack_camera
 from motionary.matching.distance import Engine, load_twin
 
 Floats = NDArray[np.float64]
@@ -44,7 +45,6 @@ class SurfaceSettings:
     outward : how much the vertices' pulls count beside the points'
     prior : how much the prior counts beside a point
     damping : how much a turn or step from where the fit is counts
-    published : the fit as it is printed
     """
 
     points: int = 600
@@ -55,7 +55,6 @@ class SurfaceSettings:
     outward: float = 0.5
     prior: float = 0.02
     damping: float = 0.1
-    published: bool = False
 
 
 class Surface(NamedTuple):
@@ -66,7 +65,7 @@ class Surface(NamedTuple):
     body : Body
     normals : array, shape (vertices, 3), unit, at rest
     owners : array, shape (vertices,), the bone that weighs most
-    pulled : vertices that points may pull; pulling : those that pull, evenly spread
+    pulling : vertices that pull, evenly spread
     active : joints that turn, by `ACTIVE`
     mean, precision : the prior over rotation vectors (45,) of all joints but the root
     """
@@ -74,7 +73,6 @@ class Surface(NamedTuple):
     body: Body
     normals: Floats
     owners: Indices
-    pulled: Indices
     pulling: Indices
     active: Indices
     mean: Floats
@@ -107,7 +105,6 @@ class Support(NamedTuple):
 
 def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) -> Surface:
     """A body ready for fits, with the prior of a database."""
-    active = np.array([body.index(name) for name in ACTIVE])
     surface = body.surface
     owners = surface.bones[np.arange(len(surface.rest)), surface.weights.argmax(axis=1)]
     size = len(database.mean)
@@ -115,9 +112,8 @@ def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) 
         body,
         vertex_normals(surface.rest, body.faces),
         owners,
-        np.arange(len(surface.rest)),
         spread(surface.rest, settings.vertices),
-        active,
+        list_active(body),
         database.mean,
         np.asarray(np.linalg.inv(database.covariance + 0.02 * np.eye(size)), dtype=np.float64),
     )
@@ -173,10 +169,9 @@ def fit_pose(
     kernels: Any = load_twin(_COMPILED, engine, pays=True) or solving
     body, active = surface.body, surface.active
     parents, joints, (rest, bones, weights, _) = body.parents, body.joints, body.surface
-    turn = np.ascontiguousarray(camera.world_from_camera)
-    place = np.asarray(camera.position, dtype=np.float64)
-    eye = (np.array([*camera.focal, *camera.centre]), turn, place)
+    eye = unpack_camera(camera)
     weighing = (settings.scale_m, settings.along, settings.outward)
+    prior = (surface.mean, surface.precision)
     turns, root = state.turns.copy(), state.root.copy()
     for _ in range(settings.steps if steps is None else steps):
         turned, placed = kernels.place(parents, joints, turns, root)
@@ -187,7 +182,6 @@ def fit_pose(
             vertices, facing, visible, surface.pulling, points, weighing
         )
         system, slope = kernels.gather(parents, bones, weights, active, placed, vertices, pulls)
-        prior = (surface.mean, surface.precision)
         kernels.hold(parents, active, turns, turned, prior, settings.prior, system, slope)
         system[np.diag_indices(len(system))] += settings.damping
         kernels.move(parents, active, turned, kernels.solve(system, slope), turns, root)
@@ -229,15 +223,20 @@ def fit_published(
 
 
 def place_surface(
-    surface: Surface, state: State, *, vertices: bool = False, engine: Engine = "numpy"
+    surface: Surface, state: State, *, engine: Engine = "numpy"
 ) -> tuple[Floats, Floats]:
-    """Global turns of a pose, and the places of its joints, or of its vertices."""
-    body, kernels = surface.body, load_twin(_COMPILED, engine, pays=True)
-    move_joints, move_skin = (
-        (solving.place, solving.skin) if kernels is None else (kernels.place, kernels.skin)
+    """Global turns and places of the joints of a pose."""
+    kernels: Any = load_twin(_COMPILED, engine, pays=True) or solving
+    placed: tuple[Floats, Floats] = kernels.place(
+        surface.body.parents, surface.body.joints, state.turns, state.root
     )
-    turned, placed = move_joints(body.parents, body.joints, state.turns, state.root)
-    if not vertices:
-        return turned, placed
-    rest, bones, weights, _ = body.surface
-    return turned, move_skin(body.joints, rest, bones, weights, turned, placed)
+    return placed
+
+
+def place_vertices(surface: Surface, state: State, *, engine: Engine = "numpy") -> Floats:
+    """Places of the vertices of a pose."""
+    kernels: Any = load_twin(_COMPILED, engine, pays=True) or solving
+    body, (rest, bones, weights, _) = surface.body, surface.body.surface
+    turned, placed = place_surface(surface, state, engine=engine)
+    vertices: Floats = kernels.skin(body.joints, rest, bones, weights, turned, placed)
+    return vertices

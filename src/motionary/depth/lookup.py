@@ -15,17 +15,17 @@ from motionary.body import Body, Camera, render_depth, skin
 from motionary.body.driving import shortest_turn
 from motionary.depth.fitting import State, Surface, place_surface
 from motionary.depth.poses import (
-    ACTIVE,
+    FLIP,
     N_VIEWS,
     PoseDatabase,
     expand_pose,
+    expand_turns,
     mirror_turns,
-    to_matrices,
     turn_about_up,
 )
-from motionary.depth.preparation import COMPILED
+from motionary.depth.preparation import COMPILED, unpack_camera
 from motionary.matching.distance import Engine, load_twin
-from motionary.rotations import unit_vectors
+from motionary.rotations import quaternions_to_matrices, unit_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -74,8 +74,7 @@ class Candidates(NamedTuple):
 
     def state(self, lookup: Lookup, which: int) -> State:
         """A candidate as a start of a fit."""
-        turns = np.tile(np.eye(3), (len(lookup.body.names), 1, 1))
-        turns[[lookup.body.index(name) for name in ACTIVE]] = lookup.turns[self.poses[which]]
+        turns = expand_turns(lookup.body, lookup.turns[self.poses[which], None])[0]
         turns[0] = turn_about_up(self.heading) @ turns[0]
         return State(turns, self.roots[which].copy())
 
@@ -84,7 +83,7 @@ def make_lookup(body: Body, database: PoseDatabase, *, scale: float = 1.0) -> Lo
     """A database in a body; `scale` is its size beside the body that centres were measured in."""
     from scipy.spatial import cKDTree
 
-    turns = to_matrices(database.turns)
+    turns = quaternions_to_matrices(database.turns)
     pose = expand_pose(body, turns, np.zeros((len(turns), 3)))
     ends = np.asarray(skin(body, pose, body.points(body.ends)), dtype=np.float64)
     centres = database.centres * scale
@@ -214,12 +213,10 @@ def compare_images(
     """How far bodies are from an image, for poses (n, vertices, 3)."""
     kernels = load_twin(COMPILED, engine, pays=True)
     if kernels is not None:
-        lens = np.array([*camera.focal, *camera.centre])
         apart = np.empty_like(depth)
         costs = kernels.compare_images(
-            vertices, faces, lens, np.ascontiguousarray(camera.world_from_camera),
-            np.asarray(camera.position, dtype=np.float64), depth, _CAP_M, apart,
-        )  # fmt: skip
+            vertices, faces, *unpack_camera(camera), depth, _CAP_M, apart
+        )
         return Comparison(costs, apart)
     result, apart = np.full(len(vertices), _CAP_M), np.full_like(depth, np.nan)
     for number, own in enumerate(vertices):
@@ -260,11 +257,12 @@ def reach(surface: Surface, state: State, ends: Floats, target: Floats) -> list[
     for upper, lower, end in LIMBS:
         a, b = body.index(upper), body.index(lower)
         first, second = np.linalg.norm(placed[b] - placed[a]), np.linalg.norm(ends[end] - placed[b])
-        far = np.linalg.norm(target - placed[a])
+        way = target - placed[a]
+        far = np.linalg.norm(way)
         if far > 1.1 * (first + second):
             continue
+        along = way / far
         far = np.clip(far, abs(first - second) + 0.01, first + second - 0.01)
-        along = (target - placed[a]) / np.linalg.norm(target - placed[a])
         # The bend stays on its side; a straight limb bends downwards.
         side = placed[b] - placed[a] - np.array([0.0, 0.05, 0.0])
         side = unit_vectors(side - (side @ along) * along)
@@ -290,6 +288,5 @@ def turn_round(surface: Surface, state: State, camera: Camera) -> State:
     turns = state.turns.copy()
     turns[surface.active] = mirror_turns(state.turns[None, surface.active])[0]
     # The root is reflected in the world, and in the body, which makes it a turn again.
-    flip = np.diag([-1.0, 1.0, 1.0])
-    turns[0] = (np.eye(3) - 2 * np.outer(away, away)) @ state.turns[0] @ flip
+    turns[0] = (np.eye(3) - 2 * np.outer(away, away)) @ state.turns[0] @ FLIP
     return State(turns, state.root.copy())

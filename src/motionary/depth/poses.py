@@ -22,7 +22,6 @@ from motionary.errors import InvalidInput, describe_cause
 from motionary.motion import Motion
 from motionary.rotations import (
     matrices_to_quaternions,
-    quaternions_to_matrices,
     quaternions_to_rotation_vectors,
 )
 
@@ -39,8 +38,8 @@ LEAST_DISTANCE_M = 0.018
 #: Viewing directions from which the middle of a pose's points is measured.
 N_VIEWS = 8
 _STEPS_TO_CENTRE, _CENTRE_M, _TORSO_M = 5, 0.3, 0.15
-# What mirrors a pose: x changes its sign, left and right change places.
-_FLIP = np.diag([-1.0, 1.0, 1.0])
+#: What mirrors a pose: x changes its sign, left and right change places.
+FLIP = np.diag([-1.0, 1.0, 1.0])
 
 
 class Heading(NamedTuple):
@@ -237,10 +236,20 @@ def build_database(
 
 def expand_pose(body: Body, turns: Floats, roots: Floats | None = None) -> Pose:
     """Poses of the body by turns (n, active, 3, 3) and places of the root (n, 3)."""
-    whole = np.tile(np.eye(3), (len(turns), len(body.names), 1, 1))
-    whole[:, [body.index(name) for name in ACTIVE]] = turns
     step = None if roots is None else roots - body.joints[0]
-    return pose_body(body, whole, step)
+    return pose_body(body, expand_turns(body, turns), step)
+
+
+def expand_turns(body: Body, turns: Floats) -> Floats:
+    """Turns of all joints (n, joints, 3, 3), of those of `ACTIVE`."""
+    whole = np.tile(np.eye(3), (len(turns), len(body.names), 1, 1))
+    whole[:, list_active(body)] = turns
+    return whole
+
+
+def list_active(body: Body) -> Indices:
+    """Which joints of the body those of `ACTIVE` are."""
+    return np.array([body.index(name) for name in ACTIVE])
 
 
 def choose_apart(places: Floats, least: float) -> Indices:
@@ -289,11 +298,10 @@ def _read_turns(body: Body, motion: Motion, rate_hz: float) -> Floats:
     pose = pose_from_motion(body, motion, lengths="kept").pose
     pose = Pose(pose.rotations[::step], pose.joints[::step])
     whole = local_rotations(body, pose)
-    turns = whole[:, [body.index(name) for name in ACTIVE]]
+    turns: Floats = whole[:, list_active(body)]
     for frame, angle in enumerate(heading_of(pose.rotations, body)):
         turns[frame, 0] = turn_about_up(-angle) @ turns[frame, 0]
-    upright: Floats = turns
-    return upright
+    return turns
 
 
 def mirror_turns(turns: Floats) -> Floats:
@@ -303,13 +311,8 @@ def mirror_turns(turns: Floats) -> Floats:
         sides[name[0]] + name[1:] if sides.get(name[0], "") + name[1:] in ACTIVE else name
         for name in ACTIVE
     ]
-    result: Floats = _FLIP @ turns[:, [ACTIVE.index(name) for name in paired]] @ _FLIP
+    result: Floats = FLIP @ turns[:, [ACTIVE.index(name) for name in paired]] @ FLIP
     return result
-
-
-def to_matrices(quaternions: Floats) -> Floats:
-    """Rotation matrices of a database's turns."""
-    return quaternions_to_matrices(quaternions)
 
 
 def scale_body(body: Body, scale: float) -> Body:

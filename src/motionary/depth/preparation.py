@@ -144,6 +144,15 @@ def unproject_pixels(depth: Floats, pixels: Indices, camera: Camera) -> Floats:
     return placed
 
 
+def unpack_camera(camera: Camera) -> tuple[Floats, Floats, Floats]:
+    """Focal lengths and centre (4,), turn and place of a camera, as kernels take them."""
+    return (
+        np.array([*camera.focal, *camera.centre]),
+        np.ascontiguousarray(camera.world_from_camera),
+        np.asarray(camera.position, dtype=np.float64),
+    )
+
+
 def learn_background(images: Floats) -> Floats:
     """The depth of the empty scene from images (n, height, width) of it; NaN where never seen."""
     if images.ndim != 3 or not len(images):

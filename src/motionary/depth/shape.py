@@ -15,7 +15,7 @@ from motionary.depth.fitting import (
     SurfaceSettings,
     fit_pose,
     make_surface,
-    place_surface,
+    place_vertices,
     reshape_surface,
 )
 from motionary.depth.lookup import compare_images, shrink
@@ -93,7 +93,7 @@ def fit_person(
                 surface, state, view.points, view.depth, camera, engine=engine,
                 settings=settings, steps=_FIT_STEPS,
             )  # fmt: skip
-            vertices = place_surface(surface, fitted, vertices=True, engine=engine)[1]
+            vertices = place_vertices(surface, fitted, engine=engine)
             apart = compare_images(vertices[None], person.body.faces, depth, eye, engine=engine)
             total += float(apart.costs[0])
             found.append(fitted)
@@ -107,7 +107,7 @@ def fit_person(
             for way in (1, -1):
                 tried = numbers.copy()
                 tried[axis] += way * steps[axis]
-                if abs(tried[axis] - (start[0] if axis == 0 else 0)) > _MOST[axis]:
+                if abs(tried[axis] - start[axis]) > _MOST[axis]:
                     continue
                 cost, found = judge(tried, states)
                 if cost < best:

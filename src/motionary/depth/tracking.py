@@ -22,6 +22,7 @@ from motionary.depth.fitting import (
     fit_published,
     make_surface,
     place_surface,
+    place_vertices,
     spread,
     thin,
 )
@@ -354,7 +355,7 @@ class DepthTracker:
         self._fixed = spread(body.vertices, PUBLISHED_VERTICES)
 
     def _vertices(self, state: State) -> Floats:
-        return place_surface(self.surface, state, vertices=True, engine=self.engine)[1]
+        return place_vertices(self.surface, state, engine=self.engine)
 
     def _joints(self, state: State) -> Floats:
         return place_surface(self.surface, state, engine=self.engine)[1]
