@@ -151,7 +151,7 @@ class DepthTracker:
             starts = self._look_up(seen, chosen, found[0].state if found else None)
             found += [self._follow("lookup", start, seen) for start in starts]
         best = self._vote(found, seen)
-        self._state, self._extrema = best.state, seen.extrema
+        self._state, self._extrema = best.state, seen.extrema[:5]
         result = self._finish(seen, chosen, best)
         self._remember(seen, result)
         return result
@@ -185,27 +185,22 @@ class DepthTracker:
             if self._state is not None:
                 last = self._vertices(self._state)[self.body.ends]
                 joints = self._joints(self._state)
-            jumped = has_jumped(seen.extrema[:5], self._last_extrema())
-            ends = chosen
-            headings = self._headings(seen)
+            jumped = has_jumped(seen.extrema[:5], self._extrema)
+            assignments = permit(chosen, last, jumped=jumped)
             sets = [
                 find_candidates(
-                    self.lookup, ends, permit(ends, last, jumped=jumped), seen.centre, heading,
-                    self.camera, last=joints,
+                    self.lookup, chosen, assignments, seen.centre, heading, self.camera,
+                    last=joints,
                 )
-                for heading in headings
+                for heading in self._headings(seen)
             ]  # fmt: skip
         return self._rank(sets, seen, self._reach(seen, local))
-
-    def _last_extrema(self) -> Floats | None:
-        return None if self._extrema is None else self._extrema[:5]
 
     def _headings(self, seen: _Seen) -> list[float]:
         """Viewing directions that candidates are turned to."""
         away = self.camera.position - seen.centre
         if self._state is not None and not self.settings.published:
-            turned, _ = place_surface(self.surface, self._state)
-            return [float(heading_of(turned[None], self.body)[0])]
+            return [self._heading_of(self._state)]
         measured = find_heading(seen.graph.points, seen.centre, away)
         if self._state is None:
             self._heading = measured.angle if measured.trust > 0 else np.arctan2(away[0], away[2])
@@ -320,7 +315,6 @@ class DepthTracker:
             self._duel[2] >= self.settings.duel
             or np.cos(self._heading_of(self._rival) - self._heading_of(best.state)) > 0
         ):
-            self._undecided = bool(self._duel[1] < _CLEAR * self._duel[0])
             self._rival = None
         return best
 
