@@ -8,7 +8,7 @@ back: columns are reversed, and the centre with them.
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,7 @@ class DepthRecording:
     world_from_camera: Floats | None = None
     position: Floats | None = None
     gaps: tuple[int, ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         low, high = -0.5, 1.5
@@ -289,7 +289,7 @@ def _read_png(path: Path) -> NDArray[Any]:
     if not (mode.startswith("I") and values.ndim == 2):
         raise InvalidInput(
             f"depth needs one channel of 16 bits, got {mode} with "
-            f"{8 if values.dtype == np.uint8 else 8 * values.itemsize} bits: this is a picture "
+            f"{8 * values.itemsize} bits: this is a picture "
             "for the eye; export the raw depth",
             file=path.name,
         )
