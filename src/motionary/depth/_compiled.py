@@ -199,7 +199,7 @@ def compare_images(
     cap: float,
     apart: Floats,
 ) -> Floats:
-    """How far rendered poses are from an image, the last one's by pixel; see `lookup.compare`."""
+    """How far rendered poses are from an image, the last by pixel; see `lookup.compare_images`."""
     height, width = depth.shape
     result = np.empty(len(poses))
     n = poses.shape[1]

@@ -1,4 +1,4 @@
-"""Steps of Gauss-Newton on a body's twists, in NumPy: what `_compiled` has as machine code.
+"""Steps of Gauss-Newton on a body's twists, in NumPy: what `_fitting_compiled` has as machine code.
 
 Pulls on a vertex are nine numbers: the six of a symmetric matrix W, and W times the way to go.
 """
@@ -162,7 +162,7 @@ def hold(
 ) -> None:
     """Add the prior over rotation vectors to the system."""
     mean, precision = prior
-    vectors = to_vectors(turns[active[1:]])
+    vectors = quaternions_to_rotation_vectors(matrices_to_quaternions(turns[active[1:]]))
     ways = np.zeros((len(mean), len(mean)))
     for k, (joint, r) in enumerate(zip(active[1:], vectors, strict=True)):
         part = slice(3 * k, 3 * k + 3)
@@ -170,11 +170,6 @@ def hold(
     pulled = precision @ ways
     system[6:, 6:] += weight * (ways.T @ pulled)
     slope[6:] -= weight * (pulled.T @ (vectors.ravel() - mean))
-
-
-def to_vectors(turns: Floats) -> Floats:
-    """Rotation vectors (..., 3) of matrices."""
-    return quaternions_to_rotation_vectors(matrices_to_quaternions(turns))
 
 
 def _left(r: Floats) -> Floats:
