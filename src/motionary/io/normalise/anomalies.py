@@ -24,6 +24,7 @@ from motionary.io.normalise.jumps import (
     track_points,
 )
 from motionary.motion import Motion
+from motionary.recording import find_runs
 
 _CHUNK = 4096
 _LOOKED_AT = 200
@@ -68,12 +69,6 @@ def find_anomalies(motion: Motion, *, first_frame: int = 0) -> list[str]:
     return [*notes, *held, *_find_repeated(track), *jumps]
 
 
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """Starts and stops of the runs of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
 def _longest(track: Track) -> int:
     return max(_HELD_FRAMES, round(_HELD_S * track.rate_hz))
 
@@ -82,11 +77,10 @@ def _find_frozen(track: Track) -> tuple[Mask, list[str]]:
     """Steps in which nothing that is seen moves, and a note on long ones amid a motion."""
     still: Mask = np.logical_not(np.any(track.steps > 0, axis=1))
     still[still] = ~np.isnan(track.steps[still]).all(axis=1)
-    held = [run for run in _runs(still) if run[1] - run[0] >= _longest(track)]
+    runs, longest = find_runs(still).tolist(), _longest(track)
     # Before a motion begins and after it ends a body may well be kept.
-    held = [(a, b) for a, b in held if a > 0 and b < len(still)]
-    n_still = sum(b - a for a, b in _runs(still))
-    if not held or (len(_runs(still)) > MOST_PLACES and n_still > _KEYFRAMED * len(still)):
+    held = [(a, b) for a, b in runs if b - a >= longest and a > 0 and b < len(still)]
+    if not held or (len(runs) > MOST_PLACES and still.sum() > _KEYFRAMED * len(still)):
         return still, []
     return still, [_say("the pose is frozen", track, [(a, b + 1) for a, b in held])]
 
@@ -106,7 +100,7 @@ def _find_held(track: Track, still: Mask, partners: Indices) -> list[str]:
     for point in np.flatnonzero(rests.sum(axis=0) >= least).tolist():
         runs = [
             (a, b + 1)
-            for a, b in _runs(rests[:, point])
+            for a, b in find_runs(rests[:, point]).tolist()
             if b - a >= least
             and (
                 _snaps_back(track.steps[:, point], b)

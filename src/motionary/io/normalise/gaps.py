@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.motion import Motion
+from motionary.recording import find_runs
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 Filling = Literal["cubic", "linear"]
 FILLINGS: tuple[str, ...] = get_args(Filling)
@@ -85,11 +87,9 @@ def _find_gaps(positions: Floats) -> tuple[list[_Gap], int]:
     """Gaps between seen frames, and how many there are at the ends of points ever seen."""
     gaps = []
     n_open = 0
-    unseen = np.zeros((len(positions) + 2, positions.shape[1]), dtype=np.bool_)
-    unseen[1:-1] = np.isnan(positions).any(axis=2)
-    for point in np.flatnonzero(unseen.any(axis=0) & ~unseen[1:-1].all(axis=0)).tolist():
-        edges = np.flatnonzero(unseen[1:, point] != unseen[:-1, point])
-        for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    unseen: Mask = np.asarray(np.isnan(positions).any(axis=2))
+    for point in np.flatnonzero(unseen.any(axis=0) & ~unseen.all(axis=0)).tolist():
+        for start, stop in find_runs(unseen[:, point]).tolist():
             if start == 0 or stop == len(positions):
                 n_open += 1
             else:
@@ -151,8 +151,6 @@ def _describe(short: list[_Gap], n_kept: int, longest_s: float, fill_by: str) ->
 
 # -- points at zero -----------------------------------------------------------------------
 
-
-Mask = NDArray[np.bool_]
 
 # A step from the origin of more than this fraction of the body is none of a point that is there.
 _FAR = 0.2
