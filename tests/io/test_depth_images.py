@@ -129,3 +129,6 @@ def test_what_cannot_be_read_is_told(tmp_path):
     (folder / "camera.json").write_text("{", "utf-8")
     with pytest.raises(UnreadableFile, match=r"camera\.json"):
         read_depth(folder)
+    (folder / "camera.json").write_text("[]", "utf-8")
+    with pytest.raises(InvalidInput, match=r"camera\.json: needs"):
+        read_depth(folder)

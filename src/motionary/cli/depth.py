@@ -1,6 +1,5 @@
 """`motionary depth`: a person's motion from the images of one depth camera."""
 
-import json
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,14 +126,14 @@ def track(
     from motionary.depth import PreparationSettings, TrackerSettings, track_recording
     from motionary.depth.tracking import MEAN_STATURE_M
     from motionary.io import write
-    from motionary.io.depth_images import read_depth
+    from motionary.io.depth_images import read_depth, read_intrinsics
 
     check_picture("--picture", options.picture)
     check_target(options.output, replace=options.force)
     is_rig = options.output.lower().endswith((".bvh", ".bvh.gz"))
     if is_rig and options.least_confidence:
         raise wrong("--least-confidence", "BVH holds no unknown joints; write .npz or .trc")
-    told = None if options.intrinsics is None else _read_json(options.intrinsics)
+    told = None if options.intrinsics is None else read_intrinsics(Path(options.intrinsics))
     recording = read_depth(source, intrinsics=told, mirrored=options.mirrored)
     settings = TrackerSettings(
         published=options.published,
@@ -198,17 +197,6 @@ def _count(images: "Iterable[Floats]", done: Any) -> "Iterator[Floats]":
     for image in images:
         yield image
         done()
-
-
-def _read_json(path: str) -> dict[str, Any]:
-    try:
-        told = json.loads(Path(path).read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        cause = describe_cause(error)
-        raise UnreadableFile(f"cannot be read as JSON: {cause}", file=Path(path).name) from None
-    if not isinstance(told, dict):
-        raise InvalidInput('needs {"focal": [fx, fy], "centre": [cx, cy]}', file=Path(path).name)
-    return told
 
 
 def _read_database(path: str | None) -> "PoseDatabase | None":

@@ -16,10 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile, describe_cause
+from motionary.files import read_bytes
 
 Floats = NDArray[np.float64]
 
-__all__ = ["DEPTH_FORMATS", "INTRINSICS", "UTD_MHAD", "DepthRecording", "read_depth"]
+__all__ = [
+    "DEPTH_FORMATS",
+    "INTRINSICS",
+    "UTD_MHAD",
+    "DepthRecording",
+    "read_depth",
+    "read_intrinsics",
+]
 
 #: Names of the file with intrinsics in a folder of images.
 INTRINSICS = ("camera.json", "intrinsics.json", "camera_intrinsics.json")
@@ -233,16 +241,32 @@ def _read_folder(path: Path) -> tuple[tuple[Path, ...], dict[str, Any]]:
     told: dict[str, Any] = {}
     for name in INTRINSICS:
         if (path / name).is_file():
-            try:
-                told = json.loads((path / name).read_text("utf-8"))
-            except ValueError as error:
-                raise UnreadableFile(f"is no JSON: {describe_cause(error)}", file=name) from None
+            told = read_intrinsics(path / name)
             break
     if "times_s" not in told and all(one.stem.count(".") == 1 for one in files):
         # As the TUM benchmark names them: 1305031102.160407.png.
         with suppress(ValueError):
             told = {**told, "times_s": [float(one.stem) for one in files]}
     return files, told
+
+
+def read_intrinsics(path: Path) -> dict[str, Any]:
+    """What a file of JSON tells of a depth camera.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing or no JSON.
+    InvalidInput
+        If it is no object.
+    """
+    try:
+        told = json.loads(read_bytes(path))
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFile(f"is no JSON: {describe_cause(error)}", file=path.name) from None
+    if not isinstance(told, dict):
+        raise InvalidInput('needs {"focal": [fx, fy], "centre": [cx, cy]}', file=path.name)
+    return told
 
 
 def _read_npz(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
