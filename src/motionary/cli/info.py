@@ -200,9 +200,7 @@ def _draw(files: Mapping[str, Path], path: str, reading: ReadOptions) -> None:
 
     motions = (motion.renamed(name) for name, motion in _readable(files, reading))
     pages = iter(lambda: list(islice(motions, MOST_RECORDINGS)), [])
-    paths = save_pages(map(plot_recordings, pages), path)
-    if len(paths) > 1:
-        screen.warn(f"{path}: {len(paths)} pages, the last one {paths[-1].name}")
+    screen.warn_of_pages(path, save_pages(map(plot_recordings, pages), path))
 
 
 def _write(rows: Sequence[dict[str, Any]], path: str, *, excel: bool) -> None:

@@ -56,6 +56,12 @@ def say_size(path: str) -> None:
     say(f"{path}: {Path(path).stat().st_size / 1e6:.1f} MB")
 
 
+def warn_of_pages(path: str, pages: Sequence[Path]) -> None:
+    """Where a picture went that needed more than the one page that was named."""
+    if len(pages) > 1:
+        warn(f"{path}: {len(pages)} pages, the last one {pages[-1].name}")
+
+
 def print_json(content: Mapping[str, Any]) -> None:
     """One object, one line, on stdout; ASCII, whatever the encoding of the pipe."""
     sys.stdout.write(json.dumps(content, allow_nan=False) + "\n")

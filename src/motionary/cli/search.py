@@ -147,9 +147,7 @@ def search(
     _check_use(options, results)
     results.check(as_json=as_json)
     ranks = read_ranks(options)
-    query = read_query(options, reading, fast=bool(which.fast))
-    if query.example and query.example.features.duration_s > _LONG_S:
-        _hint_at_parts(query.example.features.duration_s, options)
+    query = _read_example(options, reading, fast=bool(which.fast))
     opener = Opener(reading=reading, feature_set=query.feature_set, jobs=jobs)
     opened = opener.open(folder, index)
     expansion = QueryExpansion(hits=options.expand, published=options.published)
@@ -182,18 +180,23 @@ def search(
     return 0 if opened.is_complete and is_cut and result.hits else 1
 
 
-def _command_of(folder: Sequence[str], options: Sequence[str]) -> str:
-    """The command that searches so again, as it is typed in a shell."""
-    names = (Path(path).name or path for path in folder)
-    return shlex.join(["motionary", "search", *names, *options])
-
-
-def _hint_at_parts(duration_s: float, options: QueryOptions) -> None:
-    if options.start is None and options.stop is None:
+def _read_example(options: QueryOptions, reading: ReadOptions, *, fast: bool) -> Query:
+    """What is looked for; says where a whole file may be more than was meant."""
+    query = read_query(options, reading, fast=fast)
+    is_whole = options.start is None and options.stop is None
+    duration_s = query.example.features.duration_s if query.example else 0.0
+    if is_whole and duration_s > _LONG_S:
         screen.warn(
             f"the whole file is the example, {duration_s:.0f} s in parts of 2 s: recordings are "
             "found that hold most of them; choose one motion by --from and --to"
         )
+    return query
+
+
+def _command_of(folder: Sequence[str], options: Sequence[str]) -> str:
+    """The command that searches so again, as it is typed in a shell."""
+    names = (Path(path).name or path for path in folder)
+    return shlex.join(["motionary", "search", *names, *options])
 
 
 def _find(
@@ -311,9 +314,7 @@ def _draw_sheet(
         title = f"{rank}: {name} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
         rows.append((title, *cut_frames(motions[name], hit.start_frame, hit.end_frame)))
     if rows:
-        paths = save_pages(plot_sheets(rows[0], rows[1:]), path)
-        if len(paths) > 1:
-            screen.warn(f"{path}: {len(paths)} pages, the last one {paths[-1].name}")
+        screen.warn_of_pages(path, save_pages(plot_sheets(rows[0], rows[1:]), path))
 
 
 def cut_frames(motion: "Motion", first: int, last: int) -> "tuple[Floats, Floats]":
