@@ -24,9 +24,6 @@ from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from motionary.features import FeatureSequence
     from motionary.labels import Label, LabelTrack
     from motionary.models.library import ClassLibrary
@@ -201,28 +198,25 @@ def _label(
 ) -> "LabelTrack":
     """Labels of a recording; drawn, below the distances that assigned them, if asked for."""
     from motionary.models.library import format_thresholds
-    from motionary.retrieval.annotation import annotate, annotate_with_distances
+    from motionary.retrieval.annotation import annotate_fully
 
-    distances: dict[str, NDArray[np.float64]] = {}
-    note = ""
-    if options.assigns_by_scores(library):
-        track = annotate(
-            sequence,
-            library,
-            assignment="scores",
-            threshold=options.threshold,
-            at_most_false_per_min=options.at_most_false,
-        )
-        least = options.threshold
-        note = f"least score {format_thresholds(library, options.at_most_false, given=least)}"
-    else:
-        track, found, _ = annotate_with_distances(
-            sequence, library, threshold=options.threshold, preselect=not options.thorough
-        )
-        distances = {name: distance.modified for name, distance in found.items()}
+    by_scores, given = options.assigns_by_scores(library), options.threshold
+    track, found, _ = annotate_fully(
+        sequence,
+        library,
+        assignment="scores" if by_scores else "published",
+        threshold=given,
+        at_most_false_per_min=options.at_most_false,
+        preselect=not options.thorough,
+    )
     if options.plot:
         from motionary.plots import plot_annotation, save
 
+        note = ""
+        if by_scores:
+            least = format_thresholds(library, options.at_most_false, given=given)
+            note = f"least score {least}"
+        distances = {name: distance.modified for name, distance in found.items()}
         # Scores have no distances, and a library may have many classes that do not occur.
         classes = library.names if distances else None
         figure = plot_annotation(track, distances=distances, classes=classes, note=note)
@@ -334,8 +328,6 @@ def _show_counts(
     tracks: "Sequence[LabelTrack]", *, output: str | None, excel: bool, as_json: bool
 ) -> None:
     """Counts as a table or JSON, and as a file if one is named."""
-    from pathlib import Path
-
     from motionary.io.text import write_table
     from motionary.retrieval.counting import count as count_labels
 
@@ -356,7 +348,7 @@ def _show_counts(
     counted = {one.recording for one in counts}
     for track in tracks:
         if track.recording.name not in counted:
-            shown.append((track.recording.name, "(none)", *[""] * (len(_COUNT_COLUMNS) - 2)))
+            shown.append(_fill((track.recording.name, "(none)"), _COUNT_COLUMNS))
     if shown:
         screen.print_table(_COUNT_COLUMNS, shown)
 
