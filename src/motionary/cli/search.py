@@ -148,8 +148,7 @@ def search(
     results.check(as_json=as_json)
     ranks = read_ranks(options)
     query = _read_example(options, reading, fast=bool(which.fast))
-    opener = Opener(reading=reading, feature_set=query.feature_set, jobs=jobs)
-    opened = opener.open(folder, index)
+    opened = Opener(reading=reading, feature_set=query.feature_set, jobs=jobs).open(folder, index)
     expansion = QueryExpansion(hits=options.expand, published=options.published)
     find = partial(
         search_for,
