@@ -132,3 +132,18 @@ def test_what_cannot_be_read_is_told(tmp_path):
     (folder / "camera.json").write_text("[]", "utf-8")
     with pytest.raises(InvalidInput, match=r"camera\.json: needs"):
         read_depth(folder)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+def test_damaged_files_of_images_are_refused_in_words(tmp_path, suffix):
+    images = np.full((2, 30, 40), 1000, dtype=np.uint16)
+    whole = tmp_path / "whole.npz"
+    np.savez_compressed(whole, depth=images)
+    array = tmp_path / "array.npy"
+    np.save(array, images)
+    content = whole.read_bytes()
+    for damaged in (b"", b"PK", content[: len(content) // 2], array.read_bytes(), b"\x00" * 900):
+        path = tmp_path / f"damaged{suffix}"
+        path.write_bytes(damaged)
+        with pytest.raises(UnreadableFile, match=rf"damaged\{suffix}: cannot be read"):
+            read_depth(path)

@@ -17,7 +17,7 @@ from motionary.cli.options import (
     wrong,
 )
 from motionary.cli.recordings import find_files, read_motions, split_failures, warn_of_all
-from motionary.errors import InvalidInput, UnreadableFile, describe_cause
+from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -202,18 +202,10 @@ def _count(images: "Iterable[Floats]", done: Any) -> "Iterator[Floats]":
 def _read_database(path: str | None) -> "PoseDatabase | None":
     if path is None:
         return None
-    import numpy as np
-
     from motionary.depth.poses import database_from_arrays
+    from motionary.io.formats.npz import ArchivedArrays
 
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            held = {key: arrays[key] for key in arrays.files}
-    except (OSError, ValueError) as error:
-        raise UnreadableFile(
-            f"is no pose database: {describe_cause(error)}", file=Path(path).name
-        ) from None
-    return database_from_arrays(held)
+    return database_from_arrays(ArchivedArrays(Path(path)))
 
 
 def _to_row(tracked: "Tracking") -> dict[str, Any]:

@@ -270,11 +270,12 @@ def read_intrinsics(path: Path) -> dict[str, Any]:
 
 
 def _read_npz(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
+    # Images of a still background pack too well for the limits of other arrays.
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             held = {key: arrays[key] for key in arrays.files}
-    except (ValueError, OSError) as error:
-        raise UnreadableFile(f"cannot be read: {error}", file=path.name) from None
+    except Exception as error:
+        raise UnreadableFile(f"cannot be read: {describe_cause(error)}", file=path.name) from None
     images = held.pop("depth", None)
     if images is None or images.ndim != 3 or not len(images):
         raise UnreadableFile(
@@ -292,8 +293,9 @@ def _read_mat(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
 
     try:
         held = loadmat(path)
-    except (ValueError, OSError, NotImplementedError) as error:
-        raise UnreadableFile(f"cannot be read: {error}", file=path.name) from None
+    except Exception as error:
+        # SciPy raises whatever a damaged file leads it to.
+        raise UnreadableFile(f"cannot be read: {describe_cause(error)}", file=path.name) from None
     images = held.get("d_depth")
     if images is None or images.ndim != 3:
         raise UnreadableFile("holds no d_depth (height, width, images)", file=path.name)

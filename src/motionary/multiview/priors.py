@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FeatureSequence, compute_features
 from motionary.files import write_atomically
+from motionary.io.formats.npz import ArchivedArrays
 from motionary.models.library import ClassLibrary
 from motionary.models.templates import QuantisedTemplate
 from motionary.motion import GENERIC_JOINTS, Motion, resample
@@ -70,10 +71,9 @@ class PoseMemory(NamedTuple):
     def load(cls, path: str | Path) -> "PoseMemory":
         """What was saved."""
         try:
-            with np.load(path, allow_pickle=False) as content:
-                poses = {_split(key): content[key] for key in content.files}
-        except (OSError, ValueError) as error:
-            raise UnreadableFile(f"is no memory of poses: {error}", file=path) from error
+            poses = {_split(key): one for key, one in ArchivedArrays(Path(path)).items()}
+        except UnreadableFile as error:
+            raise UnreadableFile(f"is no memory of poses: {error.problem}", file=path) from error
         shape = (len(LENT), 3)
         if any(one.shape[1:] != shape for one in poses.values()):
             raise InvalidInput(f"needs poses (columns, {len(LENT)}, 3)", file=path)
