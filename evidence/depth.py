@@ -220,6 +220,13 @@ KINECT = {
     "head": 0, "lupperarm": 4, "lforearm": 5, "lhand": 6, "rupperarm": 8, "rforearm": 9,
     "rhand": 10, "lthigh": 12, "lshank": 13, "lfoot": 14, "rthigh": 16, "rshank": 17, "rfoot": 18,
 }  # fmt: skip
+#: What UTD-MHAD calls its actions, the first one first.
+NAMES = (
+    "swipe left", "swipe right", "wave", "clap", "throw", "cross arms", "basketball shot", "draw x",
+    "draw circle", "draw circle back", "draw triangle", "bowling", "boxing", "baseball swing",
+    "tennis swing", "arm curl", "tennis serve", "push", "knock", "catch", "pick up and throw",
+    "jog", "walk", "sit to stand", "stand to sit", "lunge", "squat",
+)  # fmt: skip
 #: What its actions are called here, fixed before any was tracked; "" = no class of ours.
 ACTIONS = {
     5: "throw", 7: "throw", 21: "throw", 22: "run", 23: "walk", 24: "sit to stand",
