@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from motionary.io.cameras import CalibratedCamera
 from motionary.io.keypoints import LAYOUTS
 
 NAMES = LAYOUTS["HALPE_26"][1]
@@ -32,6 +33,15 @@ def ring(n=4, radius=6.0, height=1.6):
         turn = np.stack([right, np.cross(forward, right), forward])
         cameras.append((turn, -turn @ place))
     return cameras
+
+
+def as_calibrated(cameras):
+    """The cameras as a calibration gives them, without a file."""
+    matrix = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1.0]])
+    return [
+        CalibratedCamera(f"cam_{k + 1:02d}", matrix, turn, move, np.zeros(5), (WIDTH, HEIGHT))
+        for k, (turn, move) in enumerate(cameras)
+    ]
 
 
 def pinhole(camera, points):

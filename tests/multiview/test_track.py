@@ -5,9 +5,19 @@ import pytest
 
 import motionary as mo
 from cli_cases import run
+from motionary.io.keypoints import Views
 from motionary.multiview.chain import linearise, measure_chain, move, points_of, pose_points
 from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
-from view_cases import NAMES, detect, exchange, ring, walker, write_openpose, write_toml
+from view_cases import (
+    NAMES,
+    as_calibrated,
+    detect,
+    exchange,
+    ring,
+    walker,
+    write_openpose,
+    write_toml,
+)
 
 FRAMES = 30
 LEGS = ("Hip", "Knee", "Ankle", "BigToe", "SmallToe", "Heel")
@@ -60,6 +70,20 @@ def test_the_command_writes_what_can_be_read(session, tmp_path, capsys, monkeypa
     truth = to_y_up(walker(FRAMES))[:, NAMES.index("LKnee")]
     far = np.linalg.norm(motion.positions[:, motion.names.index(joint)] - truth, axis=-1)
     assert far.mean() < 0.03
+
+
+def test_exchanges_are_told_by_the_frames_of_each_cameras_own_images():
+    pixels, scores = detect(walker(42), ring())
+    late = 6
+    for values in (pixels, scores):
+        values[1, late:] = values[1, :-late].copy()
+        exchange(values, 1, slice(20, 34), LEGS)
+    views = Views(tuple("abcd"), NAMES, pixels, scores)
+    cameras = as_calibrated(ring())
+    found = mo.track(views, cameras, rate_hz=60, synchronise=True)
+    assert any("moved" in note for note in found.notes)
+    told = [(one.extra["camera"], one.start_frame, one.end_frame) for one in found.exchanges]
+    assert told == [("b", 20, 33)]
 
 
 def a_chain():

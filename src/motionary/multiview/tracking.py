@@ -32,7 +32,7 @@ from motionary.multiview.priors import PoseMemory
 from motionary.multiview.solving import SolverSettings, free_points, ray_weights, solve_chain
 from motionary.multiview.steadiness import Steadiness, floor_of, measure_steadiness, stances
 from motionary.multiview.triangulation import Triangulated, bridge, triangulate
-from motionary.multiview.untangling import label_exchanges
+from motionary.multiview.untangling import in_own_frames, label_exchanges
 from motionary.multiview.views import open_views
 from motionary.recording import Recording
 from motionary.retrieval.annotation import annotate
@@ -273,12 +273,13 @@ def track(
         found = steadied.found
     names = found.chain.points
     floor = floor_of(names, found.points)
+    exchanges = in_own_frames(found.exchanges, fitted.offsets)
     before, after = _compare(found, sight.names, rate_hz, floor)
     return Tracking(
         Motion(names, found.points, recording, mapping=named_mapping(_TABLE, names)),
         _rig(found, recording),
         found.confidence,
-        label_exchanges(found.exchanges, views.cameras, recording),
+        label_exchanges(exchanges, views.cameras, recording),
         before,
         after,
         floor,

@@ -60,20 +60,22 @@ def untangle(
     views, fitted, recording = open_views(
         keypoints, cameras, rate_hz=rate_hz, unit=unit, synchronise=synchronise
     )
-    found = find_exchanges(fitted.sight)
-    # By the frames of each camera's own images.
-    back = -fitted.offsets
-    own = tuple(
-        Exchange(
-            one.limb,
-            move_frames(one.exchanged, back),
-            move_frames(one.margin, back, empty=np.inf),
-        )
-        for one in found
-    )
-    sources = exchange_sources(shift(fitted.sight, back), own)
+    own = in_own_frames(find_exchanges(fitted.sight), fitted.offsets)
+    sources = exchange_sources(shift(fitted.sight, -fitted.offsets), own)
     track = label_exchanges(own, views.cameras, recording)
     return Untangled(views, sources, own, track, (*views.notes, *fitted.notes))
+
+
+def in_own_frames(exchanges: Sequence[Exchange], offsets: NDArray[np.intp]) -> tuple[Exchange, ...]:
+    """Exchanges of images that were moved, by the frames of each camera's own images."""
+    return tuple(
+        Exchange(
+            one.limb,
+            move_frames(one.exchanged, -offsets),
+            move_frames(one.margin, -offsets, empty=np.inf),
+        )
+        for one in exchanges
+    )
 
 
 def label_exchanges(
