@@ -243,6 +243,7 @@ def _track_kinect(path: Path) -> Results:
     found = {}
     for mirrored in (True, False):
         recording = read_depth(path, mirrored=mirrored)
+        assert isinstance(recording.source, np.ndarray)
         recording = replace(recording, source=recording.source[::2], rate_hz=15.0)
         result = track_recording(
             recording,

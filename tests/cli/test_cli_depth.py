@@ -55,6 +55,14 @@ def test_wrong_use_and_wrong_images_are_told(folder, motionary):
     done = motionary("depth", "track", images, "-o", folder / "no.bvh", "--least-confidence", ".5")
     assert done.code == 2
     assert "BVH holds no unknown joints" in done.err
+    # All that is seen was there before the person came.
+    done = motionary("depth", "track", images, "-o", folder / "no.npz", "--background", images)
+    assert done.code == 1
+    assert "no person is tracked" in done.err
+    both = ("--background", images, "--empty", "2")
+    done = motionary("depth", "track", images, "-o", folder / "no.npz", *both)
+    assert done.code == 2
+    assert "already" in done.err
     done = motionary("depth", "track", images, "-o", folder / "no.npz", "--database", images)
     assert done.code == 1
     assert "motionary depth database" in done.err

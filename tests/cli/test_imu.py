@@ -74,8 +74,13 @@ def test_depth_images_are_made(take, motionary):
     from PIL import Image
 
     done = motionary("synth", "depth", take / "take.bvh", "-o", take / "d", "--images", "1",
-                     "--noise", "tof")  # fmt: skip
+                     "--noise", "tof", "--from", "1", "--to", "1.2", "--distance", "1")  # fmt: skip
     assert done.code == 0
+    assert "in 1 of 1 images the person is not whole" in done.err
+    done = motionary("synth", "depth", take / "take.bvh", "-o", take / "d", "--images", "1",
+                     "--noise", "tof", "--force")  # fmt: skip
+    assert done.code == 0
+    assert done.err == ""
     told = json.loads((take / "d" / "camera.json").read_text("utf-8"))
     assert told["synthetic"] is True
     image = np.array(Image.open(take / "d" / "synthetic-000000.png"))
@@ -109,6 +114,7 @@ def test_two_runs_do_not_mix(take, motionary):
         (["synth", "depth", "TAKE", "-o", "x", "--noise", "snow"], "choose one of"),
         (["synth", "depth", "TAKE", "-o", "x", "--images", "0"], "images_hz needs"),
         (["synth", "depth", "TAKE", "-o", "x", "--images", "nan"], "images_hz needs"),
+        (["synth", "depth", "TAKE", "-o", "x", "--from", "9", "--to", "8"], "got 9 to 8"),
         (["synth", "depth", "TAKE", "-o", "x", "--distance", "1e9"], "distance_m needs"),
         (["synth", "imu", "TAKE", "-o", "x", "--seed", "-1"], "--seed"),
     ],

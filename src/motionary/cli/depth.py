@@ -62,6 +62,10 @@ class TrackOptions:
     empty: Annotated[
         int, typer.Option(min=0, metavar="N", help="The first N images show the scene empty.")
     ] = 0
+    background: Annotated[
+        str | None,
+        typer.Option(metavar="IMAGES", help="The scene empty, by the same camera."),
+    ] = None
     near_m: Annotated[
         float,
         typer.Option(
@@ -112,7 +116,8 @@ class TrackOptions:
 
 def track(
     source: Annotated[
-        str, typer.Argument(metavar="IMAGES", help="A folder of 16-bit PNG, a .npz, a .mat.")
+        str,
+        typer.Argument(metavar="IMAGES", help="A folder of 16-bit PNG, npz, mat, bag, mkv."),
     ],
     options: TrackOptions,
     as_json: AsJson = False,
@@ -133,6 +138,8 @@ def track(
     is_rig = options.output.lower().endswith((".bvh", ".bvh.gz"))
     if is_rig and options.least_confidence:
         raise wrong("--least-confidence", "BVH holds no unknown joints; write .npz or .trc")
+    if options.background is not None and options.empty:
+        raise wrong("--empty", "the empty scene is given by --background already")
     told = None if options.intrinsics is None else read_intrinsics(Path(options.intrinsics))
     recording = read_depth(source, intrinsics=told, mirrored=options.mirrored)
     settings = TrackerSettings(
@@ -145,7 +152,7 @@ def track(
             _read_database(options.database),
             settings=settings,
             stature_m=MEAN_STATURE_M if options.stature_m is None else options.stature_m,
-            background=options.empty or None,
+            background=_read_background(options) if options.background else options.empty or None,
             least_confidence=options.least_confidence,
             progress=lambda images: _count(images, done),
         )
@@ -191,6 +198,18 @@ def _cut_to_person(tracked: "Tracking", *, whole: bool) -> "tuple[Motion, tuple[
         kept = f"BVH holds no gaps: images {first} to {stop - 1} are written, the longest run"
         return tracked.motion.cut(first, stop), (kept,)
     return tracked.motion.cut(first, stop), ()
+
+
+def _read_background(options: TrackOptions) -> "Floats":
+    """The empty scene, from a recording of its own."""
+    import numpy as np
+
+    from motionary.depth import learn_background
+    from motionary.io.depth_images import read_depth, read_intrinsics
+
+    told = None if options.intrinsics is None else read_intrinsics(Path(options.intrinsics))
+    scene = read_depth(str(options.background), intrinsics=told, mirrored=options.mirrored)
+    return learn_background(np.stack(list(scene.images())))
 
 
 def _count(images: "Iterable[Floats]", done: Any) -> "Iterator[Floats]":

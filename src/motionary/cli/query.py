@@ -45,6 +45,21 @@ class Moment:
         return (self.value - recording.first_frame + is_end) / recording.rate_hz
 
 
+def check_part(
+    recording: "Recording", start: Moment | None, stop: Moment | None
+) -> tuple[float, float]:
+    """Seconds at which the part of a recording begins and ends that is asked for."""
+    length = recording.duration_s
+    start_s = 0.0 if start is None else start.seconds_in(recording)
+    stop_s = length if stop is None else stop.seconds_in(recording, is_end=True)
+    if not 0 <= start_s < min(stop_s, length):
+        raise wrong(
+            "--from, --to",
+            f"{recording.name} lasts from 0 to {length:.2f} s, got {start_s:g} to {stop_s:g}",
+        )
+    return start_s, stop_s
+
+
 def parse_moment(text: str) -> Moment:
     """The time that a person wrote: `1.5`, `0:01.5`, `1:02:03` or `45f`.
 

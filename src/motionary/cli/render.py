@@ -8,7 +8,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.options import Force, check_target, wrong
-from motionary.cli.query import Moment, parse_moment
+from motionary.cli.query import Moment, check_part, parse_moment
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
@@ -17,7 +17,6 @@ from motionary.tables import enumerate_names
 if TYPE_CHECKING:
     from motionary.labels import LabelTrack
     from motionary.motion import Motion
-    from motionary.recording import Recording
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +72,7 @@ def render(
     path = Path(file)
     motion = read_recording(path, reading).renamed(path.name)
     track = None if options.labels is None else _read_track(options.labels, motion)
-    start_s, stop_s = _ends(motion.recording, options)
+    start_s, stop_s = check_part(motion.recording, options.start, options.stop)
     render_motion(
         motion, options.output, track,
         start_s=start_s, stop_s=stop_s, pictures_per_s=options.pictures, dpi=options.dpi,
@@ -93,16 +92,3 @@ def _read_track(path: str, motion: "Motion") -> "LabelTrack":
         there = enumerate_names(sorted(found or tracks))
         raise InvalidInput(f"{problem}; has labels of {there}", file=path)
     return of_recording(tracks[found[0]], motion.recording)
-
-
-def _ends(recording: "Recording", options: RenderOptions) -> tuple[float, float]:
-    """Seconds at which the part begins and ends that is asked for."""
-    length = recording.duration_s
-    start_s = 0.0 if options.start is None else options.start.seconds_in(recording)
-    stop_s = length if options.stop is None else options.stop.seconds_in(recording, is_end=True)
-    if not 0 <= start_s < min(stop_s, length):
-        raise wrong(
-            "--from, --to",
-            f"{recording.name} lasts from 0 to {length:.2f} s, got {start_s:g} to {stop_s:g}",
-        )
-    return start_s, stop_s

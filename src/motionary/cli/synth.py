@@ -9,6 +9,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.options import Force, LibraryDefault, check_target
+from motionary.cli.query import Moment, check_part, parse_moment
 from motionary.cli.recordings import read_recording
 from motionary.errors import UnwritableFile
 from motionary.io.options import ReadOptions
@@ -120,6 +121,17 @@ class DepthOptions:
             help="Images a second.",
         ),
     ]
+    start: Annotated[
+        Moment | None,
+        typer.Option(
+            "--from", metavar="TIME", parser=parse_moment,
+            help="Where to start: seconds, 0:01.5, or a frame as in 45f.",
+        ),
+    ] = None  # fmt: skip
+    stop: Annotated[
+        Moment | None,
+        typer.Option("--to", metavar="TIME", parser=parse_moment, help="Where to end."),
+    ] = None
     fine: Annotated[bool, typer.Option(help="Use the finer mesh.")] = False
 
 
@@ -141,9 +153,12 @@ def depth(
     settings = DepthSettings(options.noise, options.distance_m, options.images_hz)
     _check_folder(output, replace=force)
     motion = read_recording(Path(recording), reading)
+    start_s, stop_s = check_part(motion.recording, options.start, options.stop)
+    first = min(round(start_s * motion.rate_hz), motion.n_frames - 1)
+    motion = motion.cut(first, min(max(round(stop_s * motion.rate_hz), first + 1), motion.n_frames))
     camera, images = record_depth(load_body(fine=options.fine), motion, settings, seed=seed)
     _empty_folder(output)
-    written = _write_images(Path(output), images)
+    written, n_cut = _write_images(Path(output), images)
     description = {
         "synthetic": True, "noise": options.noise, "seed": seed, "rate_hz": options.images_hz,
         "unit": "mm", "width": camera.width, "height": camera.height, "focal": camera.focal,
@@ -152,19 +167,29 @@ def depth(
     }  # fmt: skip
     Path(output, _CAMERA).write_text(json.dumps(description, indent=1) + "\n", "utf-8")
     screen.say(f"{written} synthetic depth images written to {output}")
+    if n_cut:
+        screen.warn(
+            f"in {n_cut} of {written} images the person is not whole: take a part of the recording "
+            "by --from and --to, or a larger --distance"
+        )
     return 0
 
 
-def _write_images(folder: Path, images: "Iterator[Floats]") -> int:
-    """Write images as 16-bit PNG in millimetres, 0 where nothing is; how many there were."""
+def _write_images(folder: Path, images: "Iterator[Floats]") -> tuple[int, int]:
+    """Write images as 16-bit PNG in millimetres, 0 where nothing is.
+
+    How many there were, and in how many the person reaches the edge or is out of sight.
+    """
     import numpy as np
     from PIL import Image
 
-    count = 0
+    count = n_cut = 0
     for count, image in enumerate(images, start=1):
         millimetres = np.nan_to_num(np.clip(image * 1000, 0, 65535)).astype(np.uint16)
+        inner = int(np.count_nonzero(millimetres[1:-1, 1:-1]))
+        n_cut += inner == 0 or inner < int(np.count_nonzero(millimetres))
         Image.fromarray(millimetres).save(folder / f"{_PREFIX}{count - 1:06d}.png")
-    return count
+    return count, n_cut
 
 
 SUBCOMMANDS = {"imu": imu, "depth": depth}

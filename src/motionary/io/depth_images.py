@@ -1,8 +1,8 @@
-"""Recordings of depth cameras: folders of 16-bit PNG with intrinsics, npz, UTD-MHAD's mat.
+"""Recordings of depth cameras: folders of 16-bit PNG with intrinsics, npz, mat, bag and mkv.
 
 Conventions: depth along the camera's axis in metres, NaN where nothing was measured. Intrinsics are
 focal length and centre in pixels, the first pixel's centre at (0, 0). Mirrored images are turned
-back: columns are reversed, and the centre with them.
+back: columns are reversed, and the centre with them. What a lens bends is put straight.
 """
 
 import json
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 from motionary.files import read_bytes
+from motionary.io.depth_videos import VIDEOS, StoredImages
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +36,8 @@ DEPTH_FORMATS = {
     "PNG": "a folder of 16-bit images, with camera.json",
     "npz": "depth, focal, centre, rate_hz",
     "mat": "UTD-MHAD: d_depth",
+    "bag": "RealSense or ROS; needs motionary[depth]",
+    "mkv": "Azure Kinect or Femto; needs motionary[depth]",
 }
 #: The camera of UTD-MHAD, and that its images are mirrored.
 UTD_MHAD: dict[str, Any] = {
@@ -42,6 +45,7 @@ UTD_MHAD: dict[str, Any] = {
     "mirrored": True,
 }  # fmt: skip
 _UNITS = {"mm": 0.001, "m": 1.0, "cm": 0.01}
+Source = tuple[Path, ...] | NDArray[Any] | StoredImages
 # What cameras of rooms measure; beyond, the unit is another one.
 _FARTHEST_M, _NEAREST_M = 30.0, 0.05
 # A time step so many times the usual one is a gap.
@@ -55,11 +59,14 @@ class DepthRecording:
     Attributes
     ----------
     name : of the recording
-    source : the files of the images, or all images (n, height, width) as they are
+    source : the files of the images, or all images (n, height, width) as they are, or where they
+        are stored
     width, height : of the images
     focal, centre : in pixels
     rate_hz : images a second
     scale : metres of one
+    distortion : of the lens, k1, k2, p1, p2, k3, k4, k5, k6 as OpenCV has them, or fewer; images
+        are put straight
     mirrored : whether the images were mirrored; they are turned back
     world_from_camera, position : of the camera, if the file has them
     gaps : numbers of images before which time is missing
@@ -67,13 +74,14 @@ class DepthRecording:
     """
 
     name: str
-    source: tuple[Path, ...] | NDArray[Any]
+    source: Source
     width: int
     height: int
     focal: tuple[float, float]
     centre: tuple[float, float]
     rate_hz: float
     scale: float = 0.001
+    distortion: tuple[float, ...] = ()
     mirrored: bool = False
     world_from_camera: Floats | None = None
     position: Floats | None = None
@@ -108,6 +116,7 @@ class DepthRecording:
         InvalidInput, UnreadableFile
             If an image has another size, too few bits, or values of another unit.
         """
+        straight = self._find_straight() if any(self.distortion) else None
         for one in self.source:
             raw, name = (_read_png(one), one.name) if isinstance(one, Path) else (one, self.name)
             if raw.shape != (self.height, self.width):
@@ -119,7 +128,25 @@ class DepthRecording:
             depth = raw.astype(np.float64) * self.scale
             depth[~(depth > 0)] = np.nan
             _check_unit(depth, name)
+            if straight is not None:
+                depth = np.where(straight < 0, np.nan, depth.reshape(-1)[straight])
             yield depth[:, ::-1] if self.mirrored else depth
+
+    def _find_straight(self) -> NDArray[np.intp]:
+        """The pixel of the bent image that each pixel of the straight one is; -1 outside."""
+        # The nearest, not a mixture: depths between two surfaces are of neither.
+        k1, k2, p1, p2, k3, k4, k5, k6 = (*self.distortion, *(0.0,) * 8)[:8]
+        centre_x = self.width - 1 - self.centre[0] if self.mirrored else self.centre[0]
+        x = ((np.arange(self.width) - centre_x) / self.focal[0])[None, :]
+        y = ((np.arange(self.height) - self.centre[1]) / self.focal[1])[:, None]
+        r = x * x + y * y
+        out = (1 + r * (k1 + r * (k2 + r * k3))) / (1 + r * (k4 + r * (k5 + r * k6)))
+        bent_x = x * out + 2 * p1 * x * y + p2 * (r + 2 * x * x)
+        bent_y = y * out + p1 * (r + 2 * y * y) + 2 * p2 * x * y
+        columns = np.rint(bent_x * self.focal[0] + centre_x)
+        rows = np.rint(bent_y * self.focal[1] + self.centre[1])
+        inside = (columns >= 0) & (columns < self.width) & (rows >= 0) & (rows < self.height)
+        return np.where(inside, rows * self.width + columns, -1).astype(np.intp)
 
 
 def read_depth(
@@ -132,9 +159,10 @@ def read_depth(
 
     Parameters
     ----------
-    path : a folder of 16-bit PNG, an npz or a mat of UTD-MHAD
-    intrinsics : what the files do not say, or say wrongly: `focal`, `centre`, `rate_hz`, `unit`
-        ("mm", "m"), `times_s`, `world_from_camera`, `position`
+    path : a folder of 16-bit PNG, an npz, a mat of UTD-MHAD, a bag of RealSense or ROS, an mkv of
+        Azure Kinect or Femto; beside the last two there may be intrinsics, as NAME.json
+    intrinsics : what the files do not say, or say wrongly: `focal`, `centre`, `distortion`,
+        `rate_hz`, `unit` ("mm", "m"), `times_s`, `world_from_camera`, `position`
     mirrored : whether the images are mirrored; as the file says if None
 
     Raises
@@ -147,18 +175,24 @@ def read_depth(
     path = Path(path)
     if not path.exists():
         raise UnreadableFile("there is no such folder or file of depth images", file=path)
-    source: tuple[Path, ...] | NDArray[Any]
+    source: Source
     if path.is_dir():
         source, told = _read_folder(path)
     elif path.suffix.lower() == ".npz":
         source, told = _read_npz(path)
     elif path.suffix.lower() == ".mat":
         source, told = _read_mat(path)
+    elif path.suffix.lower() in VIDEOS:
+        source, told = VIDEOS[path.suffix.lower()](path)
+        if path.with_suffix(".json").is_file():
+            told |= read_intrinsics(path.with_suffix(".json"))
     else:
         kinds = "; ".join(f"{kind}: {what}" for kind, what in DEPTH_FORMATS.items())
         raise UnreadableFile(f"holds no depth images that can be read ({kinds})", file=path.name)
     told = {**told, **(intrinsics or {})}
-    first = _read_png(source[0]) if isinstance(source, tuple) else source[0]
+    first = next(iter(source))
+    if isinstance(first, Path):
+        first = _read_png(first)
     recording = _describe(path.stem, source, first, told)
     if mirrored is not None:
         recording = replace(recording, mirrored=mirrored)
@@ -170,7 +204,7 @@ def read_depth(
 
 
 def _describe(
-    name: str, source: tuple[Path, ...] | NDArray[Any], first: NDArray[Any], told: Mapping[str, Any]
+    name: str, source: Source, first: NDArray[Any], told: Mapping[str, Any]
 ) -> DepthRecording:
     """The recording of images and of what is told of them."""
     focal = _pair(told, "focal", ("fx", "fy"))
@@ -178,7 +212,7 @@ def _describe(
     if focal is None or centre is None:
         raise InvalidInput(
             "intrinsics are missing: write focal (fx, fy) and centre (cx, cy) of the "
-            "depth camera, in pixels, into camera.json beside the images",
+            "depth camera, in pixels, into camera.json beside the images, or give --intrinsics",
             file=name,
         )
     for side, given in (("width", first.shape[1]), ("height", first.shape[0])):
@@ -197,6 +231,7 @@ def _describe(
         notes = (*notes, "the images are synthetic")
     return DepthRecording(
         name, source, first.shape[1], first.shape[0], focal, centre, rate, float(scale),
+        tuple(np.ravel(told.get("distortion", ())).astype(float).tolist()),
         bool(told.get("mirrored", False)),
         None if turn is None else np.asarray(turn, dtype=np.float64),
         None if place is None else np.asarray(place, dtype=np.float64),
