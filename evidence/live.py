@@ -14,7 +14,7 @@ from motionary.features import compute_features
 from motionary.io import read
 from motionary.labels import Label
 from motionary.live import LiveAnnotator, LiveEvent
-from motionary.live.timing import EvenTimes
+from motionary.live.poses import EvenTimes
 from motionary.models.library import ClassLibrary, load_everyday
 from motionary.motion import resample
 from motionary.retrieval.annotation import annotate

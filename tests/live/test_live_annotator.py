@@ -8,7 +8,7 @@ import pytest
 import motionary as mo
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, FeatureStream
-from motionary.live.timing import MOST_GAP_S, EvenTimes
+from motionary.live.poses import MOST_GAP_S, EvenTimes
 from motionary.models.library import load_everyday
 from motionary.motion import GENERIC_JOINTS
 from motionary.samples import SYNTHETIC_CLASSES, synthetic_stream

@@ -3,8 +3,10 @@
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -15,11 +17,20 @@ from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.live import LivePeople, PersonEvent, Source
+    from motionary.live import LivePeople, OscSender, PersonEvent, Source
 
 # What is wrong with a sender's lines is told so often, then only counted.
 _MOST_TOLD = 5
 _LOOPBACK = "127.0.0.1"
+
+Sent = TypeVar("Sent")
+
+
+class ReplayTo(StrEnum):
+    """Ways in which `motionary replay` sends poses."""
+
+    LINES = "lines"
+    OSC = "osc"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +72,21 @@ class LiveOptions:
             min=0, max=65535, metavar="N", help="Take poses by websockets; 0 is any free port."
         ),
     ] = None
+    osc: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            metavar="N",
+            help="Take poses of VMC, by OSC; avatar programs send them to port 39539.",
+        ),
+    ] = None
+    osc_to: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[IP:]N", help="Send events by OSC to a program that listens at this port."
+        ),
+    ] = None
     address: Annotated[
         str,
         typer.Option(metavar="IP", help="Listen there; by default only to this computer."),
@@ -75,31 +101,54 @@ def live(options: LiveOptions) -> int:
 
     motionary replay take.bvh | motionary live
     motionary live --port 8765
+    motionary live --osc 39539 --osc-to 9000
     """
-    from motionary.live import LivePeople, PipeSource, WebSocketSource
+    from motionary.live import VMC_HZ, LivePeople
     from motionary.models.library import open_library
     from motionary.skeletons import named_mapping
 
-    if options.port is None and options.address != _LOOPBACK:
-        raise wrong("--address", "needs --port: from stdin nobody else can send")
+    if options.port is None and options.osc is None and options.address != _LOOPBACK:
+        raise wrong("--address", "needs --port or --osc: from stdin nobody else can send")
+    if options.port is not None and options.osc is not None:
+        raise wrong("--osc", "poses come by OSC or by websockets; give --osc or --port")
     if options.skeleton is not None:
         named_mapping(options.skeleton)
     people = LivePeople(
         open_library(options.library),
-        rate_hz=options.rate_hz,
+        rate_hz=options.rate_hz or (VMC_HZ if options.osc is not None else None),
         skeleton=options.skeleton,
         at_most_false_per_min=options.at_most_false,
     )
-    source: Source
+    listeners = [] if options.osc_to is None else [_osc_sender(options.osc_to, "--osc-to")]
+    return _Labelling(people, _open(options), listeners, final_only=options.final).run()
+
+
+def _open(options: LiveOptions) -> "Source":
+    """Where poses come from."""
+    from motionary.live import OscSource, PipeSource, WebSocketSource
+
+    if options.osc is not None:
+        by_osc = OscSource(options.osc, address=options.address, tell=screen.warn)
+        screen.warn(f"listening to OSC at {options.address}:{by_osc.port}; Ctrl-C ends")
+        return by_osc
     if options.port is None:
         if sys.stdin.isatty():
             screen.warn("waiting for poses from stdin, lines of JSON; Ctrl-D ends")
         # Bytes that are no text end no stream.
-        source = PipeSource(getattr(sys.stdin, "buffer", sys.stdin))
-    else:
-        source = WebSocketSource(options.port, address=options.address, tell=screen.warn)
-        screen.warn(f"listening to ws://{options.address}:{source.port}; Ctrl-C ends")
-    return _run(people, source, final_only=options.final)
+        return PipeSource(getattr(sys.stdin, "buffer", sys.stdin))
+    source = WebSocketSource(options.port, address=options.address, tell=screen.warn)
+    screen.warn(f"listening to ws://{options.address}:{source.port}; Ctrl-C ends")
+    return source
+
+
+def _osc_sender(place: str, option: str) -> "OscSender":
+    """What sends OSC to a port, of this computer unless an address stands before it."""
+    from motionary.live import OscSender
+
+    address, _, port = place.rpartition(":")
+    if not (port.isdecimal() and 0 < int(port) < 65536):
+        raise wrong(option, f"a port from 1 to 65535, or an address and one (IP:N), got {place!r}")
+    return OscSender(int(port), address=address.strip("[]") or _LOOPBACK, tell=screen.warn)
 
 
 def replay(
@@ -107,58 +156,112 @@ def replay(
     speed: Annotated[
         float, typer.Option(min=0.0, metavar="TIMES", help="How fast; 0 is as fast as possible.")
     ] = 1.0,
+    to: Annotated[
+        ReplayTo,
+        typer.Option(help="Lines of JSON to stdout, or messages of VMC by OSC."),
+    ] = ReplayTo.LINES,
+    port: Annotated[
+        str | None,
+        typer.Option(metavar="[IP:]N", help="Where OSC is taken; 39539 of this computer."),
+    ] = None,
     *,
     reading: ReadOptions,
 ) -> None:
     """Send a recording as poses, at its own speed, as `motionary live` takes them.
 
     motionary replay take.bvh | motionary live
+    motionary replay take.bvh --to osc
     """
     from pathlib import Path
 
-    from motionary.live import write_lines
+    from motionary.live import VMC_PORT, write_lines, write_messages
 
+    if to is ReplayTo.LINES and port is not None:
+        raise wrong("--port", "goes with --to osc: lines are written to stdout")
+    if to is ReplayTo.OSC and not speed:
+        raise wrong("--speed", "OSC takes no more than arrives in time; give one above 0")
     motion = read_recording(Path(recording), reading)
-    begin = time.monotonic()
-    for i, line in enumerate(write_lines(motion)):
+    if to is ReplayTo.LINES:
         # The first line says what all poses have in common.
-        due = begin + max(i - 1, 0) / (motion.rate_hz * speed) if speed else begin
-        time.sleep(max(0.0, due - time.monotonic()))
-        sys.stdout.write(line + "\n")
-        sys.stdout.flush()
+        for line in _paced(write_lines(motion), motion.rate_hz * speed, n_before=1):
+            sys.stdout.write(line + "\n")
+            sys.stdout.flush()
+        return
+    sender = _osc_sender(port or str(VMC_PORT), "--port")
+    for messages in _paced(write_messages(motion), motion.rate_hz * speed):
+        sender.send(messages)
+    sender.close()
 
 
-def _run(people: "LivePeople", source: "Source", *, final_only: bool) -> int:
-    """Label what a source gives until it ends; 1 if some lines were of no use."""
-    wrong: Counter[str] = Counter()
-    n_wrong = 0
+def _paced(things: "Iterable[Sent]", hz: float, *, n_before: int = 0) -> "Iterator[Sent]":
+    """Things, so many a second after the first few; as fast as possible if that is 0."""
+    begin = time.monotonic()
+    for i, one in enumerate(things):
+        if hz:
+            time.sleep(max(0.0, begin + max(i - n_before, 0) / hz - time.monotonic()))
+        yield one
 
-    def give(events: "list[PersonEvent]") -> None:
+
+class _Labelling:
+    """Labels of what a source gives, printed and given to who listens.
+
+    Parameters
+    ----------
+    people : label what comes
+    source : gives it
+    listeners : get each event
+    final_only : whether what is not final is kept back
+    """
+
+    def __init__(
+        self,
+        people: "LivePeople",
+        source: "Source",
+        listeners: "Sequence[OscSender]",
+        *,
+        final_only: bool,
+    ) -> None:
+        self._people, self._source, self._listeners = people, source, listeners
+        self._final_only = final_only
+        self._wrong: Counter[str] = Counter()
+        self._n_wrong = 0
+
+    def run(self) -> int:
+        """Label until no more comes; 1 if some lines were of no use."""
+        try:
+            for sender, line in self._source.lines():
+                self._take(sender, line)
+        except KeyboardInterrupt:
+            screen.warn("stopped; what is left becomes final")
+        self._give(self._people.finish())
+        self._source.close()
+        for one in self._listeners:
+            one.close()
+        n = self._n_wrong
+        if n:
+            screen.warn(f"{n} line{' was' if n == 1 else 's were'} of no use")
+        return 1 if n else 0
+
+    def _take(self, sender: str, line: "str | bytes | None") -> None:
+        if line is None:
+            self._give(self._people.leave(sender))
+            self._wrong.pop(sender, None)
+            return
+        try:
+            self._give(self._people.push(line, sender=sender))
+        except InvalidInput as error:
+            self._n_wrong += 1
+            self._wrong[sender] += 1
+            if self._wrong[sender] <= _MOST_TOLD:
+                screen.warn(f"{f'sender {sender}' if sender else 'a line'}: {error}")
+
+    def _give(self, events: "list[PersonEvent]") -> None:
         for event in events:
-            if final_only and event.event.status not in ("final", "unassessed"):
+            if self._final_only and event.event.status not in ("final", "unassessed"):
                 continue
             content = event.as_json()
             screen.print_json(content)
-            source.send(content)
+            self._source.send(content)
+            for one in self._listeners:
+                one.send_event(content)
         sys.stdout.flush()
-
-    try:
-        for sender, line in source.lines():
-            if line is None:
-                give(people.leave(sender))
-                wrong.pop(sender, None)
-                continue
-            try:
-                give(people.push(line, sender=sender))
-            except InvalidInput as error:
-                n_wrong += 1
-                wrong[sender] += 1
-                if wrong[sender] <= _MOST_TOLD:
-                    screen.warn(f"{f'sender {sender}' if sender else 'a line'}: {error}")
-    except KeyboardInterrupt:
-        screen.warn("stopped; what is left becomes final")
-    give(people.finish())
-    source.close()
-    if n_wrong:
-        screen.warn(f"{n_wrong} line{' was' if n_wrong == 1 else 's were'} of no use")
-    return 1 if n_wrong else 0

@@ -1,20 +1,28 @@
 """Labels while a motion is still going on."""
 
 from motionary.live.annotator import LiveAnnotator, LiveEvent, Status
+from motionary.live.osc import OscSender, OscSource
 from motionary.live.people import LivePeople, PersonEvent
 from motionary.live.poses import Pose, PoseLines, write_lines
 from motionary.live.sources import PipeSource, Source, WebSocketSource
+from motionary.live.vmc import VMC_HZ, VMC_PORT, VmcReader, write_messages
 
 __all__ = [
+    "VMC_HZ",
+    "VMC_PORT",
     "LiveAnnotator",
     "LiveEvent",
     "LivePeople",
+    "OscSender",
+    "OscSource",
     "PersonEvent",
     "PipeSource",
     "Pose",
     "PoseLines",
     "Source",
     "Status",
+    "VmcReader",
     "WebSocketSource",
     "write_lines",
+    "write_messages",
 ]

@@ -20,8 +20,8 @@ from motionary.features import SEQUENCE_HZ, FeatureSequence, FeatureStream, moti
 from motionary.features.body import Floats
 from motionary.labels import Label
 from motionary.live.deciding import Decisions, Found
+from motionary.live.poses import EvenTimes
 from motionary.live.saving import read_state, restore, save_state
-from motionary.live.timing import EvenTimes
 from motionary.matching import StreamedPath
 from motionary.models.library import ClassLibrary, load_everyday
 from motionary.motion import Motion

@@ -1,8 +1,9 @@
-"""Where poses come from: lines of a file or a pipe, or a websocket.
+"""Where poses come from: lines of a file or a pipe, websockets, or messages of OSC.
 
 A source gives lines and takes events. What arrives faster than it is labelled waits in a
-queue of bounded length; a websocket's sender then has to wait, which is told once. Nobody waits
-for a listener: events that it does not take are lost to it, which is told once, too.
+queue of bounded length; a websocket's sender then has to wait, messages of OSC are lost, and
+either is told once. Nobody waits for a listener: events that it does not take are lost to it,
+which is told once, too.
 """
 
 import errno
@@ -14,7 +15,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from typing import IO, Any, Protocol
 
@@ -25,10 +26,15 @@ from motionary.live.poses import LONGEST_LINE
 MOST_WAITING = 256
 #: Of a sender that is silent for longer, what is left becomes final.
 SILENT_S = 10.0
+#: What is wrong with a sender's lines is told so often, then only counted.
+MOST_TOLD = 5
+#: This computer's own address: nobody else can send there.
+LOOPBACK = "127.0.0.1"
+#: Whether all is well is looked at so often.
+TICK_S = 0.5
 # A longer message is no pose, nor several.
 _LONGEST = 1_000_000
-_LOOPBACK = "127.0.0.1"
-_TICK_S, _CLOSING_S = 0.5, 2.0
+_CLOSING_S = 2.0
 # A page of any other origin that a browser shows could read what a body does.
 _ORIGINS = (None, re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"))
 
@@ -40,8 +46,13 @@ Arrival = tuple[str, str | bytes | None]
 class Source(Protocol):
     """Lines of poses, each with the name of its sender, and a way back for events."""
 
-    def lines(self) -> Iterator[Arrival]:
-        """Sender and line, until no more come; no line: it has gone or is silent."""
+    def lines(self, awaited: Collection[str] = ()) -> Iterator[Arrival]:
+        """Sender and line, until no more come; no line: it has gone or is silent.
+
+        Parameters
+        ----------
+        awaited : senders that were there before, and are expected to go on
+        """
 
     def send(self, event: Mapping[str, Any]) -> None:
         """Give an event to whoever listens."""
@@ -61,7 +72,7 @@ class PipeSource:
     def __init__(self, file: IO[str] | IO[bytes]) -> None:
         self._file = file
 
-    def lines(self) -> Iterator[Arrival]:
+    def lines(self, awaited: Collection[str] = ()) -> Iterator[Arrival]:
         """Sender and line; there is one sender."""
         # A file without line ends must not be read as a whole.
         while line := self._file.readline(LONGEST_LINE + 1):
@@ -94,7 +105,7 @@ class WebSocketSource:
         none of this computer.
     """
 
-    def __init__(self, port: int, *, address: str = _LOOPBACK, tell: Tell) -> None:
+    def __init__(self, port: int, *, address: str = LOOPBACK, tell: Tell) -> None:
         try:
             from websockets.sync.server import serve
         except ImportError as error:
@@ -102,10 +113,14 @@ class WebSocketSource:
                 f"poses by websocket need the package websockets ({error}); "
                 "pip install 'motionary[live]', or send lines of JSON to stdin"
             ) from error
-        self._tell, self._waiting = tell, queue.Queue[Arrival](MOST_WAITING)
+        self._tell = tell
+        self._waiting = Waiting(
+            tell,
+            f"nothing has come to port {port} so far; do poses go there, by ws:// and not by wss://?",
+        )
         self._listeners: dict[int, _Listener] = {}
         self._lock = threading.Lock()
-        self._n_connections, self._is_slow, self._is_closed = 0, False, False
+        self._n_connections = 0
         logger = logging.Logger("motionary.live", logging.DEBUG)
         logger.addHandler(_Failures(tell))
         try:
@@ -113,30 +128,14 @@ class WebSocketSource:
                 self._receive, address, port, max_size=_LONGEST, origins=_ORIGINS, logger=logger
             )
         except OSError as error:
-            raise InvalidInput(_describe(error, address, port)) from error
+            raise InvalidInput(describe_place(error, address, port)) from error
         bound, self.port = self._server.socket.getsockname()[:2]
-        if not ipaddress.ip_address(bound).is_loopback:
-            tell(
-                f"{address} is open to the network: whoever reaches this computer there can send "
-                "poses and read labels"
-            )
+        tell_if_open(bound, address, tell)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
-    def lines(self) -> Iterator[Arrival]:
+    def lines(self, awaited: Collection[str] = ()) -> Iterator[Arrival]:
         """Sender and line, until this is closed; no line: it has gone or is silent."""
-        heard: dict[str, float] = {}
-        while not self._is_closed:
-            # Without a limit of time no Ctrl-C would be heard on Windows.
-            with suppress(queue.Empty):
-                sender, line = self._waiting.get(timeout=_TICK_S)
-                yield sender, line
-                heard[sender] = time.monotonic()
-                if line is None:
-                    del heard[sender]
-            now = time.monotonic()
-            for sender in [one for one, last in heard.items() if now - last > SILENT_S]:
-                del heard[sender]
-                yield sender, None
+        return self._waiting.take(awaited)
 
     def send(self, event: Mapping[str, Any]) -> None:
         """Give an event to all that are connected."""
@@ -148,7 +147,7 @@ class WebSocketSource:
 
     def close(self) -> None:
         """Give what waits to those that are connected, and listen no more."""
-        self._is_closed = True
+        self._waiting.close()
         with self._lock:
             listeners = list(self._listeners.values())
         for listener in listeners:
@@ -174,28 +173,80 @@ class WebSocketSource:
                 # Several poses may come in one message.
                 for line in message.split(b"\n" if isinstance(message, bytes) else "\n"):
                     if line.strip():
-                        self._put((str(number), line[: LONGEST_LINE + 1]))
+                        self._waiting.put((str(number), line[: LONGEST_LINE + 1]))
         except ConnectionClosed as error:
             reason = f" ({error})"
         finally:
             with self._lock:
                 del self._listeners[number]
             listener.end()
-            self._put((str(number), None))
+            self._waiting.put((str(number), None))
             self._tell(f"sender {number} is gone{reason}")
 
-    def _put(self, arrival: Arrival) -> None:
+
+class Waiting:
+    """Lines on their way from senders to who labels them, no more than a bounded number.
+
+    Parameters
+    ----------
+    tell : is given what happens
+    silence : what to tell when nothing has come for a while
+    """
+
+    def __init__(self, tell: Tell, silence: str) -> None:
+        self._tell, self._silence = tell, silence
+        self._arrivals = queue.Queue[Arrival](MOST_WAITING)
+        self._is_slow = self.is_closed = False
+
+    def put(self, arrival: Arrival) -> None:
         """Let a line wait for its turn, and its sender for room."""
-        if self._waiting.full() and not self._is_slow:
+        if self._arrivals.full():
+            self._tell_slow("senders have to wait")
+        while not self.is_closed:
+            with suppress(queue.Full):
+                self._arrivals.put(arrival, timeout=TICK_S)
+                return
+
+    def offer(self, arrival: Arrival) -> None:
+        """Let a line wait for its turn if there is room."""
+        try:
+            self._arrivals.put_nowait(arrival)
+        except queue.Full:
+            self._tell_slow("those that find no room are lost")
+
+    def take(self, awaited: Collection[str]) -> Iterator[Arrival]:
+        """Sender and line, until this is closed; no line: it has gone or is silent."""
+        begin = time.monotonic()
+        heard = dict.fromkeys(awaited, begin)
+        has_any = False
+        while not self.is_closed:
+            # Without a limit of time no Ctrl-C would be heard on Windows.
+            with suppress(queue.Empty):
+                sender, line = self._arrivals.get(timeout=TICK_S)
+                has_any = True
+                yield sender, line
+                heard[sender] = time.monotonic()
+                if line is None:
+                    del heard[sender]
+            now = time.monotonic()
+            if not has_any and now - begin > SILENT_S:
+                has_any = True
+                self._tell(self._silence)
+            for sender in [one for one, last in heard.items() if now - last > SILENT_S]:
+                del heard[sender]
+                yield sender, None
+
+    def close(self) -> None:
+        """End."""
+        self.is_closed = True
+
+    def _tell_slow(self, what: str) -> None:
+        if not self._is_slow:
             self._is_slow = True
             self._tell(
-                "poses come faster than they can be labelled: senders have to wait; send fewer a "
-                "second, or one person only"
+                f"poses come faster than they can be labelled: {what}; send fewer a second, or "
+                "one person only"
             )
-        while not self._is_closed:
-            with suppress(queue.Full):
-                self._waiting.put(arrival, timeout=_TICK_S)
-                return
 
 
 class _Listener:
@@ -256,7 +307,16 @@ class _Failures(logging.Handler):
             self._tell(text)
 
 
-def _describe(error: OSError, address: str, port: int) -> str:
+def tell_if_open(bound: str, address: str, tell: Tell) -> None:
+    """Tell that an address can be reached by others, where it can."""
+    if not ipaddress.ip_address(bound).is_loopback:
+        tell(
+            f"{address} is open to the network: whoever reaches this computer there can send "
+            "poses and read labels"
+        )
+
+
+def describe_place(error: OSError, address: str, port: int) -> str:
     """What is wrong with a place that cannot be listened to."""
     remedy = "give another with --port, or 0 for any that is free"
     if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:

@@ -1,0 +1,204 @@
+"""Open Sound Control over UDP: poses of VMC in and out, events out.
+
+Each event is a message /motionary/final (or /provisional, /revised, /withdrawn, /unassessed) with
+label, id, number of the recording, start and end in seconds, probability (-1 if unknown),
+sender and person.
+"""
+
+import socket
+import threading
+import time
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+from motionary.errors import InvalidInput
+from motionary.live.sources import (
+    LOOPBACK,
+    MOST_TOLD,
+    TICK_S,
+    Arrival,
+    Tell,
+    Waiting,
+    describe_place,
+    tell_if_open,
+)
+from motionary.live.vmc import Message, VmcReader
+
+# UDP takes no more in one piece.
+_LONGEST = 65_536
+_MOST_SENDERS = 256
+# Messages of a bundle: more would not fit into one packet of a network.
+_IN_BUNDLE = 12
+
+
+class OscSource:
+    """Lines of poses of VMC, whose messages arrive by OSC over UDP; a sender is an address.
+
+    Parameters
+    ----------
+    port : 0 takes a free one
+    address : this computer's own unless another is asked for
+    tell : is given what happens: wrong messages, that a sender is too fast
+
+    Attributes
+    ----------
+    port : the one that is listened to
+
+    Raises
+    ------
+    InvalidInput
+        If the package python-osc is not installed, the port is taken, or the address is
+        none of this computer.
+    """
+
+    def __init__(self, port: int, *, address: str = LOOPBACK, tell: Tell) -> None:
+        _check_installed()
+        self._tell, self._n_wrong = tell, 0
+        self._socket = socket.socket(_family_of(address), socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((address, port))
+        except OSError as error:
+            self._socket.close()
+            raise InvalidInput(describe_place(error, address, port)) from error
+        self._socket.settimeout(TICK_S)
+        bound, self.port = self._socket.getsockname()[:2]
+        tell_if_open(bound, address, tell)
+        self._waiting = Waiting(
+            tell, f"no pose has come to port {self.port} so far; does the sender send VMC there?"
+        )
+        threading.Thread(target=self._receive, daemon=True).start()
+
+    def lines(self, awaited: Collection[str] = ()) -> Iterator[Arrival]:
+        """Sender and line, until this is closed; no line: it is silent."""
+        return self._waiting.take(awaited)
+
+    def send(self, event: Mapping[str, Any]) -> None:
+        """Whoever sends poses by OSC waits for no answer."""
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._waiting.close()
+        self._socket.close()
+        if self._n_wrong > MOST_TOLD:
+            self._tell(f"{self._n_wrong} messages were of no use")
+
+    def _receive(self) -> None:
+        readers: dict[str, VmcReader] = {}
+        while not self._waiting.is_closed:
+            try:
+                content, (host, port, *_) = self._socket.recvfrom(_LONGEST)
+            except OSError:
+                # Silence; on Windows also that whoever was sent to has gone.
+                continue
+            sender = f"{host}:{port}"
+            if sender not in readers and len(readers) >= _MOST_SENDERS:
+                del readers[next(iter(readers))]
+            reader = readers.setdefault(sender, VmcReader())
+            try:
+                for address, values in _parse(content):
+                    for line in reader.push(address, values, arrived_s=time.monotonic()):
+                        self._waiting.offer((sender, line))
+            except InvalidInput as error:
+                self._n_wrong += 1
+                if self._n_wrong <= MOST_TOLD:
+                    self._tell(f"sender {sender}: {error}")
+
+
+class OscSender:
+    """Messages to programs that take OSC.
+
+    Parameters
+    ----------
+    port, address : where they listen
+    tell : is given that nobody takes them, once
+
+    Raises
+    ------
+    InvalidInput
+        If the package python-osc is not installed, or there is no such address.
+    """
+
+    def __init__(self, port: int, *, address: str = LOOPBACK, tell: Tell) -> None:
+        _check_installed()
+        self._tell, self._place = tell, f"{address}:{port}"
+        self._socket = socket.socket(_family_of(address), socket.SOCK_DGRAM)
+        try:
+            # Connected, it learns on most systems that nobody listens.
+            self._socket.connect((address, port))
+        except OSError as error:
+            self._socket.close()
+            raise InvalidInput(
+                f"OSC cannot be sent to {self._place} ({error.strerror or error}); give an "
+                "address and port of a program that takes it"
+            ) from error
+        self._is_refused = False
+
+    def send(self, messages: Sequence[Message]) -> None:
+        """Send messages, as bundles where there are several."""
+        for start in range(0, len(messages), _IN_BUNDLE):
+            try:
+                self._socket.send(_build(messages[start : start + _IN_BUNDLE]))
+            except OSError as error:
+                if not self._is_refused:
+                    self._is_refused = True
+                    self._tell(
+                        f"nobody takes OSC at {self._place} ({error.strerror or error}); is the "
+                        "port right, and the program running?"
+                    )
+
+    def send_event(self, event: Mapping[str, Any]) -> None:
+        """Send an event, as `motionary live` prints it."""
+        probability = -1.0 if event["probability"] is None else float(event["probability"])
+        values = [event["label"], event["id"], event["recording"]]
+        values += [float(event["start_s"]), float(event["end_s"]), probability]
+        self.send([(f"/motionary/{event['event']}", [*values, event["sender"], event["person"]])])
+
+    def close(self) -> None:
+        """Send no more."""
+        self._socket.close()
+
+
+def _check_installed() -> None:
+    try:
+        import pythonosc.osc_packet  # noqa: F401
+    except ImportError as error:
+        raise InvalidInput(
+            f"OSC needs the package python-osc ({error}); pip install 'motionary[live]', or send "
+            "lines of JSON to stdin"
+        ) from error
+
+
+def _parse(content: bytes) -> Iterator[Message]:
+    """Messages of a packet: address and values."""
+    from pythonosc.osc_packet import OscPacket
+
+    try:
+        messages = [one.message for one in OscPacket(content).messages]
+    except Exception as error:
+        # Strangers' bytes; the package raises what its parts raise.
+        raise InvalidInput(f"no message of OSC, got {content[:40]!r}") from error
+    for message in messages:
+        yield message.address, list(message.params)
+
+
+def _build(messages: Sequence[Message]) -> bytes:
+    """A packet of one message, or a bundle of several."""
+    from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+    from pythonosc.osc_message_builder import OscMessageBuilder
+
+    built = []
+    for address, values in messages:
+        builder = OscMessageBuilder(address)
+        for value in values:
+            builder.add_arg(value)
+        built.append(builder.build())
+    if len(built) == 1:
+        return built[0].dgram
+    bundle = OscBundleBuilder(IMMEDIATELY)
+    for one in built:
+        bundle.add_content(one)
+    return bundle.build().dgram
+
+
+def _family_of(address: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in address else socket.AF_INET
