@@ -4,7 +4,7 @@ Conventions: a camera looks along its z, x to the right and y down. Pixel centre
 numbers: the centre of the first pixel is (0, 0). Depth is z in metres, NaN where nothing is.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -63,6 +63,18 @@ class Camera:
             self.width, self.height, self.focal, self.centre, turn,
             np.asarray(position, dtype=np.float64), self.near_m,
         )  # fmt: skip
+
+    def crop_around(self, points: Floats, *, margin_px: int) -> tuple[Self, Indices]:
+        """The camera of the part of the image around points, and that part's first pixel."""
+        size = np.array([self.width, self.height])
+        if (self.to_camera(points)[:, 2] < self.near_m).any():
+            return self, np.zeros(2, dtype=np.intp)
+        flat = self.project(points)
+        first = np.clip(np.floor(flat.min(axis=0)).astype(np.intp) - margin_px, 0, size - 1)
+        last = np.clip(np.ceil(flat.max(axis=0)).astype(np.intp) + margin_px, first + 1, size)
+        width, height = (last - first).tolist()
+        x, y = (np.array(self.centre) - first).tolist()
+        return replace(self, width=width, height=height, centre=(x, y)), first
 
     def to_camera(self, points: Floats) -> Floats:
         """Points of the world seen from the camera, shape (..., 3)."""

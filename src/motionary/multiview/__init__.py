@@ -1,8 +1,15 @@
 """Keypoints of several calibrated cameras: sides put right, points in space, tracked bodies."""
 
-from motionary.multiview.cameras import Sight, project, see, undistort
+from motionary.multiview.cameras import Sight, project, see, straighten, undistort
 from motionary.multiview.exchange import LIMBS, Exchange, exchange_sources, find_exchanges
 from motionary.multiview.priors import PoseMemory, remember_poses
+from motionary.multiview.regions import (
+    Contour,
+    RegionSettings,
+    find_contours,
+    fit_regions,
+    follow_regions,
+)
 from motionary.multiview.tracking import Tracking, track
 from motionary.multiview.triangulation import Triangulated, triangulate
 from motionary.multiview.untangling import Untangled, untangle
@@ -10,20 +17,26 @@ from motionary.multiview.views import FittedViews, find_offsets, fit_views
 
 __all__ = [
     "LIMBS",
+    "Contour",
     "Exchange",
     "FittedViews",
     "PoseMemory",
+    "RegionSettings",
     "Sight",
     "Tracking",
     "Triangulated",
     "Untangled",
     "exchange_sources",
+    "find_contours",
     "find_exchanges",
     "find_offsets",
+    "fit_regions",
     "fit_views",
+    "follow_regions",
     "project",
     "remember_poses",
     "see",
+    "straighten",
     "track",
     "triangulate",
     "undistort",

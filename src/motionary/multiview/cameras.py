@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.body import Camera
 from motionary.errors import InvalidInput
 from motionary.io.cameras import CalibratedCamera
 from motionary.io.keypoints import Views
@@ -182,3 +183,30 @@ def miss_pixels(sight: Sight, points: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         pixels = far / np.maximum(depth, 1e-6) * sight.focal[:, None, None]
     return np.where(sight.weights > 0, pixels, np.nan)
+
+
+def straighten(
+    image: Floats, camera: CalibratedCamera, *, unit_m: float = 1.0
+) -> tuple[Floats, Camera]:
+    """The image without its lens's distortion, and the pinhole camera that sees it so.
+
+    Parameters
+    ----------
+    image : array, shape (height, width, 3)
+    camera : as calibrated
+    unit_m : the calibration's unit of length, in metres
+    """
+    from scipy.ndimage import map_coordinates
+
+    height, width = image.shape[:2]
+    focal, centre = camera.matrix[[0, 1], [0, 1]], camera.matrix[:2, 2]
+    rows, columns = np.indices((height, width), dtype=np.float64)
+    bent = distort(camera, (np.stack([columns, rows], axis=-1) - centre) / focal)
+    column, row = np.moveaxis(bent * focal + centre, -1, 0)
+    straight = np.stack(
+        [map_coordinates(image[..., k], (row, column), order=1, mode="nearest") for k in range(3)],
+        axis=-1,
+    )
+    (fx, fy), (x, y) = focal.tolist(), centre.tolist()
+    place = camera.position * unit_m
+    return straight, Camera(width, height, (fx, fy), (x, y), camera.rotation.T, place)
