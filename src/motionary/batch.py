@@ -1,22 +1,24 @@
-"""One function for many items, in one process or several.
+"""One function for many items, in one process or several, or by the workers of a cluster.
 
-Results come in the order of the items, whatever the number of processes. Whatever goes wrong
-with one item is a result among others, so that a batch finishes the rest.
+Results come in the order of the items, whoever does them. Whatever goes wrong with one item is
+a result among others, so that a batch finishes the rest.
 """
 
 import os
+import pkgutil
 import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
-from motionary.errors import InvalidInput, MotionaryError, ProgramFault
+from motionary.errors import InvalidInput, MotionaryError, ProgramFault, Unreachable
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
+
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -44,11 +46,125 @@ class Failure(Generic[Item]):
     error: MotionaryError
 
 
+class Cluster:
+    """Workers of a Dask scheduler; takes the place of a number of processes.
+
+    Parameters
+    ----------
+    address : of the scheduler, such as tcp://host:8786
+    timeout_s : for how long an answer, or a worker, is waited for
+
+    Raises
+    ------
+    InvalidInput
+        If Dask is not installed.
+    Unreachable
+        If no scheduler answers, it has no worker, or a worker has not this version of motionary.
+    """
+
+    def __init__(self, address: str, *, timeout_s: float = 10.0) -> None:
+        try:
+            import distributed
+        except ImportError as error:
+            raise InvalidInput(
+                "a scheduler needs Dask: pip install 'motionary[cluster]', here and where the "
+                "workers run"
+            ) from error
+        self.address, self._timeout_s = address, timeout_s
+        try:
+            # Half of its functions have no types.
+            connect: Any = distributed.Client
+            self._client = connect(address, timeout=timeout_s, set_as_default=False)
+        except (OSError, ValueError, ImportError) as error:
+            raise Unreachable(
+                f"no scheduler answers at {address} within {timeout_s:g} s; start one with "
+                "`dask scheduler`, and give the address that it prints"
+            ) from error
+        try:
+            self._check_workers()
+        except BaseException:
+            self.close()
+            raise
+
+    def _check_workers(self) -> None:
+        from motionary import __version__
+
+        try:
+            self._client.wait_for_workers(1, timeout=self._timeout_s)
+        except TimeoutError as error:
+            raise self._lacks_workers() from error
+        # By what Python has: a worker without motionary could not even load a function of ours.
+        found = self._client.run(pkgutil.resolve_name, "motionary:__version__", on_error="return")
+        for worker, version in found.items():
+            if version != __version__:
+                what = "no motionary" if isinstance(version, Exception) else f"version {version}"
+                raise Unreachable(
+                    f"worker {worker} of {self.address} has {what}, here is {__version__}; "
+                    "install the same version there"
+                )
+
+    def _lacks_workers(self) -> Unreachable:
+        return Unreachable(
+            f"the scheduler at {self.address} has no workers; start some with "
+            f"`dask worker {self.address}`"
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the scheduler, which goes on without us."""
+        # A scheduler that is gone cannot be taken leave of.
+        with suppress(Exception):
+            self._client.close(timeout=self._timeout_s)
+
+    @property
+    def n_ahead(self) -> int:
+        """Items handed out ahead of the one whose result is awaited."""
+        threads: dict[str, int] = self._client.nthreads()
+        return _AHEAD * max(sum(threads.values()), 1)
+
+    def submit(self, function: Callable[[Item], Result], item: Item) -> Any:
+        """What `wait_for` takes, at once."""
+        # The same item may be asked for again after something that it reads has changed.
+        return self._client.submit(_attempt, function, item, pure=False)
+
+    def wait_for(self, item: Item, future: Any) -> tuple[Item, Any]:
+        """An item and its result."""
+        from concurrent.futures import CancelledError
+
+        while True:
+            try:
+                return item, future.result(timeout=self._timeout_s)
+            except TimeoutError as error:
+                if not self._client.scheduler_info()["workers"]:
+                    raise self._lacks_workers() from error
+            except (CancelledError, OSError) as error:
+                raise Unreachable(
+                    f"the scheduler at {self.address} is gone; what is ready is kept, start it "
+                    "again and give the same command"
+                ) from error
+            except Exception as error:
+                return item, _fault(item, error)
+
+    def cancel(self, futures: "list[Any]") -> None:
+        """Let go of what was handed out."""
+        with suppress(Exception):
+            self._client.cancel(futures)
+
+
+#: Who does the work: so many processes, or a cluster.
+Workers = int | Cluster
+
+
 def map_ordered(
     function: Callable[[Item], Result],
     items: Iterable[Item],
     *,
-    jobs: int = 1,
+    jobs: Workers = 1,
     on_done: Callable[[Item], None] | None = None,
 ) -> Iterator[Result | Failure[Item]]:
     """Results of a function for each item, in the order of the items.
@@ -58,7 +174,7 @@ def map_ordered(
     function : with `jobs` above 1 it, items and results must be picklable, so a function
         of a module, or `functools.partial` of one
     items : taken one after the other as they are needed
-    jobs : number of processes; with 1 everything runs in this one
+    jobs : number of processes, with 1 everything runs in this one; or a cluster
     on_done : called with an item before its result is handed out
 
     Yields
@@ -70,10 +186,12 @@ def map_ordered(
     ------
     InvalidInput
         If `jobs` is below 1.
+    Unreachable
+        If the scheduler of a cluster, or all its workers, are gone.
     """
-    if jobs < 1:
+    if not isinstance(jobs, Cluster) and jobs < 1:
         raise InvalidInput(f"jobs must be 1 or more, got {jobs}")
-    pairs = _map_here(function, items) if jobs == 1 else _map_in_pool(function, items, jobs)
+    pairs = _map_here(function, items) if jobs == 1 else _map_ahead(function, items, jobs)
     return _report(pairs, on_done)
 
 
@@ -93,58 +211,63 @@ def _map_here(
         yield item, _attempt(function, item)
 
 
-def _map_in_pool(
-    function: Callable[[Item], Result], items: Iterable[Item], jobs: int
+def _map_ahead(
+    function: Callable[[Item], Result], items: Iterable[Item], jobs: Workers
 ) -> Iterator[tuple[Item, Result | Failure[Item]]]:
-    workers = _Workers(function, jobs)
-    waiting: deque[tuple[Item, Future[Result | Failure[Item]]]] = deque()
+    """Results by workers, which have a few items ahead of the one that is awaited."""
+    workers = jobs if isinstance(jobs, Cluster) else _Processes(jobs)
+    waiting: deque[tuple[Item, Any]] = deque()
     try:
         for item in items:
-            waiting.append((item, workers.submit(item)))
-            if len(waiting) >= _AHEAD * jobs:
+            waiting.append((item, workers.submit(function, item)))
+            if len(waiting) >= workers.n_ahead:
                 yield workers.wait_for(*waiting.popleft())
         while waiting:
             yield workers.wait_for(*waiting.popleft())
     finally:
-        for _, future in waiting:
-            future.cancel()
-        workers.end()
+        workers.cancel([future for _, future in waiting])
 
 
-class _Workers(Generic[Item, Result]):
-    """Processes that do one function; new ones where one was ended from outside."""
+class _Processes:
+    """Processes of this computer; new ones where one was ended from outside."""
 
-    def __init__(self, function: Callable[[Item], Result], jobs: int) -> None:
-        self._function, self._jobs = function, jobs
+    def __init__(self, jobs: int) -> None:
+        self._jobs, self.n_ahead = jobs, _AHEAD * jobs
         self._pool = _make_pool(jobs)
 
-    def submit(self, item: Item) -> "Future[Result | Failure[Item]]":
+    def submit(self, function: Callable[[Item], Result], item: Item) -> "_Pending[Item]":
         from concurrent.futures.process import BrokenProcessPool
 
         with _safe_path():
             try:
-                return self._pool.submit(_attempt, self._function, item)
+                future = self._pool.submit(_attempt, function, item)
             except BrokenProcessPool:
-                self.end()
+                self._pool.shutdown()
                 self._pool = _make_pool(self._jobs)
-                return self._pool.submit(_attempt, self._function, item)
+                future = self._pool.submit(_attempt, function, item)
+        return _Pending(function, future)
 
-    def wait_for(
-        self, item: Item, future: "Future[Result | Failure[Item]]"
-    ) -> tuple[Item, Result | Failure[Item]]:
+    def wait_for(self, item: Item, pending: "_Pending[Item]") -> tuple[Item, Any]:
         from concurrent.futures.process import BrokenProcessPool
 
         try:
-            return item, future.result()
+            return item, pending.future.result()
         except BrokenProcessPool:
             # Which of the items ended the process is found by doing each alone.
-            return item, _do_alone(self._function, item)
+            return item, _do_alone(pending.function, item)
         except Exception as error:
             # The result could not be handed over.
             return item, _fault(item, error)
 
-    def end(self) -> None:
+    def cancel(self, waiting: "list[_Pending[Item]]") -> None:
+        for pending in waiting:
+            pending.future.cancel()
         self._pool.shutdown()
+
+
+class _Pending(NamedTuple, Generic[Item]):
+    function: Callable[[Item], Any]
+    future: "Future[Any]"
 
 
 def _do_alone(function: Callable[[Item], Result], item: Item) -> Result | Failure[Item]:

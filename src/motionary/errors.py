@@ -137,6 +137,10 @@ class UnwritableFile(MotionaryError, OSError):
     """A result cannot be written where it was asked for."""
 
 
+class Unreachable(MotionaryError, ConnectionError):
+    """Another computer does not answer, or no longer, or cannot do what is asked of it."""
+
+
 class ProgramFault(MotionaryError, RuntimeError):
     """Something went wrong in the program, not by its input, while one of many was done."""
 

@@ -17,7 +17,7 @@ from motionary.errors import InvalidInput, NotAMotion, UnreadableFile, Unwritabl
 from motionary.features import FULL_BODY, FULL_BODY_2006, load_everyday_set
 from motionary.io import ReadOptions
 from motionary.retrieval.index import CACHE_VARIABLE, Index, collect
-from motionary.retrieval.index.storage import remove_shard
+from motionary.retrieval.index.shard_files import remove_shard
 from motionary.retrieval.search import search
 from motionary.samples import synthetic_motion
 

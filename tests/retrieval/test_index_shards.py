@@ -12,7 +12,7 @@ from motionary.models.keyframes import HitRanges, index_packed
 from motionary.packing import full_mask
 from motionary.retrieval.index.collection import Collection, join_collections
 from motionary.retrieval.index.shard import join_shards, make_shard, select
-from motionary.retrieval.index.storage import read_shard, write_shard
+from motionary.retrieval.index.shard_files import read_shard, write_shard
 from packing_cases import N, random_rows, sequence
 
 

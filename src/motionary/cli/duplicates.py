@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.options import AsJson, Jobs, LibraryDefault
+from motionary.cli.options import AsJson, LibraryDefault
 from motionary.cli.recordings import IndexOptions, Opener, read_recording
+from motionary.cli.workers import WorkOptions
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def duplicates(
         ),
     ],
     index: IndexOptions,
-    jobs: Jobs,
+    work: WorkOptions,
     reading: ReadOptions,
 ) -> int:
     """Find the same motion in different files: on other rigs, at other rates, cut, mirrored.
@@ -53,8 +54,9 @@ def duplicates(
     from motionary.features import FULL_BODY
     from motionary.retrieval.duplicates import Comparing, find_duplicates
 
-    opener = Opener(reading=reading, feature_set=FULL_BODY, jobs=jobs)
-    sides = [opener.open([side], index) for side in (folder, other) if side is not None]
+    with work.open() as workers:
+        opener = Opener(reading=reading, feature_set=FULL_BODY, jobs=workers)
+        sides = [opener.open([side], index) for side in (folder, other) if side is not None]
     left, right = sides[0], sides[-1]
     result = find_duplicates(
         left.collection,

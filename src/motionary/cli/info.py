@@ -28,6 +28,7 @@ from motionary.cli.recordings import (
     update_index,
     warn_of_all,
 )
+from motionary.cli.workers import WorkOptions
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 from motionary.tables import enumerate_names
@@ -270,7 +271,7 @@ def index(
     ] = None,
     as_json: AsJson = False,
     *,
-    jobs: Jobs,
+    work: WorkOptions,
     reading: ReadOptions,
 ) -> int:
     """Read what is new or changed in a folder, and say what could not be read.
@@ -280,12 +281,14 @@ def index(
 
     motionary index recordings/ --jobs 4
     motionary index //server/recordings --index recordings-index
+    motionary index /archive --index /archive-index --scheduler tcp://host:8786
     """
     from motionary.features import SEQUENCE_HZ, load_everyday_set
 
     opened = open_index(folder, load_everyday_set(), at=place, reading=reading)
     changes = opened.changes()
-    is_stopped = update_index(opened, changes, jobs=jobs)
+    with work.open() as workers:
+        is_stopped = update_index(opened, changes, jobs=workers)
     failed = warn_of_all(list_missing(opened), opened.failures)
     counts = {
         "recordings": len(opened),

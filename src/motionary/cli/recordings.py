@@ -14,7 +14,7 @@ from motionary.errors import NotAFile, NotAMotion, NotHuman, UnreadableFile, Unw
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.batch import Failure
+    from motionary.batch import Failure, Workers
     from motionary.features import FeatureSequence, FeatureSet, NamedFile
     from motionary.models.library import Notice
     from motionary.motion import Motion
@@ -230,7 +230,7 @@ class Opener:
 
     reading: ReadOptions
     feature_set: "FeatureSet"
-    jobs: int
+    jobs: "Workers"
 
     def open(self, paths: Sequence[str], options: IndexOptions) -> Opened:
         """Features of folders, files and patterns; reports what could not be read.
@@ -367,7 +367,7 @@ def list_missing(index: "Index") -> list[UnreadableFile]:
     return list(find_files([str(index.folder)]).missing.values())
 
 
-def update_index(index: "Index", changes: "Changes", *, jobs: int) -> bool:
+def update_index(index: "Index", changes: "Changes", *, jobs: "Workers") -> bool:
     """Read what changed; whether that was stopped from the keyboard."""
     for reason in (*index.damage, *changes.skipped):
         screen.warn(reason)

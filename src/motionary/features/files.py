@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
-from motionary.batch import Failure, map_ordered
+from motionary.batch import Failure, Workers, map_ordered
 from motionary.features.catalogue import FULL_BODY
 from motionary.features.computing import FeatureSequence, compute_features
 from motionary.features.feature_set import FeatureSet
@@ -23,7 +23,7 @@ def read_features(
     *,
     options: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
-    jobs: int = 1,
+    jobs: Workers = 1,
     on_done: Callable[[NamedFile], None] | None = None,
 ) -> Iterator[FeatureSequence | Failure[NamedFile]]:
     """Features of files, in their order.

@@ -43,16 +43,16 @@ class PostingIndex:
     lengths : array, shape (sequences,), frames of each sequence
     feature_set : name of the set of the features
     feature_ids : its ids, in the order of the rows
+    counts : frames of each row; counted if left out
     layout : where sequences begin and end
-    counts : frames of each row
     """
 
     planes: PackedFeatures
     lengths: Integers
     feature_set: str
     feature_ids: tuple[str, ...]
+    counts: tuple[int, ...] = field(default=(), repr=False)
     layout: Layout = field(init=False, repr=False)
-    counts: tuple[int, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         layout = Layout.of_lengths(self.lengths)
@@ -65,8 +65,9 @@ class PostingIndex:
         # A view of the same memory: compiled code does not know memory-mapped arrays.
         object.__setattr__(self, "planes", np.asarray(self.planes))
         object.__setattr__(self, "layout", layout)
-        counts = (int(np.bitwise_count(row).sum(dtype=np.int64)) for row in self.planes)
-        object.__setattr__(self, "counts", tuple(counts))
+        if not self.counts:
+            counts = (int(np.bitwise_count(row).sum(dtype=np.int64)) for row in self.planes)
+            object.__setattr__(self, "counts", tuple(counts))
 
     @property
     def n_frames(self) -> int:

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.batch import Failure
+from motionary.batch import Failure, Workers
 from motionary.errors import InvalidInput, check_kind
 from motionary.features import (
     FULL_BODY,
@@ -167,7 +167,7 @@ def collect(
     *,
     reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
-    jobs: int = 1,
+    jobs: Workers = 1,
     on_done: Callable[[NamedFile], None] | None = None,
 ) -> Collection:
     """Features of recordings.
@@ -221,7 +221,7 @@ def read_collection(
     *,
     reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
-    jobs: int = 1,
+    jobs: Workers = 1,
     on_done: Callable[[NamedFile], None] | None = None,
 ) -> Collection:
     """Features of files whose names are given; otherwise as `collect`.
@@ -262,7 +262,8 @@ def join_collections(
             kept = np.array([i for i, name in enumerate(shard.names) if name in new], dtype=np.intp)
             if len(kept):
                 part = shard if len(kept) == len(shard) else select([shard], [kept])
-                shards.append(replace(part, names=tuple(new[name] for name in part.names)))
+                names_now = tuple(new[name] for name in part.names)
+                shards.append(replace(part, names=names_now, place=None))
     failures.sort(key=lambda failure: failure.item[0])
     return Collection.of_shards(shards, collections[0].feature_set, tuple(failures))
 

@@ -7,15 +7,15 @@ from its earlier self by the time and the size of its file, and of its sidecar.
 """
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from motionary import __version__
-from motionary.batch import Failure
+from motionary.batch import Failure, Workers
 from motionary.errors import (
     InvalidInput,
     MotionaryError,
@@ -25,21 +25,22 @@ from motionary.errors import (
     UnreadableFile,
     check_path,
 )
-from motionary.features import (
-    FULL_BODY,
-    FeatureSequence,
-    FeatureSet,
-    NamedFile,
-    load_everyday_set,
-    read_features,
-)
+from motionary.features import FULL_BODY, FeatureSet, NamedFile, load_everyday_set
 from motionary.files import LEFT_ALONE_S
 from motionary.io import ReadOptions
+from motionary.retrieval.index.building import LARGE, SMALL_ONES, Building, Built, ToRead
 from motionary.retrieval.index.changes import Changes, Seen, find_changes
 from motionary.retrieval.index.collection import Collection
-from motionary.retrieval.index.shard import ROW, Shard, join_shards, make_shard, select
-from motionary.retrieval.index.storage import (
+from motionary.retrieval.index.shard import Shard, select
+from motionary.retrieval.index.shard_files import (
     FILE,
+    read_shard,
+    remove_leftovers,
+    remove_shard,
+    size_of_shard,
+    write_shard,
+)
+from motionary.retrieval.index.storage import (
     DamagedIndex,
     FailedFile,
     Manifest,
@@ -47,19 +48,14 @@ from motionary.retrieval.index.storage import (
     cache_place,
     check_recipe,
     read_manifest,
-    read_shard,
-    remove_leftovers,
-    remove_shard,
     write_manifest,
-    write_shard,
 )
 
-# A portion is kept after so many files, or so many frames.
-_PORTION = 64
-_PORTION_FRAMES = 1 << 18
-# Shards are joined until they have so many frames; so many smaller ones may stay.
-_LARGE = 1 << 20
-_SMALL_ONES = 8
+# What is ready counts after so many seconds, if an update takes longer.
+_COMMIT_EVERY_S = 2.0
+# So many bytes of shards are compared with their checksums when an index is opened; of the
+# rest all but the largest arrays are.
+_CHECKED_BYTES = 1 << 30
 
 # Errors that callers tell from others; an index keeps their class by its name.
 _KINDS: dict[str, type[MotionaryError]] = {
@@ -226,7 +222,7 @@ class Index:
         self,
         changes: Changes | None = None,
         *,
-        jobs: int = 1,
+        jobs: Workers = 1,
         on_done: Callable[[NamedFile], None] | None = None,
     ) -> Changes:
         """Read what is new or changed, forget what is gone, and keep the rest.
@@ -236,7 +232,8 @@ class Index:
         Parameters
         ----------
         changes : from `changes`; looked for if left out
-        jobs : processes that read; the result does not depend on it
+        jobs : processes that read, or a cluster whose workers see the folder and the index
+            under the same paths; the result does not depend on it
         on_done : called after each file
 
         Raises
@@ -245,26 +242,32 @@ class Index:
             If the folder is missing, or may not be read.
         UnwritableFile
             If the index cannot be written.
+        Unreachable
+            If a cluster is gone; what was read before counts.
         """
         changes = self.changes() if changes is None else changes
         self._forget(changes)
-        files = [(name, self.folder / name) for name in changes.to_read]
-        ready: list[tuple[str, FeatureSequence | Failure[NamedFile]]] = []
-        items = read_features(
-            files, options=self.reading, feature_set=self.feature_set, jobs=jobs, on_done=on_done
-        )
+        states, sidecars = changes.states, changes.sidecars
+        files = [
+            ToRead(name, self.folder / name, states[name], sidecars[name])
+            for name in changes.to_read
+        ]
+        building = Building(self.place.absolute(), self.feature_set, self.reading)
+        ready = _Ready(dict(self._manifest.failures), dict(self._shards))
+        committed_at = time.monotonic()
         try:
-            for (name, _), item in zip(files, items, strict=True):
-                ready.append((name, item))
-                if len(ready) == _PORTION or _count_frames(ready) >= _PORTION_FRAMES:
-                    self._keep(ready, changes)
-                    ready = []
+            for built in building.read(files, jobs=jobs, on_done=on_done):
+                self._add(built, ready)
+                # Of hundreds of thousands of files, not after each portion.
+                if time.monotonic() - committed_at > _COMMIT_EVERY_S:
+                    self._commit(replace(self._manifest, failures=ready.failures), ready.shards)
+                    ready = _Ready(dict(self._manifest.failures), dict(self._shards))
+                    committed_at = time.monotonic()
+                if built.is_stopped:
+                    raise KeyboardInterrupt
         finally:
-            # Keeping a portion may itself have been interrupted, before its end or after.
-            latest = next(reversed(self._shards.values()), None)
-            kept = latest.names if latest else ()
-            self._keep([pair for pair in ready if pair[0] not in kept], changes)
-        self._join_small()
+            self._commit(replace(self._manifest, failures=ready.failures), ready.shards)
+        self._join_small(building, jobs)
         remove_leftovers(self.place, self._manifest.shards, before=time.time() - LEFT_ALONE_S)
         return changes
 
@@ -274,10 +277,14 @@ class Index:
             if manifest is None:
                 return
             check_recipe(self._manifest.recipe, manifest.recipe, self.place)
-            shards, damage = {}, []
+            shards, damage, n_bytes = {}, [], 0
             for name in manifest.shards:
+                n_bytes += size_of_shard(self.place, name)
+                is_checked = n_bytes <= _CHECKED_BYTES
                 try:
-                    shards[name] = read_shard(self.place, name, self.feature_set)
+                    shards[name] = read_shard(
+                        self.place, name, self.feature_set, is_checked=is_checked
+                    )
                 except UnreadableFile as error:
                     damage.append(f"{error}; its recordings are read again")
             # Another process may have joined these shards meanwhile.
@@ -305,45 +312,41 @@ class Index:
         )
         self._commit(manifest, shards)
 
-    def _keep(
-        self, portion: Sequence[tuple[str, FeatureSequence | Failure[NamedFile]]], changes: Changes
-    ) -> None:
-        """Add what was read, and what could not be."""
-        failures = dict(self._manifest.failures)
-        read: list[FeatureSequence] = []
-        states = []
-        for name, item in portion:
-            state, sidecar = changes.states[name], changes.sidecars[name]
-            if isinstance(item, Failure):
-                text = item.error.text_after(self.folder / name)
-                failures[name] = FailedFile(state, sidecar, text, type(item.error).__name__)
-            else:
-                read.append(item)
-                states.append((0, 0, 0, 0.0, state.mtime_ns, state.size, sidecar))
-        shards = dict(self._shards)
-        if read:
-            table = np.array(states, dtype=ROW)
-            shards |= self._write(make_shard(read, self.feature_set, states=table))
-        self._commit(replace(self._manifest, failures=failures), shards)
+    def _add(self, built: Built, ready: "_Ready") -> None:
+        """Add what was read of a portion, and what could not be."""
+        for file, error in ((failure.item, failure.error) for failure in built.failures):
+            ready.failures[file.name] = FailedFile(
+                file.state, file.sidecar, error.text_after(file.path), type(error).__name__
+            )
+        if built.shard:
+            ready.shards[built.shard] = self._read(built.shard)
 
-    def _join_small(self) -> None:
+    def _join_small(self, building: Building, jobs: Workers) -> None:
         """Join small shards, so that an index that grew file by file stays fast."""
-        small = [shard for shard in self._shards.values() if shard.n_frames < _LARGE]
-        if len(small) <= _SMALL_ONES:
+        small = {name: s.n_frames for name, s in self._shards.items() if s.n_frames < LARGE}
+        if len(small) <= SMALL_ONES:
             return
-        shards = {n: shard for n, shard in self._shards.items() if shard.n_frames >= _LARGE}
-        group: list[Shard] = []
-        for number, shard in enumerate(small, start=1):
-            group.append(shard)
-            if number == len(small) or sum(s.n_frames for s in group) >= _LARGE:
-                shards |= self._write(join_shards(group))
-                group = []
+        shards = {n: shard for n, shard in self._shards.items() if n not in small}
+        groups: list[list[str]] = []
+        n_frames = LARGE
+        for name, length in small.items():
+            if n_frames >= LARGE:
+                groups.append([])
+                n_frames = 0
+            groups[-1].append(name)
+            n_frames += length
+        for name in building.join(groups, jobs=jobs):
+            shards[name] = self._read(name)
         self._commit(self._manifest, shards)
 
     def _write(self, shard: Shard) -> dict[str, Shard]:
         """A shard as it is on disk from now on, by its name; it does not count yet."""
         name = write_shard(shard, self.place)
-        return {name: read_shard(self.place, name, self.feature_set)}
+        return {name: self._read(name)}
+
+    def _read(self, name: str) -> Shard:
+        """A shard that was written just now."""
+        return read_shard(self.place, name, self.feature_set, is_checked=False)
 
     def _commit(self, manifest: Manifest, shards: dict[str, Shard]) -> None:
         """Make a state of the index the one that counts, then remove what it left."""
@@ -357,12 +360,15 @@ class Index:
             remove_shard(self.place, name)
 
 
+class _Ready(NamedTuple):
+    """What was read and does not count yet."""
+
+    failures: dict[str, FailedFile]
+    shards: dict[str, Shard]
+
+
 def _error(name: str, failed: FailedFile) -> MotionaryError:
     """The error that `text_after` described."""
     place, _, problem = failed.problem.partition(": ")
     kind = _KINDS.get(failed.kind, UnreadableFile)
     return kind(problem, file=name, place=place.removeprefix(", "))
-
-
-def _count_frames(portion: Sequence[tuple[str, FeatureSequence | Failure[NamedFile]]]) -> int:
-    return sum(len(item) for _, item in portion if not isinstance(item, Failure))

@@ -10,6 +10,8 @@ Conventions: a position counts frames of the shard, the room between sequences i
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +39,29 @@ ROW = np.dtype(
 )
 
 
+class StoredShard(NamedTuple):
+    """Where a shard lies, for another process to open.
+
+    Attributes
+    ----------
+    folder, name : of the index, and of the shard in it
+    stored : features that the shard has there
+    feature_set : those that are wanted: the first of them
+    """
+
+    folder: Path
+    name: str
+    stored: FeatureSet
+    feature_set: FeatureSet
+
+    def open(self) -> "Shard":
+        """The shard; `UnreadableFile` where it cannot be seen from here."""
+        from motionary.retrieval.index.shard_files import read_shard
+
+        shard = read_shard(self.folder, self.name, self.stored, is_checked=False)
+        return shard if self.feature_set == self.stored else shard.leading(self.feature_set)
+
+
 @dataclass(frozen=True, eq=False)
 class Shard:
     """Features of some recordings, never changed.
@@ -51,6 +76,9 @@ class Shard:
         holds in it.
     feature_set : what the bits mean
     planes : bitmaps of `keyframes.PostingIndex`; made when they are needed if None
+    counts : frames of each bitmap; counted when they are needed if None
+    place : of a shard on disk
+    clip : the features that count, where `packed` holds others beside them
     """
 
     names: tuple[str, ...]
@@ -59,6 +87,9 @@ class Shard:
     masks: PackedFeatures
     feature_set: FeatureSet
     planes: PackedFeatures | None = None
+    counts: tuple[int, ...] | None = None
+    place: StoredShard | None = None
+    clip: PackedFeatures | None = None
 
     def __post_init__(self) -> None:
         n_integers = full_mask(1, len(self.feature_set)).shape[1]
@@ -96,7 +127,8 @@ class Shard:
         blocked = np.ones(len(self.packed), dtype=np.bool_)
         blocked[_inside(self.starts, self.lengths)] = False
         known = self._known(0, len(self.packed))
-        return Corpus(self.packed, known, self.starts, self.lengths, np.flatnonzero(blocked))
+        packed = self._clipped(self.packed)
+        return Corpus(packed, known, self.starts, self.lengths, np.flatnonzero(blocked))
 
     @cached_property
     def thinned(self) -> ThinCorpus:
@@ -104,12 +136,17 @@ class Shard:
         return thin(self.corpus, full=full_mask(1, len(self.feature_set))[0])
 
     def leading(self, feature_set: FeatureSet) -> "Shard":
-        """The same recordings over the set of the first features; see `FeatureSequence.leading`."""
+        """The same recordings over the set of the first features; see `FeatureSequence.leading`.
+
+        Nothing is copied until it is used.
+        """
         mask = full_mask(1, len(feature_set))[0]
         n = len(mask)
         return replace(
             self,
-            packed=self.packed[:, :n] & mask,
+            packed=self.packed[:, :n],
+            clip=mask,
+            place=self.place and self.place._replace(feature_set=feature_set),
             masks=np.column_stack([self.masks[:, :1], self.masks[:, 1 : 1 + n] & mask]),
             feature_set=feature_set,
         )
@@ -120,7 +157,7 @@ class Shard:
         indexed = indexed_set(self.feature_set)
         name, ids = indexed.name, indexed.ids
         if self.planes is not None:
-            return PostingIndex(self.planes, self.lengths, name, ids)
+            return PostingIndex(self.planes, self.lengths, name, ids, self.counts or ())
         if indexed != self.feature_set:
             return self.leading(indexed).posting_index
         parts = [self.features_of(i) for i in range(len(self))]
@@ -140,7 +177,7 @@ class Shard:
         begins = self.starts[ranges.sequences] + ranges.starts
         source = _inside(begins, lengths)
         packed = np.zeros((n_positions, self.packed.shape[1]), dtype=np.uint64)
-        packed[inside] = self.packed[source]
+        packed[inside] = self._clipped(self.packed[source])
         run = np.zeros(n_positions, dtype=np.intp)
         run[inside] = np.searchsorted(self.masks[:, 0].astype(np.int64), source, side="right")
         blocked = np.ones(n_positions, dtype=np.bool_)
@@ -151,7 +188,7 @@ class Shard:
         """Packed features and mask of a sequence."""
         start = int(self.starts[number])
         stop = start + int(self.table["length"][number])
-        return self.packed[start:stop], self._known(start, stop)
+        return self._clipped(self.packed[start:stop]), self._known(start, stop)
 
     def sequence(self, number: int) -> FeatureSequence:
         """The sequence of a recording."""
@@ -168,6 +205,17 @@ class Shard:
                 first_frame=int(row["first_frame"]),
             ),
         )
+
+    def handle(self) -> "Shard | StoredShard":
+        """What another process opens: the place on disk, or the shard itself."""
+        return self if self.place is None else self.place
+
+    def open(self) -> "Shard":
+        """The shard itself, as of `StoredShard.open`."""
+        return self
+
+    def _clipped(self, packed: PackedFeatures) -> PackedFeatures:
+        return packed if self.clip is None else packed & self.clip
 
     def _known(self, start: int, stop: int) -> PackedFeatures:
         stops = self.masks[:, 0].astype(np.int64)

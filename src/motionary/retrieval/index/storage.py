@@ -1,42 +1,32 @@
-"""How an index lies on disk: one manifest, and a folder for each shard.
+"""What an index holds, and what it is made with: one manifest, beside a folder for each shard.
 
-The manifest is one JSON file, replaced as a whole: it names the shards that count. A shard is
-a folder, written beside its place and moved there when it is complete: it is there as a whole
-or not at all. Whatever else lies beside is left over from a run that was interrupted. Arrays
-are NumPy files, mapped into memory when they are read.
+The manifest is one JSON file, replaced as a whole: it names the shards that count. Whatever
+else lies beside is left over from a run that was interrupted.
 """
 
 import hashlib
 import json
 import os
 import re
-import tempfile
-import tokenize
-import warnings
 import zlib
-from collections.abc import Collection, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from motionary import __version__
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile, describe_cause
 from motionary.features import FeatureSet
-from motionary.files import is_leftover, open_regular, read_bytes, write_atomically
+from motionary.files import read_bytes, write_atomically
 from motionary.io import FileState, ReadOptions
 from motionary.io.text import read_text
-from motionary.retrieval.index.shard import ROW, Shard, indexed_set
+from motionary.retrieval.index.shard_files import FILE, SHARD_NAME, is_own
 
 #: Environment variable with the folder of the cache, instead of the system's.
 CACHE_VARIABLE = "MOTIONARY_CACHE"
 
 #: Raised when arrays or their meaning change.
 VERSION = 1
-FILE = "index.json"
 _FORMAT = "motionary index"
 _KEYS = {
     "version": int, "feature_set": str, "features": list, "reading": dict, "written_by": str,
@@ -44,21 +34,7 @@ _KEYS = {
 }  # fmt: skip
 
 _LATER_OPTIONS = ("body_model",)
-
-_UNFINISHED = ".unfinished-"
-# What `mkdtemp` puts behind the prefix.
-_SHARD_NAME = re.compile(r"[a-z0-9_]{8}")
-_NAMES = "names.json"
 _REMEDY = "delete the index to make it anew"
-# Of each other file of a shard; shards of the first versions have none.
-_CHECKSUMS = "checksums.json"
-_PIECE = 1 << 24
-# On damaged headers of arrays NumPy raises whatever its parser of Python raises.
-_DAMAGE = (
-    OSError, ValueError, TypeError, LookupError, EOFError, SyntaxError, tokenize.TokenError,
-    OverflowError, UserWarning, RecursionError)  # fmt: skip
-# NumPy's format, but no .npy: an index among recordings must not be taken for motion.
-_ARRAYS = {name: f"{name}.array" for name in ("table", "words", "masks", "planes")}
 
 
 class DamagedIndex(UnreadableFile):
@@ -152,7 +128,7 @@ def write_manifest(manifest: Manifest, folder: Path) -> None:
         If it cannot be written, or the folder holds files but no index.
     """
     if folder.is_dir() and not (folder / FILE).exists():
-        foreign = [e.name for e in folder.iterdir() if not _is_own(e)]
+        foreign = [e.name for e in folder.iterdir() if not is_own(e)]
         if foreign:
             problem = f"holds files but no index ({foreign[0]}); give a new or empty folder"
             raise UnwritableFile(problem, file=folder)
@@ -232,145 +208,9 @@ def check_recipe(wanted: Recipe, found: Recipe, folder: Path) -> None:
         raise InvalidInput(f"its files were read with {'; '.join(other)}; {way_out}", file=folder)
 
 
-def write_shard(shard: Shard, folder: Path) -> str:
-    """Write a shard into a new folder below `folder`; its name comes back.
-
-    Raises
-    ------
-    UnwritableFile
-    """
-    beside = None
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(dir=folder, prefix=_UNFINISHED))
-        arrays = (shard.table, shard.packed, shard.masks, shard.posting_index.planes)
-        for name, array in zip(_ARRAYS.values(), arrays, strict=True):
-            with (beside / name).open("wb") as file:
-                np.save(file, array)
-        (beside / _NAMES).write_text(json.dumps(shard.names), encoding="utf-8")
-        checksums = {name: _sum_file(beside / name) for name in (_NAMES, *_ARRAYS.values())}
-        (beside / _CHECKSUMS).write_text(json.dumps(checksums), encoding="utf-8")
-        # mkdtemp makes folders for their owner only.
-        beside.chmod(folder.stat().st_mode & 0o777)
-        return beside.rename(folder / beside.name.removeprefix(_UNFINISHED)).name
-    except BaseException as error:
-        if beside is not None:
-            remove_shard(folder, beside.name)
-        if isinstance(error, OSError):
-            reason = error.strerror or str(error)
-            raise UnwritableFile(
-                f"the index cannot be written: {reason}; name another place for it", file=folder
-            ) from error
-        raise
-
-
-def read_shard(folder: Path, name: str, feature_set: FeatureSet) -> Shard:
-    """A shard of an index; its arrays are read when they are used.
-
-    Raises
-    ------
-    UnreadableFile
-        If a file is missing, cut off, of another form, or not as it was written.
-    """
-    path = folder / name
-    try:
-        _check_sums(path)
-        names = json.loads(read_bytes(path / _NAMES))
-        table, packed, masks, planes = (_map(path / file) for file in _ARRAYS.values())
-        if table.dtype != ROW:
-            raise InvalidInput("its table has other columns")
-        if planes.shape[0] != 2 * len(indexed_set(feature_set)) + 1:
-            raise InvalidInput("its bitmaps are of another feature set")
-        _check_counts(names, table, packed, masks)
-        return Shard(tuple(names), table, packed, masks, feature_set, planes)
-    except _DAMAGE as error:
-        raise UnreadableFile(
-            f"incomplete or damaged: {describe_cause(error)}", file=path
-        ) from error
-
-
-def remove_shard(folder: Path, name: str) -> None:
-    """Remove a shard of an index, or what is left of one.
-
-    Files that are in use stay, and so does a folder that holds anything else or has a name
-    that no shard has.
-    """
-    path = folder / name
-    # The name may come out of a manifest that somebody else wrote.
-    if not _is_own(path):
-        return
-    with suppress(OSError):
-        for file in list(path.iterdir()):
-            file.unlink()
-        path.rmdir()
-
-
-def remove_leftovers(folder: Path, kept: Collection[str], *, before: float) -> None:
-    """Remove shards that do not count, and manifests that were never finished.
-
-    Parameters
-    ----------
-    folder : of the index
-    kept : names of the shards that count
-    before : what was changed later stays: it may belong to a process that is at work
-    """
-    for path in folder.iterdir() if folder.is_dir() else ():
-        with suppress(OSError):
-            if path.name in kept or not _is_own(path) or path.lstat().st_mtime >= before:
-                continue
-            if path.is_dir():
-                remove_shard(folder, path.name)
-            else:
-                path.unlink()
-
-
-def _is_own(path: Path) -> bool:
-    """Whether a shard, or what is left of one or of a manifest; nothing else is touched."""
-    if path.is_symlink():
-        return False
-    if is_leftover(path, FILE):
-        return path.is_file()
-    is_named = path.name.startswith(_UNFINISHED) or _SHARD_NAME.fullmatch(path.name)
-    if not is_named or not path.is_dir():
-        return False
-    return {file.name for file in path.iterdir()} <= {_NAMES, _CHECKSUMS, *_ARRAYS.values()}
-
-
 def _checksum(content: Mapping[str, Any]) -> str:
     text = json.dumps(content, sort_keys=True)
     return f"{zlib.crc32(text.encode()):08x}"
-
-
-def _sum_file(path: Path) -> str:
-    """CRC-32 of a file's content, in hexadecimal digits."""
-    found = 0
-    with open_regular(path) as file:
-        while piece := file.read(_PIECE):
-            found = zlib.crc32(piece, found)
-    return f"{found:08x}"
-
-
-def _check_sums(path: Path) -> None:
-    if not os.path.lexists(path / _CHECKSUMS):
-        return
-    checksums = json.loads(read_bytes(path / _CHECKSUMS))
-    for name in (_NAMES, *_ARRAYS.values()):
-        if checksums[name] != _sum_file(path / name):
-            raise InvalidInput(f"{name} is not what was written")
-
-
-def _check_counts(
-    names: Any, table: NDArray[np.void], packed: NDArray[Any], masks: NDArray[Any]
-) -> None:
-    """Refuse numbers that lead past the ends of the arrays."""
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise InvalidInput("its names are no texts")
-    lengths = table["length"]
-    if ((lengths < 0) | (lengths > len(packed))).any():
-        raise InvalidInput("a recording has an impossible number of frames")
-    stops = masks[:, 0].astype(np.int64)
-    if (np.diff(stops, prepend=0) <= 0).any() or (stops[-1] if len(stops) else 0) != len(packed):
-        raise InvalidInput("its masks do not fit its features")
 
 
 def _parse(content: dict[str, Any]) -> Manifest:
@@ -380,7 +220,7 @@ def _parse(content: dict[str, Any]) -> Manifest:
         problem, kind = told if len(told) == 2 else (*told, "")
         failures[name] = FailedFile(state, int(sidecar), str(problem), str(kind))
     shards = tuple(content["shards"])
-    if not all(isinstance(name, str) and _SHARD_NAME.fullmatch(name) for name in shards):
+    if not all(isinstance(name, str) and SHARD_NAME.fullmatch(name) for name in shards):
         raise InvalidInput("a shard has a name that no index gives")
     return Manifest(
         Recipe(content["feature_set"], tuple(content["features"]), content["reading"]),
@@ -389,12 +229,3 @@ def _parse(content: dict[str, Any]) -> Manifest:
         {name: int(state) for name, state in content["surroundings"].items()},
         content["written_by"],
     )
-
-
-def _map(path: Path) -> NDArray[Any]:
-    # A plain view of the same memory: slices of it need no class of their own.
-    with open_regular(path), warnings.catch_warnings():
-        # Heads of another version of Python are none that we wrote.
-        warnings.simplefilter("error")
-        mapped: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False).view(np.ndarray)
-    return mapped

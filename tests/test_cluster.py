@@ -1,0 +1,84 @@
+"""Work by the workers of a cluster: the same results, and what goes wrong is told."""
+
+import warnings
+
+import pytest
+
+from cli_cases import write_bvh
+from motionary.batch import Cluster, Failure, map_ordered
+from motionary.errors import Unreachable
+from motionary.retrieval.index import Index
+from motionary.samples import synthetic_motion
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="session")
+def scheduler(tmp_path_factory):
+    """Address of a scheduler with two workers, each a process."""
+    with warnings.catch_warnings():
+        # What a library leaves open is no defect of ours.
+        warnings.simplefilter("ignore")
+        with distributed.LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            local_directory=str(tmp_path_factory.mktemp("workers")),
+        ) as cluster:
+            yield cluster.scheduler_address
+
+
+@pytest.fixture(scope="session")
+def cluster(scheduler):
+    with Cluster(scheduler) as connected:
+        yield connected
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """More recordings than one portion holds, one of them broken."""
+    folder = tmp_path / "recordings"
+    for name in ("a.bvh", "b.bvh"):
+        write_bvh(
+            synthetic_motion("squat", seed=ord(name[0]), rate_hz=30).cut(0, 12), folder / name
+        )
+    for i in range(68):
+        (folder / f"c{i:02}.bvh").hardlink_to(folder / "b.bvh")
+    (folder / "d.bvh").write_text("HIERARCHY")
+    return folder
+
+
+def files_of(place):
+    return {path.relative_to(place): path.read_bytes() for path in place.glob("**/*.*")}
+
+
+def test_an_index_is_the_same_to_the_byte_whoever_makes_it(folder, cluster, tmp_path):
+    made = {}
+    for jobs in (1, cluster):
+        done = []
+        index = Index.open(folder, at=tmp_path / str(len(made)))
+        index.update(jobs=jobs, on_done=lambda file, done=done: done.append(file[0]))
+        made[jobs] = files_of(index.place), done
+        assert [failure.item[0] for failure in index.failures] == ["d.bvh"]
+    assert made[1] == made[cluster]
+    assert len(made[1][1]) == 71
+
+
+def halve(number):
+    if number % 2:
+        raise ValueError("odd")
+    return number // 2
+
+
+def test_items_that_fail_are_failures_among_others(cluster):
+    results = list(map_ordered(halve, [0, 1, 2], jobs=cluster))
+    assert (results[0], results[2]) == (0, 1)
+    assert isinstance(results[1], Failure)
+    assert "ValueError: odd" in str(results[1].error)
+
+
+def test_a_scheduler_that_does_not_answer_is_told():
+    with pytest.raises(Unreachable, match=r"no scheduler answers at tcp://127\.0\.0\.1:1 within"):
+        Cluster("tcp://127.0.0.1:1", timeout_s=0.2)
