@@ -17,6 +17,7 @@ from evidence.common.labelling import (
     find_all,
     interval_over_actors,
     label_all,
+    label_by_scores,
     merit,
     tasks_of,
 )
@@ -104,6 +105,10 @@ def measure(recordings: Recordings) -> Results:
         "closed": closed,
         "open": opened,
         "changes": _changes(choosing, alone, CHOICES[chosen["setting"]], threshold, matches),
+        "scores": {
+            "closed": _score([label_by_scores(reporting)]),
+            "open": _score(label_by_scores(reporting, names=names) for names in draws),
+        },
         "false": _where_false(streams, label_all(choosing, matches, threshold)),
         "pairs": {"choosing": CHOOSING, "reporting": REPORTING},
     }
