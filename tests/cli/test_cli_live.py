@@ -324,3 +324,40 @@ def test_options_that_would_do_nothing_are_refused(capsys, monkeypatch, lines):
         ran = run(capsys, monkeypatch, "live", *options)
         assert ran.code != 0
         assert what in ran.err
+
+
+def test_a_stream_goes_on_from_a_file_as_without_a_break(
+    capsys, monkeypatch, tmp_path, lines, library
+):
+    state, parts = tmp_path / "Zustand.npz", [lines[:1] + lines[1:70], lines[70:]]
+    feed(monkeypatch, "\n".join(lines) + "\n")
+    whole = run(capsys, monkeypatch, "live", "--library", library).out.splitlines()
+    out = []
+    for part in parts:
+        feed(monkeypatch, "\n".join(part) + "\n")
+        ran = run(capsys, monkeypatch, "live", "--library", library, "--state", state)
+        assert (ran.code, ran.err) == (0, "")
+        out += ran.out.splitlines()
+    # What ends with the last line is kept, too.
+    assert out == whole[: len(out)]
+    assert 0 < len(out) < len(whole)
+    people = LivePeople(mo.ClassLibrary.load(library))
+    people.resume(state)
+    assert people.senders == ("",)
+    rest = [json.dumps(event.as_json()) for event in people.finish()]
+    assert [json.loads(one) for one in out + rest] == [json.loads(one) for one in whole]
+
+
+def test_states_of_something_else_are_refused(capsys, monkeypatch, tmp_path, lines, library):
+    feed(monkeypatch, "")
+    path = tmp_path / "one.npz"
+    mo.LiveAnnotator(mo.ClassLibrary.load(library), rate_hz=30).save(path)
+    wrong = tmp_path / "damaged.npz"
+    wrong.write_bytes(b"PK")
+    for state, what in ((path, "no state of this kind"), (wrong, "or damaged")):
+        ran = run(capsys, monkeypatch, "live", "--library", library, "--state", state)
+        assert (ran.code, ran.out) == (1, "")
+        assert what in ran.err
+    ran = run(capsys, monkeypatch, "live", "--library", library, "--state", wrong / "x.npz")
+    assert (ran.code, ran.out) == (1, "")
+    assert "cannot be written" in ran.err

@@ -1,11 +1,14 @@
 """`motionary live` and `motionary replay`: labels while a motion goes on."""
 
+import signal
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
 # What is wrong with a sender's lines is told so often, then only counted.
 _MOST_TOLD = 5
 _LOOPBACK = "127.0.0.1"
+# State is written so often, in seconds: a power cut loses no more.
+_SAVED_EACH_S = 60.0
 
 Sent = TypeVar("Sent")
 
@@ -61,6 +66,14 @@ class LiveOptions:
         typer.Option(
             metavar="PER_MINUTE",
             help="With the threshold at which so many false labels a minute are expected.",
+        ),
+    ] = None
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Go on from there if it exists; keep there, each minute and at the end, what is "
+            "not final.",
         ),
     ] = None
     final: Annotated[
@@ -119,8 +132,13 @@ def live(options: LiveOptions) -> int:
         skeleton=options.skeleton,
         at_most_false_per_min=options.at_most_false,
     )
+    if options.state is not None and options.state.exists():
+        people.resume(options.state)
     listeners = [] if options.osc_to is None else [_osc_sender(options.osc_to, "--osc-to")]
-    return _Labelling(people, _open(options), listeners, final_only=options.final).run()
+    labelling = _Labelling(
+        people, _open(options), listeners, final_only=options.final, state=options.state
+    )
+    return labelling.run()
 
 
 def _open(options: LiveOptions) -> "Source":
@@ -172,8 +190,6 @@ def replay(
     motionary replay take.bvh | motionary live
     motionary replay take.bvh --to osc
     """
-    from pathlib import Path
-
     from motionary.live import VMC_PORT, write_lines, write_messages
 
     if to is ReplayTo.LINES and port is not None:
@@ -202,6 +218,23 @@ def _paced(things: "Iterable[Sent]", hz: float, *, n_before: int = 0) -> "Iterat
         yield one
 
 
+@contextmanager
+def _ended_by_system(is_kept: bool) -> Iterator[None]:
+    """Make what ends a service end it as Ctrl-C does, where something is to be kept."""
+    if not is_kept:
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 class _Labelling:
     """Labels of what a source gives, printed and given to who listens.
 
@@ -211,6 +244,7 @@ class _Labelling:
     source : gives it
     listeners : get each event
     final_only : whether what is not final is kept back
+    state : file that keeps what is not final
     """
 
     def __init__(
@@ -220,20 +254,30 @@ class _Labelling:
         listeners: "Sequence[OscSender]",
         *,
         final_only: bool,
+        state: Path | None,
     ) -> None:
         self._people, self._source, self._listeners = people, source, listeners
-        self._final_only = final_only
+        self._final_only, self._state = final_only, state
+        self._saved_s = time.monotonic()
         self._wrong: Counter[str] = Counter()
         self._n_wrong = 0
 
     def run(self) -> int:
         """Label until no more comes; 1 if some lines were of no use."""
+        # Where it cannot be written one learns so before the work.
+        self._save()
         try:
-            for sender, line in self._source.lines():
-                self._take(sender, line)
+            with _ended_by_system(self._state is not None):
+                for sender, line in self._source.lines(self._people.senders):
+                    self._take(sender, line)
+                    if time.monotonic() - self._saved_s > _SAVED_EACH_S:
+                        self._save()
         except KeyboardInterrupt:
-            screen.warn("stopped; what is left becomes final")
-        self._give(self._people.finish())
+            what = "becomes final" if self._state is None else f"is kept in {self._state}"
+            screen.warn(f"stopped; what is left {what}")
+        if self._state is None:
+            self._give(self._people.finish())
+        self._save()
         self._source.close()
         for one in self._listeners:
             one.close()
@@ -241,6 +285,11 @@ class _Labelling:
         if n:
             screen.warn(f"{n} line{' was' if n == 1 else 's were'} of no use")
         return 1 if n else 0
+
+    def _save(self) -> None:
+        if self._state is not None:
+            self._people.save(self._state)
+            self._saved_s = time.monotonic()
 
     def _take(self, sender: str, line: "str | bytes | None") -> None:
         if line is None:

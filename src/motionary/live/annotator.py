@@ -21,7 +21,7 @@ from motionary.features.body import Floats
 from motionary.labels import Label
 from motionary.live.deciding import Decisions, Found
 from motionary.live.poses import EvenTimes
-from motionary.live.saving import read_state, restore, save_state
+from motionary.live.saving import Arrays, encode, read_state, restore, save_state
 from motionary.matching import StreamedPath
 from motionary.models.library import ClassLibrary, load_everyday
 from motionary.motion import Motion
@@ -123,7 +123,21 @@ class LiveAnnotator:
 
     def save(self, path: str | Path) -> None:
         """Write what the stream remembers into a file (npz), to go on from there later."""
-        save_state(path, self, self.library, self._settings)
+        arrays: Arrays = {}
+        save_state(path, self.to_state(arrays), arrays, self.library)
+
+    def to_state(self, arrays: Arrays) -> dict[str, Any]:
+        """What the stream remembers as JSON has it, with the numbers of its arrays."""
+        return {"settings": self._settings, "state": encode(self, arrays)}
+
+    @classmethod
+    def from_state(
+        cls, content: Mapping[str, Any], arrays: Arrays, library: ClassLibrary
+    ) -> "LiveAnnotator":
+        """The stream of what `to_state` gave."""
+        stream = cls(library, **content["settings"])
+        restore(stream, content["state"], arrays)
+        return stream
 
     @classmethod
     def resume(cls, path: str | Path, library: ClassLibrary | None = None) -> "LiveAnnotator":
@@ -137,13 +151,11 @@ class LiveAnnotator:
             If it was saved with another library.
         """
         library = load_everyday() if library is None else library
-        settings, state, arrays = read_state(path, library)
+        content, arrays = read_state(path, library, ("settings", "state"))
         try:
-            stream = cls(library, **settings)
-            restore(stream, state, arrays)
+            return cls.from_state(content, arrays, library)
         except (AttributeError, LookupError, TypeError, ValueError) as error:
             raise UnreadableFile("damaged: its parts do not fit", file=str(path)) from error
-        return stream
 
     @property
     def look_ahead_s(self) -> float:

@@ -1,14 +1,16 @@
 """Labels of several people at once, each by an annotator of their own."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.live.annotator import LiveAnnotator, LiveEvent
 from motionary.live.poses import Pose, PoseLines
+from motionary.live.saving import Arrays, read_state, save_state
 from motionary.models.library import ClassLibrary, load_everyday
 
 # Of a clock that goes back by more, what follows is another recording.
@@ -19,6 +21,8 @@ ABSENT_S = 10.0
 MOST_PEOPLE = 64
 # First lines of senders that have no people are kept of so many.
 _MOST_SENDERS = 256
+# What is saved of a person beside the annotator.
+_REMEMBERED = ("joints", "name", "sender", "recording", "begin_s", "last_s", "last_round")
 
 
 class PersonEvent(NamedTuple):
@@ -127,6 +131,51 @@ class LivePeople:
         self._n_recordings = 0
         self._due: list[PersonEvent] = []
 
+    @property
+    def senders(self) -> tuple[str, ...]:
+        """Whose people are there."""
+        return tuple(dict.fromkeys(sender for sender, _ in self._people))
+
+    def save(self, path: str | Path) -> None:
+        """Write what is remembered of all people into a file (npz), to go on from there."""
+        arrays: Arrays = {}
+        people = [
+            {name: getattr(one, name) for name in _REMEMBERED} | one.annotator.to_state(arrays)
+            for one in self._people.values()
+        ]
+        senders = [
+            [name, one.reader.rate_hz, one.reader.joints, one.round, sorted(one.sent)]
+            for name, one in self._senders.items()
+        ]
+        content = {"people": people, "senders": senders, "n_recordings": self._n_recordings}
+        save_state(path, content, arrays, self._library)
+
+    def resume(self, path: str | Path) -> None:
+        """Go on with the people that were saved, exactly as if there had been no break.
+
+        Raises
+        ------
+        UnreadableFile
+            If the file is none that `save` wrote, or damaged.
+        InvalidInput
+            If it was saved with another library.
+        """
+        content, arrays = read_state(path, self._library, ("people", "senders", "n_recordings"))
+        try:
+            people = [self._recall(one, arrays) for one in content["people"]]
+            for name, rate_hz, joints, n_rounds, sent in content["senders"]:
+                reader = PoseLines(rate_hz, _as_joints(joints))
+                self._senders[name] = _Sender(reader, n_rounds, set(sent))
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            raise UnreadableFile("damaged: its parts do not fit", file=str(path)) from error
+        self._people = {(one.sender, one.name): one for one in people}
+        self._n_recordings = content["n_recordings"]
+
+    def _recall(self, content: Mapping[str, Any], arrays: Arrays) -> _Person:
+        annotator = LiveAnnotator.from_state(content, arrays, self._library)
+        facts = {name: content[name] for name in _REMEMBERED}
+        return _Person(annotator, **facts | {"joints": _as_joints(content["joints"])})
+
     def push(self, line: str | bytes, *, sender: str = "") -> list[PersonEvent]:
         """What a line makes known.
 
@@ -211,6 +260,11 @@ class LivePeople:
     def _take(self) -> list[PersonEvent]:
         events, self._due = self._due, []
         return events
+
+
+def _as_joints(joints: Any) -> str | tuple[str, ...] | None:
+    """Joints as JSON has them."""
+    return tuple(joints) if isinstance(joints, list) else joints
 
 
 def _starts_anew(pose: Pose, person: _Person) -> bool:

@@ -29,6 +29,10 @@ from motionary.recording import Recording
 
 _VERSION = 1
 _FACTS = "facts"
+_NO_STATE = (
+    "no state of this kind, or damaged; give a file that LiveAnnotator.save wrote, or of several "
+    "people LivePeople.save and motionary live --state"
+)
 _UNREADABLE = (
     OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile,
     zlib.error,
@@ -41,23 +45,19 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def save_state(
-    path: str | Path, stream: object, library: ClassLibrary, settings: Mapping[str, Any]
+    path: str | Path, content: Mapping[str, Any], arrays: Arrays, library: ClassLibrary
 ) -> None:
-    """Write the state of a stream, and the settings that it was made with."""
-    arrays: Arrays = {}
-    content = {
-        "version": _VERSION,
-        "library": _digest(library),
-        "settings": dict(settings),
-        "state": _encode(stream, arrays),
-    }
-    arrays[_FACTS] = np.frombuffer(json.dumps(content).encode(), dtype=np.uint8)
+    """Write the state of streams: what `encode` gave, and what else JSON has."""
+    facts = {"version": _VERSION, "library": _digest(library), **content}
+    own = arrays | {_FACTS: np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)}
     with write_atomically(path) as beside, beside.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
+        np.savez(file, **own)  # type: ignore[arg-type]
 
 
-def read_state(path: str | Path, library: ClassLibrary) -> tuple[dict[str, Any], Any, Arrays]:
-    """Settings, the state as `restore` takes it, and its arrays.
+def read_state(
+    path: str | Path, library: ClassLibrary, names: Sequence[str]
+) -> tuple[dict[str, Any], Arrays]:
+    """What `save_state` wrote: content with these names, and its arrays.
 
     Raises
     ------
@@ -71,14 +71,10 @@ def read_state(path: str | Path, library: ClassLibrary) -> tuple[dict[str, Any],
             arrays = {name: file[name] for name in file.files}
         content = json.loads(arrays.pop(_FACTS).tobytes())
         version, digest = content["version"], content["library"]
-        settings, state = content["settings"], content["state"]
     except FileNotFoundError as error:
         raise UnreadableFile("there is no such file", file=str(path)) from error
     except _UNREADABLE as error:
-        raise UnreadableFile(
-            "no state of a stream, or damaged; give a file that LiveAnnotator.save wrote",
-            file=str(path),
-        ) from error
+        raise UnreadableFile(_NO_STATE, file=str(path)) from error
     if version != _VERSION:
         raise UnreadableFile(
             f"a state of version {version}, this program reads {_VERSION}", file=str(path)
@@ -87,7 +83,9 @@ def read_state(path: str | Path, library: ClassLibrary) -> tuple[dict[str, Any],
         raise InvalidInput(
             "the state was saved with another library; resume it with that one", file=str(path)
         )
-    return settings, state, arrays
+    if not all(name in content for name in names):
+        raise UnreadableFile(_NO_STATE, file=str(path))
+    return content, arrays
 
 
 def restore(stream: object, state: Any, arrays: Arrays) -> None:
@@ -99,7 +97,8 @@ def restore(stream: object, state: Any, arrays: Arrays) -> None:
             setattr(stream, name, _decode(one, arrays))
 
 
-def _encode(value: Any, arrays: Arrays) -> Any:
+def encode(value: Any, arrays: Arrays) -> Any:
+    """A value as JSON has it; its arrays go to the others."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, np.generic):
@@ -117,11 +116,11 @@ def _encode(value: Any, arrays: Arrays) -> Any:
         }
     if isinstance(value, tuple | list):
         return {type(value).__name__: _encode_all(value, arrays)}
-    return {"state": {name: _encode(getattr(value, name), arrays) for name in value.REMEMBERED}}
+    return {"state": {name: encode(getattr(value, name), arrays) for name in value.REMEMBERED}}
 
 
 def _encode_all(values: Sequence[Any], arrays: Arrays) -> list[Any]:
-    return [_encode(one, arrays) for one in values]
+    return [encode(one, arrays) for one in values]
 
 
 def _decode(plain: Any, arrays: Arrays) -> Any:
