@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 from motionary.errors import InvalidInput, MotionaryError, ProgramFault, Unreachable
@@ -215,7 +216,11 @@ def _map_ahead(
     function: Callable[[Item], Result], items: Iterable[Item], jobs: Workers
 ) -> Iterator[tuple[Item, Result | Failure[Item]]]:
     """Results by workers, which have a few items ahead of the one that is awaited."""
-    workers = jobs if isinstance(jobs, Cluster) else _Processes(jobs)
+    workers: Cluster | _Processes
+    if isinstance(jobs, Cluster):
+        workers = jobs
+    else:
+        workers, function = _Processes(jobs), _Packed(function)
     waiting: deque[tuple[Item, Any]] = deque()
     try:
         for item in items:
@@ -226,6 +231,27 @@ def _map_ahead(
             yield workers.wait_for(*waiting.popleft())
     finally:
         workers.cancel([future for _, future in waiting])
+
+
+class _Packed(Generic[Item, Result]):
+    """A function, pickled once: sending what it carries may take longer than an item takes."""
+
+    def __init__(self, function: Callable[[Item], Result]) -> None:
+        import pickle
+
+        self._bytes = pickle.dumps(function)
+
+    def __call__(self, item: Item) -> Result:
+        result: Result = _unpickle(self._bytes)(item)
+        return result
+
+
+@lru_cache(maxsize=1)
+def _unpickle(function: bytes) -> Callable[[Any], Any]:
+    import pickle
+
+    loaded: Callable[[Any], Any] = pickle.loads(function)
+    return loaded
 
 
 class _Processes:

@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import FeatureSequence, compute_features
+from motionary.features import compute_features
 from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.rotations import unit_vectors
 
@@ -130,8 +130,8 @@ def motion_features(
     if mode == "published":
         return published_features(_smpl_positions(motion, skeleton))
     if isinstance(motion, Motion):
-        return _fractions(compute_features(motion))
-    return _fractions(compute_features(motion, rate_hz=rate_hz, skeleton=skeleton))
+        return compute_features(motion).fractions()
+    return compute_features(motion, rate_hz=rate_hz, skeleton=skeleton).fractions()
 
 
 def published_features(positions: ArrayLike) -> Floats:
@@ -218,14 +218,6 @@ def diversity(
         float(np.linalg.norm(features[i + 1 :] - features[i], axis=1).sum()) for i in range(n - 1)
     )
     return total / (n * (n - 1) / 2)
-
-
-def _fractions(packed: FeatureSequence) -> Floats:
-    known = packed.known_features.sum(axis=0, dtype=np.float64)
-    held = (packed.features & packed.known_features).sum(axis=0, dtype=np.float64)
-    fractions = np.full(len(known), np.nan)
-    np.divide(held, known, out=fractions, where=known > 0)
-    return fractions
 
 
 def _smpl_positions(motion: Motion | ArrayLike, skeleton: str | Sequence[str]) -> ArrayLike:

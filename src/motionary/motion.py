@@ -388,13 +388,13 @@ def interpolate(
     last = first + len(positions) - 1
     left = np.minimum(at.astype(np.intp), last - 1)
     u = (at - left).reshape((-1,) + (1,) * (positions.ndim - 1))
-    before, after = np.maximum(left - 1, first), np.minimum(left + 2, last)
-    p0, p1, p2, p3 = (positions[i - first] for i in (before, left, left + 1, after))
+    # Terms of the cubic belong to the old frames, of which there are as a rule far fewer.
+    used, of = np.unique(left, return_inverse=True) if step < 1 else (left, slice(None))
+    p0, p1, p2, p3 = (positions[np.clip(used + i, first, last) - first] for i in (-1, 0, 1, 2))
     # A missing outer neighbour costs curvature, not the frame.
-    p0 = np.where(np.isnan(p0), p1, p0)
-    p3 = np.where(np.isnan(p3), p2, p3)
+    p0, p3 = np.where(np.isnan(p0), p1, p0), np.where(np.isnan(p3), p2, p3)
     curve: Floats = 0.5 * (
-        2 * p1 + u * (p2 - p0) + u**2 * (2 * p0 - 5 * p1 + 4 * p2 - p3)
-        + u**3 * (3 * (p1 - p2) + p3 - p0)
+        (2 * p1)[of] + u * (p2 - p0)[of] + u**2 * (2 * p0 - 5 * p1 + 4 * p2 - p3)[of]
+        + u**3 * (3 * (p1 - p2) + p3 - p0)[of]
     )  # fmt: skip
-    return np.where(u < 1e-9, p1, np.where(u > 1 - 1e-9, p2, curve))
+    return np.where(u < 1e-9, p1[of], np.where(u > 1 - 1e-9, p2[of], curve))

@@ -1,12 +1,13 @@
-"""Results as tables: in notebooks as HTML, and as data frames of pandas.
+"""Results as tables: in notebooks as HTML, as data frames of pandas, and as Parquet.
 
 Names come from files of strangers: in HTML every cell is escaped and without control
-characters. pandas is imported only where a data frame is asked for.
+characters. pandas and pyarrow are imported only where they are asked for.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from motionary.errors import InvalidInput
@@ -79,6 +80,39 @@ def build_frame(columns: Mapping[str, Any], **options: Any) -> Any:
     except ImportError as error:
         raise InvalidInput("data frames need pandas: pip install 'motionary[pandas]'") from error
     return pandas.DataFrame(columns, **options)
+
+
+def write_parquet(portions: Iterable[Mapping[str, Any]], path: Path) -> None:
+    """Write columns of one table, some rows after the others, as a file of Parquet.
+
+    Parameters
+    ----------
+    portions : arrays by the name of their column; texts become categories, and what is masked
+        is null; the first portion says what the columns are
+
+    Raises
+    ------
+    InvalidInput
+        If pyarrow is not installed.
+    """
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise InvalidInput("Parquet needs pyarrow: pip install 'motionary[parquet]'") from error
+    writer = None
+    try:
+        for columns in portions:
+            arrays = {name: pyarrow.array(column) for name, column in columns.items()}
+            for name, array in arrays.items():
+                if array.type == pyarrow.string():
+                    arrays[name] = array.dictionary_encode()
+            table = pyarrow.table(arrays)
+            writer = writer or parquet.ParquetWriter(path, table.schema)
+            writer.write_table(table)
+    finally:
+        if writer is not None:
+            writer.close()
 
 
 def format_html(table: Table, *, title: str) -> str:

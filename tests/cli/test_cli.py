@@ -11,7 +11,7 @@ import pytest
 from cli_cases import CLASSES, EXAMPLES, RATE_HZ, write_bvh, write_examples, write_stream
 from motionary.cli.app import COMMANDS
 from motionary.features import compute_features
-from motionary.io import read, read_labels
+from motionary.io import read, read_labels, write
 from motionary.samples import synthetic_motion
 
 LABEL_KEYS = {
@@ -401,6 +401,32 @@ def test_features_as_a_table(motionary, world, tmp_path):
     assert header == ["time_s", *words.feature_set.names]
     assert np.array_equal(np.array(rows)[:, 1:].astype(np.uint8), words.features)
     assert float(rows[3][0]) == pytest.approx(0.1)
+
+
+def test_features_of_a_folder_split_by_person(motionary, tmp_path):
+    folder = tmp_path / "clips"
+    made = [(0, "bow"), (0, "squat"), (1, "bow"), (2, "squat")]
+    folder.mkdir()
+    for number, kind in made:
+        write(synthetic_motion(kind, seed=number), folder / f"s{number}_{kind}.npz")
+    (folder / "s9_broken.npz").write_bytes(b"broken")
+    people = ("--persons", "^(s.)_", "--split-by", "person")
+    ran = motionary("features", folder, "-o", tmp_path / "x.npz", *people)
+    assert (ran.code, ran.out) == (1, "")
+    assert "s9_broken.npz" in ran.err
+    with np.load(tmp_path / "x.npz") as file:
+        assert file["recordings"].tolist() == [f"s{n}_{k}.npz" for n, k in made]
+        assert file["persons"].tolist() == [f"s{n}" for n, _ in made]
+        assert sorted(set(file["splits"])) == ["test", "train", "validation"]
+        assert len(file["starts"]) == len(file["recordings"])
+    for arguments, words in (
+        (("--split-by", "person"), "--persons"),
+        (("--plot", tmp_path / "x.png"), "draws one recording, got"),
+        (("--persons", "x(.)"), "persons 'x(.)' matches nothing in"),
+    ):
+        ran = motionary("features", folder, "-o", tmp_path / "y.npz", *arguments)
+        assert ran.code in (1, 2)
+        assert words in ran.err
 
 
 # -- evaluate ---------------------------------------------------------------------------

@@ -6,9 +6,10 @@ writes what is measured of a recording.
 
 import itertools
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -28,15 +29,16 @@ from motionary.cli.recordings import (
     describe_failure,
     find_files,
     map_files,
+    measure_files,
     read_recording,
+    split_failures,
     warn_of_all,
 )
 from motionary.errors import UnwritableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSequence, NamedFile
-    from motionary.io import Cell
+    from motionary.features import FeatureBatch, NamedFile
     from motionary.labels import LabelTrack
 
 _COLUMNS = ("recording", "written", ">joints", ">frames", ">rate_hz", "not kept")
@@ -287,68 +289,84 @@ def cut_labels(
 # -- features ---------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, kw_only=True)
+class People:
+    """Who moves in which recording, and how that splits them."""
+
+    persons: Annotated[
+        str | None,
+        typer.Option(
+            metavar="REGEX",
+            help="Who moves: what this finds in a recording's name, such as '^(s[0-9]+)_'.",
+        ),
+    ] = None
+    split_by: Annotated[
+        Literal["person"] | None,
+        typer.Option(help="Put each person into train (80 %), validation or test (10 % each)."),
+    ] = None
+    seed: Annotated[int, typer.Option(help="Of who is put where.")] = 0
+
+    def place(self, batch: "FeatureBatch") -> "FeatureBatch":
+        """Features with who moves, and in which part they are, as far as it is given."""
+        from motionary.features import match_names
+
+        if self.persons:
+            found = match_names(batch.names, self.persons, each="recording", has="person")
+            batch = batch.with_persons(found)
+        return batch.split_by_person(seed=self.seed) if self.split_by else batch
+
+
 def features(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A recording.")],
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to measure.")
+    ],
     output: Annotated[
-        str, typer.Option("--output", "-o", metavar="NPZ", help="Where to write; .npz or .csv.")
+        str,
+        typer.Option(
+            "--output", "-o", metavar="OUT", help="Where to write; .npz, .parquet or .csv."
+        ),
     ],
     plot: Annotated[
-        str | None, typer.Option(metavar="PNG", help="Draw the features over time.")
+        str | None, typer.Option(metavar="PNG", help="Draw the features of one recording.")
     ] = None,
     excel: Excel = False,
     force: Force = False,
     *,
+    jobs: Jobs,
+    people: People,
     reading: ReadOptions,
 ) -> int:
-    """Write which of the 40 relational features hold in a recording, and when.
+    """Write which of the 40 relational features hold in recordings, and when.
 
     There are 30 frames a second. A .npz file has `features` and `known`, arrays of 0 and 1
-    of shape (frames, 40), `names` and `rate_hz`. In a .csv file unknown features are empty
-    cells.
+    of shape (frames, 40), `names` and `rate_hz`; of several recordings, one after the other,
+    `recordings` and `starts`. In a .csv or .parquet file (extra `parquet`) a frame is a row, and
+    unknown features are empty cells.
 
     motionary features take.bvh -o take.npz
+    motionary features clips/ -o clips.parquet --persons '^(s[0-9]+)_' --split-by person --jobs 4
     """
-    from motionary.features import compute_features
+    from motionary.features import FULL_BODY, FeatureBatch, write_features
 
-    suffix = Path(output).suffix.lower()
-    if suffix not in (".npz", ".csv"):
-        raise wrong("--output", f"must end in .npz or .csv, got {output}")
+    if Path(output).suffix.lower() not in (".npz", ".parquet", ".csv"):
+        raise wrong("--output", f"must end in .npz, .parquet or .csv, got {output}")
+    if people.split_by and not people.persons:
+        raise wrong("--split-by", "person needs --persons, which says who moves")
     check_target(output, replace=force)
     check_picture("--plot", plot)
-    path = Path(file)
-    motion = read_recording(path, reading).renamed(path.name)
-    sequence = compute_features(motion)
-    if suffix == ".npz":
-        _write_npz(sequence, output)
-    else:
-        _write_csv(sequence, output, excel=excel)
+    found = find_files(files, reading)
+    if plot and len(found.files) > 1:
+        raise wrong("--plot", f"draws one recording, got {len(found.files)}")
+    measured = measure_files(
+        found.files, "measuring", reading=reading, feature_set=FULL_BODY, jobs=jobs
+    )
+    done, failures = split_failures(measured)
+    failed = warn_of_all(found.missing.values(), failures, given=files)
+    if not done:
+        return 1
+    write_features(people.place(FeatureBatch(tuple(done))), output, excel=excel)
     if plot:
         from motionary.plots import plot_features, save
 
-        save(plot_features(sequence), plot)
-    return 0
-
-
-def _write_npz(sequence: "FeatureSequence", path: str) -> None:
-    import numpy as np
-
-    from motionary.files import write_atomically
-
-    with write_atomically(path) as beside:
-        np.savez_compressed(
-            beside,
-            features=sequence.features,
-            known=sequence.known_features,
-            names=np.array(sequence.feature_set.names),
-            rate_hz=np.float64(sequence.rate_hz),
-        )
-
-
-def _write_csv(sequence: "FeatureSequence", path: str, *, excel: bool) -> None:
-    from motionary.io import write_table
-
-    table: list[list[Cell]] = [["time_s", *sequence.feature_set.names]]
-    for i, (held, known) in enumerate(zip(sequence.features, sequence.known_features, strict=True)):
-        cells = [int(h) if k else None for h, k in zip(held, known, strict=True)]
-        table.append([round(i / sequence.rate_hz, 4), *cells])
-    write_table(table, path, excel=excel)
+        save(plot_features(done[0]), plot)
+    return int(failed)

@@ -1,13 +1,18 @@
 """Features of the body over time: the catalogue, and the packed features of a recording."""
 
-from motionary.features.body import Body
+from motionary.features.batches import (
+    FeatureBatch,
+    MotionFeatures,
+    compute_batch,
+    match_names,
+)
+from motionary.features.body import Body, describe_reference_lengths
 from motionary.features.catalogue import FULL_BODY, FULL_BODY_2006, LEGS, THREE_LEVELS
 from motionary.features.computing import (
     MEASURE_HZ,
     SEQUENCE_HZ,
     FeatureSequence,
     compute_features,
-    describe_reference_lengths,
     feature_matrix,
     motion_from_array,
 )
@@ -19,7 +24,7 @@ from motionary.features.feature_set import (
     find_feature,
     set_from_rows,
 )
-from motionary.features.files import NamedFile, read_features
+from motionary.features.files import NamedFile, read_features, write_features
 from motionary.features.streaming import FeatureStream
 
 __all__ = [
@@ -31,10 +36,13 @@ __all__ = [
     "THREE_LEVELS",
     "Body",
     "Feature",
+    "FeatureBatch",
     "FeatureSequence",
     "FeatureSet",
     "FeatureStream",
+    "MotionFeatures",
     "NamedFile",
+    "compute_batch",
     "compute_features",
     "describe_reference_lengths",
     "describe_set",
@@ -42,7 +50,9 @@ __all__ = [
     "find_feature",
     "known_sets",
     "load_everyday_set",
+    "match_names",
     "motion_from_array",
     "read_features",
     "set_from_rows",
+    "write_features",
 ]

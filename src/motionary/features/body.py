@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.motion import GENERIC_JOINTS
+from motionary.motion import GENERIC_JOINTS, Motion
 
 Floats = NDArray[np.float64]
 
@@ -191,6 +191,28 @@ class Body:
             return np.array(float(seen.argmax()))
 
         return int(self.kept(("first seen",), compute))
+
+
+def describe_reference_lengths(motion: Motion) -> tuple[str, ...]:
+    """Lengths of a partial body that are measured by others, a sentence each.
+
+    Parameters
+    ----------
+    motion : whose joints are mapped
+    """
+    body = Body.from_positions(motion.generic_positions(), rate_hz=motion.rate_hz)
+    sides = {
+        "right": body.reference_length("humerus"),
+        "left": body.reference_length("left humerus"),
+    }
+    if sides["right"] and sides["right"] == sides["left"]:
+        sides = {"": sides["right"]}
+    return tuple(
+        f"no {f'{side} ' if side else ''}upper arm: {substitute} takes its place as the measure "
+        "of distances and speeds"
+        for side, substitute in sides.items()
+        if substitute
+    )
 
 
 def dot(a: Floats, b: Floats) -> Floats:

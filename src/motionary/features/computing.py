@@ -77,13 +77,10 @@ class FeatureSequence(Tabular):
 
     def list_rows(self) -> Table:
         """Of each feature, in which fraction of the known frames it holds."""
-        known = self.known_features.sum(axis=0)
-        held = self.features.sum(axis=0)
+        fractions, known = self.fractions().tolist(), self.known_features.sum(axis=0).tolist()
         rows = [
-            (one.id, one.name, h / k if k else None, k / len(self) if len(self) else None)
-            for one, h, k in zip(
-                self.feature_set.features, held.tolist(), known.tolist(), strict=True
-            )
+            (one.id, one.name, None if k == 0 else held, k / len(self) if len(self) else None)
+            for one, held, k in zip(self.feature_set.features, fractions, known, strict=True)
         ]
         return Table(("id", "feature", "holds", "known"), rows)
 
@@ -134,6 +131,14 @@ class FeatureSequence(Tabular):
     def known_features(self) -> NDArray[np.uint8]:
         """Which features are known, shape (frames, features), 0/1."""
         return unpack(self.known, len(self.feature_set)).view(np.uint8)
+
+    def fractions(self) -> Floats:
+        """Of each feature, in which fraction of its known frames it holds; NaN if in none."""
+        known = self.known_features.sum(axis=0, dtype=np.float64)
+        fractions = np.full(len(known), np.nan)
+        held = (self.features & self.known_features).sum(axis=0)
+        np.divide(held, known, out=fractions, where=known > 0)
+        return fractions
 
     def seconds(self, frame: int) -> float:
         """Time at which a frame begins; of the end, the recording's length at most."""
@@ -233,28 +238,6 @@ def compute_features(
     )
 
 
-def describe_reference_lengths(motion: Motion) -> tuple[str, ...]:
-    """Lengths of a partial body that are measured by others, a sentence each.
-
-    Parameters
-    ----------
-    motion : whose joints are mapped
-    """
-    body = Body.from_positions(motion.generic_positions(), rate_hz=motion.rate_hz)
-    sides = {
-        "right": body.reference_length("humerus"),
-        "left": body.reference_length("left humerus"),
-    }
-    if sides["right"] and sides["right"] == sides["left"]:
-        sides = {"": sides["right"]}
-    return tuple(
-        f"no {f'{side} ' if side else ''}upper arm: {substitute} takes its place as the measure "
-        "of distances and speeds"
-        for side, substitute in sides.items()
-        if substitute
-    )
-
-
 def feature_matrix(
     positions: Floats,
     feature_set: FeatureSet,
@@ -334,10 +317,14 @@ def hysteresis(strong: Bools, weak: Bools, known: Bools, *, before: bool = False
     """
     on = strong & known
     off = ~(weak & known)
+    has_event = on | off
+    on &= ~off
+    if has_event.all():
+        return on
     # The last event decides: odd = on, even = off; 1 and 0 come before the first frame.
-    order = np.arange(2, 2 * len(strong) + 2, 2, dtype=np.int32)
-    event = np.where(on | off, order, np.int32(0))
-    event += on & ~off
+    event = np.arange(2, 2 * len(strong) + 2, 2, dtype=np.int32)
+    event *= has_event
+    event += on
     event[:1] = np.maximum(event[:1], np.int32(before))
     np.maximum.accumulate(event, out=event)
     return (event & 1).astype(np.bool_)

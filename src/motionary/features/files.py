@@ -1,21 +1,31 @@
-"""Features of many files.
+"""Features of many files: read in parallel, and written as one table.
 
-Reads and measures recordings, several at once if asked; a file that cannot be read
-becomes a `Failure` in its place and the others go on.
+A file that cannot be read becomes a `Failure` in its place and the others go on.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from motionary.batch import Failure, Workers, map_ordered
+from motionary.errors import InvalidInput, check_path
+from motionary.features.batches import Computed, FeatureBatch
 from motionary.features.catalogue import FULL_BODY
-from motionary.features.computing import FeatureSequence, compute_features
+from motionary.features.computing import SEQUENCE_HZ, FeatureSequence, compute_features
 from motionary.features.feature_set import FeatureSet
-from motionary.io import ReadOptions, read
+from motionary.files import write_atomically
+from motionary.io import Cell, ReadOptions, format_suffix, read_poses, write_table
+from motionary.tables import write_parquet
 
 #: A recording's name and its path.
 NamedFile = tuple[str, Path]
+
+# Recordings that are laid out as columns at once: memory stays small, and so do files.
+_PORTION = 1000
 
 
 def read_features(
@@ -36,10 +46,103 @@ def read_features(
     on_done : called with each file once it is done
     """
     work = partial(_measure, options=options or ReadOptions(), feature_set=feature_set)
-    return map_ordered(work, files, jobs=jobs, on_done=on_done)
+    measured = map_ordered(work, files, jobs=jobs, on_done=on_done)
+    # The set is here already: sending it takes as long as reading a short file.
+    return (
+        item
+        if isinstance(item, Failure)
+        else FeatureSequence(item.packed, item.known, feature_set, item.recording)
+        for item in measured
+    )
 
 
-def _measure(file: NamedFile, *, options: ReadOptions, feature_set: FeatureSet) -> FeatureSequence:
+def _measure(file: NamedFile, *, options: ReadOptions, feature_set: FeatureSet) -> Computed:
     name, path = file
-    motion = read(path, options.for_file(path))
-    return compute_features(motion.renamed(name), feature_set=feature_set)
+    motion = read_poses(path, options.for_file(path)).renamed(name)
+    return Computed.of(compute_features(motion, feature_set=feature_set))
+
+
+def write_features(batch: FeatureBatch, path: str | Path, *, excel: bool = False) -> None:
+    """Write features frame by frame; the suffix of the file's name says how.
+
+    `.npz` has `features` and `known`, arrays of 0 and 1 of shape (frames, features), `names`
+    and `rate_hz`; of several recordings, one after the other, also `recordings`, `starts` (the
+    first row of each) and, where they are known, `persons` and `splits`. `.parquet` and `.csv`
+    have a row a frame, in which unknown features are empty; in CSV one recording alone is not
+    named. The file is written whole or not at all.
+
+    Parameters
+    ----------
+    excel : CSV as Excel of the person's country reads it
+
+    Raises
+    ------
+    InvalidInput
+        If the suffix is another, or pyarrow is needed and not installed.
+    UnwritableFile
+        If the file cannot be written.
+    """
+    path = check_path(path, remedy="the features come first: write_features(batch, path)")
+    suffix = format_suffix(path)
+    if suffix == ".npz":
+        with write_atomically(path) as beside:
+            np.savez_compressed(beside, **_to_arrays(batch))  # type: ignore[arg-type]
+    elif suffix == ".parquet":
+        with write_atomically(path) as beside:
+            write_parquet(_portions(batch), beside)
+    elif suffix == ".csv":
+        write_table(_to_table(batch), path, excel=excel)
+    else:
+        raise InvalidInput(
+            f"features are written as .npz, .parquet or .csv, got {suffix!r}", file=path.name
+        )
+
+
+def _identity(batch: FeatureBatch) -> dict[str, tuple[str, ...]]:
+    """What is known of each recording, by the name of its column."""
+    columns = {"recording": batch.names, "person": batch.persons, "split": batch.splits}
+    return {name: column for name, column in columns.items() if any(column)}
+
+
+def _to_arrays(batch: FeatureBatch) -> dict[str, NDArray[Any]]:
+    lengths = [len(item) for item in batch]
+    arrays: dict[str, NDArray[Any]] = {
+        "features": np.concatenate([item.features for item in batch]),
+        "known": np.concatenate([item.known_features for item in batch]),
+        "names": np.array(batch.feature_set.names),
+        "rate_hz": np.array(SEQUENCE_HZ),
+    }
+    if len(batch) > 1:
+        arrays["starts"] = np.cumsum([0, *lengths[:-1]])
+        arrays |= {f"{name}s": np.array(column) for name, column in _identity(batch).items()}
+    return arrays
+
+
+def _to_table(batch: FeatureBatch) -> list[list[Cell]]:
+    identity = _identity(batch) if len(batch) > 1 else {}
+    table: list[list[Cell]] = [[*identity, "time_s", *batch.feature_set.names]]
+    for number, item in enumerate(batch):
+        own = [column[number] for column in identity.values()]
+        for i, (held, known) in enumerate(zip(item.features, item.known_features, strict=True)):
+            cells = [int(h) if k else None for h, k in zip(held, known, strict=True)]
+            table.append([*own, round(i / SEQUENCE_HZ, 4), *cells])
+    return table
+
+
+def _portions(batch: FeatureBatch) -> Iterator[dict[str, NDArray[Any]]]:
+    """Columns of some recordings after the other: a row a frame, unknown features masked."""
+    identity = _identity(batch)
+    for start in range(0, len(batch), _PORTION):
+        some = batch.sequences[start : start + _PORTION]
+        lengths = [len(item) for item in some]
+        columns: dict[str, NDArray[Any]] = {
+            name: np.repeat(column[start : start + _PORTION], lengths)
+            for name, column in identity.items()
+        }
+        columns["time_s"] = np.concatenate([np.arange(n) for n in lengths]) / SEQUENCE_HZ
+        features = np.concatenate([item.features for item in some]).T.copy()
+        unknown = np.concatenate([item.known_features for item in some]).T == 0
+        yield columns | {
+            name: np.ma.MaskedArray(held, mask)
+            for name, held, mask in zip(batch.feature_set.names, features, unknown, strict=True)
+        }

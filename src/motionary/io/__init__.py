@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     )
     from motionary.io.labels import read_labels, write_labels
     from motionary.io.options import ReadOptions, find_skeleton, save_skeleton
-    from motionary.io.recordings import read, read_all, what_is_lost, write
+    from motionary.io.recordings import read, read_all, read_poses, what_is_lost, write
     from motionary.io.text import Cell, format_suffix, read_text, stem_of, write_table, write_text
 
 __all__ = [
@@ -59,6 +59,7 @@ __all__ = [
     "read",
     "read_all",
     "read_labels",
+    "read_poses",
     "read_query_collections",
     "read_query_record",
     "read_text",
@@ -87,7 +88,7 @@ __getattr__, __dir__ = lazy_names(
         "keyframe_collections": "QueryRecord read_query_collections read_query_record",
         "labels": "read_labels write_labels",
         "options": "ReadOptions find_skeleton save_skeleton",
-        "recordings": "read read_all what_is_lost write",
+        "recordings": "read read_all read_poses what_is_lost write",
         "text": "Cell format_suffix read_text stem_of write_table write_text",
     },
 )

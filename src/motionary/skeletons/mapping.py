@@ -66,7 +66,13 @@ def named_mapping(name: str, names: Iterable[str] = ()) -> JointMapping:
     UnknownSkeleton
         If no table has this name.
     """
-    return named_table(name).resolve(tuple(names))
+    return _resolve(name, tuple(names))
+
+
+# Batches hold thousands of recordings without names.
+@lru_cache(maxsize=64)
+def _resolve(name: str, names: tuple[str, ...]) -> JointMapping:
+    return named_table(name).resolve(names)
 
 
 def find_mapping(

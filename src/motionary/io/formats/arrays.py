@@ -117,8 +117,7 @@ def read_layout(
     names, rate_hz : what the file says beside its numbers
     is_bare : whether it can say nothing beside them
     """
-    numbers = [str(i + 1) for i in range(len(layout.motions))]
-    motion = layout.motions[choose_take(numbers, options.take, source)]
+    motion = layout.motions[choose_take(len(layout.motions), options.take, source)]
     if motion.ndim == 2:
         return _read_motion_x(motion, source, options)
     positions = check_positions(motion, source)
@@ -178,7 +177,7 @@ def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
     """
     arrays = read_npz(path)
     if options.take is not None and (is_own(arrays) or not any(key in arrays for key in POSITIONS)):
-        choose_take(["1"], options.take, path.name)
+        choose_take(1, options.take, path.name)
     if is_own(arrays):
         return read_own(arrays, path.name, options)
     rate = options.rate_hz if options.rate_hz is not None else find_rate(arrays)

@@ -73,8 +73,7 @@ def cut_npz(path: Path, first: int, last: int, take: str | int | None = None) ->
     key = next((key for key in POSITIONS if key in arrays), None)
     if key is not None and not own:
         layout = split_array(arrays[key], path.name)
-        numbers = [str(i + 1) for i in range(len(layout.motions))]
-        arrays[key] = layout.motions[choose_take(numbers, take, path.name)]
+        arrays[key] = layout.motions[choose_take(len(layout.motions), take, path.name)]
     elif key is None:
         source = find_source(arrays)
         key = source.turns[0] if source else None

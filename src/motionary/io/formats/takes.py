@@ -26,8 +26,14 @@ _TICK_NS = 200_000_000
 _kept: dict[tuple[str, int, int], Any] = {}
 
 
-def choose_take(names: Sequence[str], take: str | int | None, source: str) -> int:
+def choose_take(takes: Sequence[str] | int, take: str | int | None, source: str) -> int:
     """Which of several recordings in a file is meant: by its name, or by its number from 1.
+
+    Parameters
+    ----------
+    takes : names of the recordings, or how many there are where they have none
+    take : what is asked for
+    source : name of the file
 
     Raises
     ------
@@ -36,17 +42,17 @@ def choose_take(names: Sequence[str], take: str | int | None, source: str) -> in
     InvalidInput
         If none is called so.
     """
-    if take == EVERY:
-        raise SeveralRecordings(source, names)
+    # Names of thousands are not written out for each that is read.
+    names: Sequence[object] = range(1, takes + 1) if isinstance(takes, int) else takes
+    if take == EVERY or (take is None and len(names) > 1):
+        raise SeveralRecordings(source, [str(name) for name in names])
     if take is None:
-        if len(names) > 1:
-            raise SeveralRecordings(source, names)
         return 0
     if str(take) in names:
         return list(names).index(str(take))
     if str(take).isascii() and str(take).isdigit() and 1 <= int(take) <= len(names):
         return int(take) - 1
-    some = ", ".join(name[:30] for name in names[:8]) + (", ..." if len(names) > 8 else "")
+    some = ", ".join(str(name)[:30] for name in names[:8]) + (", ..." if len(names) > 8 else "")
     raise InvalidInput(
         f"has no take {str(take)[:40]!r}; it has {some} ({len(names)} in all)", file=source
     )

@@ -37,24 +37,28 @@ _FEET = list(GENERIC_JOINTS.index(joint) for joint in _FEET_NAMES)
 
 
 def check_quality(motion: Motion) -> Motion:
-    """The motion with notes on what the checks found, and marked if it is kept in place."""
+    """The motion with notes on what the checks found."""
     notes = list(motion.notes)
     n_rest = count_rest_frames(motion.positions, motion.rate_hz)
     if n_rest:
         which = "first frame looks" if n_rest == 1 else f"first {n_rest} frames look"
         notes.append(f"the {which} like a rest pose")
     notes += find_anomalies(motion, first_frame=n_rest)
-    in_place = False
     if motion.mapping is not None:
-        some = _body(motion, np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW))
-        notes += _find_bones_without_length(some)
-        in_place = not _goes_far(some) and is_in_place(motion)
-    if in_place:
+        notes += _find_bones_without_length(_some(motion))
+    if motion.in_place:
         notes.append(
             "kept in place: the feet slide under hips that stay; how fast joints move through the "
             "room is unknown"
         )
-    return replace(motion, notes=tuple(notes), in_place=in_place)
+    return replace(motion, notes=tuple(notes))
+
+
+def mark_in_place(motion: Motion) -> Motion:
+    """The motion, marked if it is kept in place."""
+    if motion.mapping is None or _goes_far(_some(motion)):
+        return motion
+    return replace(motion, in_place=True) if is_in_place(motion) else motion
 
 
 def count_rest_frames(positions: Floats, rate_hz: float) -> int:
@@ -111,6 +115,11 @@ def _goes_far(body: Floats) -> bool:
     root = body[:, GENERIC_JOINTS.index("root")][:, [0, 2]]
     root = root[np.isfinite(root).all(axis=1)]
     return bool(len(root) and np.ptp(root, axis=0).max() > 2 * _ON_THE_SPOT * _leg(body))
+
+
+def _some(motion: Motion) -> Floats:
+    """A few frames of the generic joints, from all of the motion."""
+    return _body(motion, np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW))
 
 
 def _body(

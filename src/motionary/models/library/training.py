@@ -7,7 +7,6 @@ algorithm and vote, or the keyframes of a single one are chosen. The template is
 around their hits only.
 """
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -16,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from motionary.errors import InvalidInput
-from motionary.features import FULL_BODY, FeatureSequence, FeatureSet
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, match_names
 from motionary.matching import concatenate, feature_prior
 from motionary.models.keyframes import (
     ChoiceSettings,
@@ -202,19 +201,7 @@ def name_groups(examples: Sequence[FeatureSequence], groups: str) -> list[str]:
     InvalidInput
         If the expression is none, or matches nothing in a name.
     """
-    try:
-        pattern = re.compile(groups)
-    except re.error as error:
-        raise InvalidInput(f"groups {groups!r} is no regular expression: {error}") from error
-    keys = []
-    for item in examples:
-        found = pattern.search(item.source)
-        if found is None:
-            raise InvalidInput(
-                f"groups {groups!r} matches nothing in {item.source!r}; each example needs a group"
-            )
-        keys.append(str(found[1 if pattern.groups else 0]))
-    return keys
+    return match_names([item.source for item in examples], groups, each="example", has="group")
 
 
 def list_sequences(examples: Examples) -> list[FeatureSequence]:
