@@ -75,7 +75,9 @@ def make_minute(source: Path, target: Path) -> Path:
 
 def process(*command: str) -> Callable[[], object]:
     """What runs a command to its end, its output thrown away."""
-    return lambda: subprocess.run(command, check=True, capture_output=True)
+    # What pip installs has its bytecode; without it every start compiles the sources again.
+    environment = {key: v for key, v in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+    return lambda: subprocess.run(command, check=True, capture_output=True, env=environment)
 
 
 if __name__ == "__main__":
