@@ -16,6 +16,11 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+# Workers share the cores already; threads of matrix products would only wait for each other.
+# Read when NumPy is imported, by processes that tests start too.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
 VARIABLE = "MOTIONARY_DATA"
 RECORDING_FIXTURES = {"data", "golden", "hdm05"}
 MARK = "recordings"
