@@ -103,7 +103,7 @@ def _wrong(memory: PoseMemory) -> PoseMemory:
     others = reversed(memory.poses.values())
     return PoseMemory(
         {
-            key: other[np.linspace(0, len(other) - 1, len(own)).round().astype(int)]
+            key: other[:, np.linspace(0, other.shape[1] - 1, own.shape[1]).round().astype(int)]
             for (key, own), other in zip(memory.poses.items(), others, strict=True)
         }
     )

@@ -8,10 +8,11 @@ import pytest
 import motionary as mo
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.motion import Motion
-from motionary.multiview import PoseMemory, remember_poses
+from motionary.multiview import PoseMemory, derive_priors, read_priors, remember_poses, write_priors
 from motionary.multiview.allocation import allocate
-from motionary.multiview.priors import LENT, find_matches, named_priors
-from motionary.multiview.solving import SolverSettings
+from motionary.multiview.poses import LENT, Track, find_matches, keep_essential, own_axes
+from motionary.multiview.priors import MARKED, NamedPrior, named_priors, shape_limb
+from motionary.multiview.solving import Pull, SolverSettings
 from motionary.recording import Recording
 from motionary.skeletons import named_mapping
 from view_cases import NAMES, walker
@@ -34,17 +35,42 @@ def known():
     return library, remember_poses(library, examples), whole
 
 
-def test_a_foot_that_is_slow_in_a_template_rests():
-    library = mo.learn({"walk": [as_motion(walker(60)), as_motion(walker(60))]})
-    template, pattern = library["walk"].patterns[0]
-    assert pattern is not None
-    names = library.feature_set.names
-    found = {prior.name: prior.columns for prior in named_priors(template, names)}
-    for side in ("left", "right"):
-        column = names.index(f"{side} foot fast")
-        slow = template.fixed[:, column] & ~template.values[:, column]
-        columns = found.get(f"{side} foot rests", np.zeros(len(slow), dtype=bool))
-        assert not (columns & ~slow).any()
+def test_rectangles_of_a_template_are_named(known):
+    library = known[0]
+    (template, _), names = library["walk"].patterns[0], library.feature_set.names
+    found = named_priors(template, names)
+    assert {"left foot ahead", "left elbow straight"} <= {prior.name for prior in found}
+    for prior in found:
+        feature, value = MARKED[prior.name]
+        row = names.index(feature)
+        marked = prior.columns(len(template.values))
+        assert marked.any()
+        assert template.fixed[marked, row].all()
+        assert (template.values[marked, row] == value).all()
+
+
+def test_priors_are_edited_as_toml(known, tmp_path):
+    library, _, _ = known
+    path = tmp_path / "priors.toml"
+    write_priors(derive_priors(library), path)
+    assert read_priors(path, library) == derive_priors(library)
+    path.write_text(
+        '[[priors]]\nclass = "walk"\ntemplate = "walk"\nprior = "left elbow bent"\n'
+        "columns = [[2, 9]]\n"
+    )
+    assert read_priors(path, library) == {
+        ("walk", "walk"): [NamedPrior("left elbow bent", ((2, 9),))]
+    }
+    for old, new, message in [
+        ("left elbow bent", "left elbow bend", "must be one of left foot rests.*line 4"),
+        ('"walk"\nprior', '"run"\nprior', "must be one of the library's"),
+        ("[2, 9]", "[9, 2]", "pairs of columns from 0 to"),
+        ("priors", "prior", "priors is missing"),
+    ]:
+        wrong = tmp_path / "wrong.toml"
+        wrong.write_text(path.read_text().replace(old, new))
+        with pytest.raises(UnreadableFile, match=message):
+            read_priors(wrong, library)
 
 
 def lose_left_leg(motion, frames):
@@ -61,11 +87,15 @@ def test_poses_are_lent_to_a_limb_that_no_view_tells(known):
     library, memory, whole = known
     frames = slice(100, 125)
     track, confidence = lose_left_leg(whole, frames)
-    pull, priors = allocate(track, confidence, library, settings=SolverSettings(), memory=memory)
+    pull, priors, lent = allocate(
+        track, confidence, library, settings=SolverSettings(), memory=memory
+    )
     knee = NAMES.index("LKnee")
     assert any(prior.kept and prior.name.startswith("left leg") for prior in priors)
     off = np.linalg.norm(pull.places[frames, knee] - whole.positions[frames, knee], axis=1)
     assert off.mean() < 0.05
+    assert lent[frames, knee].mean() > 0.5
+    assert not lent[:, NAMES.index("RKnee")].any()
     assert not pull.matrices[:, NAMES.index("RKnee")].any()
 
 
@@ -74,15 +104,71 @@ def test_poses_that_do_not_fit_what_is_seen_are_refused(known):
     rng = np.random.default_rng(0)
     wrong = PoseMemory({k: v + rng.normal(0, 0.5, v.shape) for k, v in memory.poses.items()})
     track, confidence = lose_left_leg(whole, slice(100, 125))
-    _, priors = allocate(track, confidence, library, settings=SolverSettings(), memory=wrong)
+    _, priors, taken = allocate(track, confidence, library, settings=SolverSettings(), memory=wrong)
+    assert not taken.any()
     lent = [prior for prior in priors if "moves as in" in prior.name]
     assert lent
     assert not any(prior.kept for prior in lent)
 
 
+def test_what_is_marked_must_be_seen_to_hold(known):
+    """In this walk arms hang: an elbow that is bent all the time is a wrong prior."""
+    library, _, whole = known
+    confidence = np.ones(whole.positions.shape[:2])
+    confidence[100:115, NAMES.index("LWrist")] = 0.0
+    given = {"settings": SolverSettings(), "memory": PoseMemory({})}
+    plain = allocate(whole, confidence, library, priors={}, **given)
+    assert not plain.priors
+    for name, holds in (("left elbow bent", False), ("left elbow straight", True)):
+        marks = {("walk", "walk"): [NamedPrior(name, ((0, 30),))]}
+        told = allocate(whole, confidence, library, priors=marks, **given)
+        assert {prior.kept for prior in told.priors} == {holds}
+        assert "seen to hold" in told.priors[0].reason
+        assert told.pull.places == pytest.approx(plain.pull.places)
+    other = {("walk", "run"): [NamedPrior("left elbow bent", ((0, 30),))]}
+    with pytest.raises(InvalidInput, match="not of the library's"):
+        allocate(whole, confidence, library, priors=other, **given)
+
+
+@pytest.mark.parametrize("name", [name for name in MARKED if not name.endswith("rests")])
+def test_hidden_points_take_the_shape_of_a_prior(known, name):
+    """On random places: each prior holds afterwards, and other points stay."""
+    whole = known[2]
+    rng = np.random.default_rng(1)
+    points = whole.positions[:20]
+    confidence = np.zeros(points.shape[:2])
+    pull = Pull(
+        np.broadcast_to(np.eye(3), (*confidence.shape, 3, 3)).copy(),
+        points + rng.normal(0, 0.2, points.shape),
+    )
+    before = pull.places.copy()
+    frame = own_axes({one: points[:, k] for k, one in enumerate(NAMES)})[1]
+    assert shape_limb(name, Track(NAMES, points, confidence, RATE_HZ), slice(5, 15), pull, frame)
+    changed = np.flatnonzero((pull.places != before).any(axis=(0, 2)))
+    assert len(changed) == 1
+    assert (pull.places[:5] == before[:5]).all()
+    side, after = name[0].upper(), pull.places[5:15]
+    if name.endswith("ahead"):
+        ahead = frame.to_own(pull.places)[5:15, :, 2]
+        if "foot" in name:
+            other = "R" if side == "L" else "L"
+            assert (ahead[:, changed[0]] >= ahead[:, NAMES.index(f"{other}Ankle")] - 1e-9).all()
+        else:
+            assert (ahead[1:, changed[0]] > ahead[0, changed[0]]).all()
+        return
+    root = after[:, NAMES.index(f"{side}{'Shoulder' if 'elbow' in name else 'Hip'}")]
+    far = np.linalg.norm(after[:, changed[0]] - root, axis=1)
+    a, b = (0.3, 0.26) if "elbow" in name else (0.43, 0.42)
+    limit = np.sqrt(a * a + b * b + a * b)
+    assert (far >= limit - 0.03).all() if "straight" in name else (far <= limit + 0.03).all()
+
+
 def test_one_match_for_each_place(known):
     library, _, whole = known
-    matches = find_matches(mo.compute_features(whole, feature_set=library.feature_set), library)
+    sequence = mo.compute_features(whole, feature_set=library.feature_set)
+    every = find_matches(sequence, library)
+    matches = keep_essential(every, len(sequence))
+    assert matches[0] is every[0]
     spans = sorted((match.alignment.start, match.alignment.end) for match in matches)
     assert spans
     assert all(b[0] > (a[0] + a[1]) / 2 for a, b in pairwise(spans))
@@ -94,9 +180,11 @@ def test_memories_are_kept_and_checked(known, tmp_path):
     again = PoseMemory.load(tmp_path / "poses.npz")
     assert again.poses.keys() == memory.poses.keys()
     for key, poses in memory.poses.items():
-        assert poses.shape[1:] == (len(LENT), 3)
+        assert poses.shape[2:] == (len(LENT), 3)
         assert again.poses[key] == pytest.approx(poses, nan_ok=True)
-    short = PoseMemory({key: poses[:-1] for key, poses in memory.poses.items()})
+    np.savez(tmp_path / "means.npz", **{"walk\twalk": memory.poses["walk", "walk"][0]})
+    assert PoseMemory.load(tmp_path / "means.npz").poses["walk", "walk"].shape[0] == 1
+    short = PoseMemory({key: poses[:, :-1] for key, poses in memory.poses.items()})
     confidence = np.ones(whole.positions.shape[:2])
     with pytest.raises(InvalidInput, match="other templates"):
         allocate(whole, confidence, library, settings=SolverSettings(), memory=short)

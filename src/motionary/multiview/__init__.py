@@ -2,7 +2,8 @@
 
 from motionary.multiview.cameras import Sight, project, see, straighten, undistort
 from motionary.multiview.exchange import LIMBS, Exchange, exchange_sources, find_exchanges
-from motionary.multiview.priors import PoseMemory, remember_poses
+from motionary.multiview.poses import PoseMemory, remember_poses
+from motionary.multiview.priors import NamedPrior, derive_priors, read_priors, write_priors
 from motionary.multiview.regions import (
     Contour,
     RegionSettings,
@@ -20,12 +21,14 @@ __all__ = [
     "Contour",
     "Exchange",
     "FittedViews",
+    "NamedPrior",
     "PoseMemory",
     "RegionSettings",
     "Sight",
     "Tracking",
     "Triangulated",
     "Untangled",
+    "derive_priors",
     "exchange_sources",
     "find_contours",
     "find_exchanges",
@@ -34,6 +37,7 @@ __all__ = [
     "fit_views",
     "follow_regions",
     "project",
+    "read_priors",
     "remember_poses",
     "see",
     "straighten",
@@ -41,4 +45,5 @@ __all__ = [
     "triangulate",
     "undistort",
     "untangle",
+    "write_priors",
 ]

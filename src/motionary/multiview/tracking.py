@@ -17,7 +17,7 @@ from motionary.io.keypoints import Views
 from motionary.labels import LabelTrack, compare_labels
 from motionary.models.library import ClassLibrary
 from motionary.motion import Motion
-from motionary.multiview.allocation import AllocatedPrior, allocate, as_seen, bridge_gaps
+from motionary.multiview.allocation import allocate, as_seen, bridge_gaps
 from motionary.multiview.cameras import Sight, distances
 from motionary.multiview.chain import (
     Chain,
@@ -28,8 +28,9 @@ from motionary.multiview.chain import (
     to_skeleton,
 )
 from motionary.multiview.exchange import Exchange, exchange_sources, find_exchanges
-from motionary.multiview.priors import PoseMemory
-from motionary.multiview.solving import SolverSettings, free_points, ray_weights, solve_chain
+from motionary.multiview.poses import PoseMemory
+from motionary.multiview.priors import AllocatedPrior, PriorTable
+from motionary.multiview.solving import Pull, SolverSettings, free_points, ray_weights, solve_chain
 from motionary.multiview.steadiness import Steadiness, floor_of, measure_steadiness, stances
 from motionary.multiview.triangulation import Triangulated, bridge, triangulate
 from motionary.multiview.untangling import in_own_frames, label_exchanges
@@ -133,6 +134,7 @@ def steady(
     recording: Recording,
     *,
     memory: PoseMemory | None = None,
+    named: PriorTable | None = None,
     n_iterations: int = _N_ITERATIONS,
 ) -> Recognised:
     """The track again with priors of what it is recognised as, until labels stand still.
@@ -143,11 +145,12 @@ def steady(
     library : classes to recognise
     recording : of the labels
     memory : poses of examples; None lends those of the recording's own best matches
+    named : priors of templates by name; None takes those that templates tell by themselves
     """
     names = found.chain.points
     floor = floor_of(names, found.points)
     labels: list[LabelTrack] = []
-    priors: list[AllocatedPrior] = []
+    priors: tuple[AllocatedPrior, ...] = ()
     iterations = [found.points]
     pose, points = found.pose, found.points
     for _ in range(n_iterations):
@@ -155,21 +158,35 @@ def steady(
         labels.append(annotate(as_seen(motion, found.confidence), library))
         if len(labels) > 1 and all(c.kind == "kept" for c in compare_labels(*labels[-2:])):
             break
-        pull, priors = allocate(
-            motion, found.confidence, library, settings=found.settings, memory=memory, floor=floor
-        )
+        told = allocate(
+            motion, found.confidence, library, settings=found.settings, memory=memory,
+            priors=named, floor=floor,
+        )  # fmt: skip
+        priors = told.priors
         # Always from the pose that views alone gave: priors must not feed on themselves.
-        pose = solve_chain(
-            found.chain, found.pose, found.sight, scales_m=_PASS_SCALES * 2,
-            rate_hz=recording.rate_hz, settings=found.settings, pull=pull,
-        )  # fmt: skip
-        points = free_points(
-            found.sight, points_of(found.chain, pose), rate_hz=recording.rate_hz,
-            settings=found.settings, scale_m=_FREE_SCALE, pull=pull,
-        )  # fmt: skip
+        pose, points = _solve_with(found, told.pull, told.lent, recording.rate_hz)
         iterations.append(points)
     steadied = found._replace(pose=pose, points=points)
-    return Recognised(steadied, tuple(priors), tuple(labels), tuple(iterations))
+    return Recognised(steadied, priors, tuple(labels), tuple(iterations))
+
+
+def _solve_with(
+    found: TrackedPoints, pull: Pull, lent: NDArray[np.bool_], rate_hz: float
+) -> tuple[ChainPose, Floats]:
+    """Pose and points of a track with priors."""
+    pose, sight = found.pose, found.sight
+    # Where nothing tells a limb, single wrong rays hold it: what is lent goes first without them.
+    first = sight._replace(weights=np.where(lent, 0.0, sight.weights))
+    for rays in (first, sight):
+        pose = solve_chain(
+            found.chain, pose, rays, scales_m=_PASS_SCALES * 2, rate_hz=rate_hz,
+            settings=found.settings, pull=pull,
+        )  # fmt: skip
+    points = free_points(
+        sight, points_of(found.chain, pose), rate_hz=rate_hz, settings=found.settings,
+        scale_m=_FREE_SCALE, pull=pull,
+    )  # fmt: skip
+    return pose, points
 
 
 def of_chain(sight: Sight, chain: Chain) -> Sight:
@@ -237,6 +254,7 @@ def track(
     rate_hz: float,
     library: ClassLibrary | None = None,
     memory: PoseMemory | None = None,
+    named: PriorTable | None = None,
     unit: str | None = None,
     synchronise: bool = False,
 ) -> Tracking:
@@ -250,6 +268,7 @@ def track(
     library : classes of motion; what is recognised holds resting feet, and lends poses to limbs
         that no view tells
     memory : poses of people, from `remember_poses`; without it the recording's own are lent
+    named : what templates mark by name, from `read_priors`; None takes what they mark themselves
     unit : of the calibration: m, dm, cm, mm; found by the length of the legs, if None
     synchronise : move images of cameras that are late or early, instead of refusing them
 
@@ -268,7 +287,9 @@ def track(
     # Points that the layout has and the detector never gives would be made up in every frame.
     sight = sight.of_points(np.flatnonzero(sight.weights.any(axis=(0, 1))).tolist())
     found = track_points(sight, rate_hz=rate_hz)
-    steadied = None if library is None else steady(found, library, recording, memory=memory)
+    steadied = (
+        None if library is None else steady(found, library, recording, memory=memory, named=named)
+    )
     if steadied is not None:
         found = steadied.found
     names = found.chain.points
