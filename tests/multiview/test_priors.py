@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import motionary as mo
+from cli_cases import run
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.motion import Motion
 from motionary.multiview import PoseMemory, derive_priors, read_priors, remember_poses, write_priors
@@ -191,3 +192,17 @@ def test_memories_are_kept_and_checked(known, tmp_path):
     (tmp_path / "bad.npz").write_bytes(b"no")
     with pytest.raises(UnreadableFile, match="no memory of poses"):
         PoseMemory.load(tmp_path / "bad.npz")
+
+
+def test_the_command_writes_priors_and_the_picture_of_a_template_shows_them(
+    known, tmp_path, capsys, monkeypatch
+):
+    folder = tmp_path / "classes"
+    known[0].save(folder)
+    done = run(capsys, monkeypatch, "library", "priors", folder)
+    assert (done.code, "priors written" in done.out) == (0, True)
+    assert read_priors(folder / "priors.toml", known[0]) == derive_priors(known[0])
+    picture = tmp_path / "walk.svg"
+    given = ("walk", "--plot", picture)
+    assert run(capsys, monkeypatch, "library", "show", folder, *given).code == 0
+    assert "#009e73" in picture.read_text()

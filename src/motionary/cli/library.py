@@ -10,6 +10,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.learn import show_library
+from motionary.cli.multiview import priors, read_marks
 from motionary.cli.options import (
     AsJson,
     FeatureSetName,
@@ -144,7 +145,7 @@ def show(
         )
         screen.say(*_origin(loaded, motion_class), *text.splitlines())
     if plot:
-        draw_template(plot, loaded, name, template)
+        draw_template(plot, loaded, name, template, marks=read_marks(folder, loaded))
     return int(failed)
 
 
@@ -370,4 +371,6 @@ def _read_text(path: str) -> str:
 
 
 #: Commands of the group, in the sequence of its help.
-SUBCOMMANDS = {"list": list_classes, "show": show, "edit": edit, "merge": merge, "add": add}
+SUBCOMMANDS = {
+    "list": list_classes, "show": show, "edit": edit, "merge": merge, "add": add, "priors": priors,
+}  # fmt: skip

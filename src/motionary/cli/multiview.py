@@ -13,6 +13,7 @@ from motionary.errors import InvalidInput, UnwritableFile
 if TYPE_CHECKING:
     from motionary.models.library import ClassLibrary
     from motionary.multiview import PoseMemory, Tracking
+    from motionary.multiview.priors import PriorTable
     from motionary.multiview.steadiness import Steadiness
 
 Keypoints = Annotated[
@@ -132,9 +133,9 @@ def track(
     if labels is not None and library is None:
         raise InvalidInput("--labels needs --library: the classes to be recognised")
     views = read_keypoints(keypoints, layout=options.layout, person=options.person)
-    known, memory = _read_library(library)
+    known, memory, named = _read_library(library)
     found = find(
-        views, options.cameras, rate_hz=options.rate, library=known, memory=memory,
+        views, options.cameras, rate_hz=options.rate, library=known, memory=memory, named=named,
         unit=options.unit, synchronise=options.synchronise,
     )  # fmt: skip
     rigged = Path(output).suffix.lower() == ".bvh"
@@ -148,17 +149,53 @@ def track(
     return 0
 
 
-def _read_library(folder: str | None) -> "tuple[ClassLibrary | None, PoseMemory | None]":
-    """The classes of a folder or those that ship, and poses of people beside them."""
+def _read_library(
+    folder: str | None,
+) -> "tuple[ClassLibrary | None, PoseMemory | None, PriorTable | None]":
+    """The classes of a folder or those that ship, poses of people and edited priors beside them."""
     if folder is None:
-        return None, None
-    from motionary.models.library import ClassLibrary, load_everyday
+        return None, None, None
+    from motionary.models.library import open_library
     from motionary.multiview import PoseMemory
 
-    if folder == "everyday":
-        return load_everyday(), None
-    poses = Path(folder, "poses.npz")
-    return ClassLibrary.load(folder), PoseMemory.load(poses) if poses.is_file() else None
+    library, poses = open_library(folder), Path(folder, "poses.npz")
+    memory = PoseMemory.load(poses) if poses.is_file() else None
+    return library, memory, read_marks(folder, library)
+
+
+def read_marks(folder: str, library: "ClassLibrary") -> "PriorTable | None":
+    """The priors that lie beside a library; None if none were written."""
+    from motionary.multiview import PRIORS_FILE, read_priors
+
+    path = Path(folder, PRIORS_FILE)
+    return read_priors(path, library) if path.is_file() else None
+
+
+def priors(
+    folder: Annotated[
+        str, typer.Argument(metavar="LIB", help="A folder that `motionary learn` wrote.")
+    ],
+    force: Force = False,
+) -> int:
+    """Write what templates tell tracks into LIB/priors.toml, to be edited.
+
+    Resting feet, feet and hands ahead, bent and straight elbows and knees, each with the columns of
+    its template in which all examples agree. `motionary track --library LIB` then takes what the
+    file says; `motionary library show LIB CLASS --plot PICTURE` shows it in the template.
+
+    motionary library priors my-classes
+    """
+    from motionary.models.library import open_library
+    from motionary.multiview import PRIORS_FILE, derive_priors, write_priors
+
+    library, path = open_library(folder), Path(folder, PRIORS_FILE)
+    if not path.parent.is_dir():
+        raise InvalidInput("priors are written beside a library of your own, not one that ships")
+    check_target(str(path), replace=force)
+    found = derive_priors(library)
+    write_priors(found, path)
+    screen.say(f"{sum(map(len, found.values()))} priors written to {path}")
+    return 0
 
 
 def _show(found: "Tracking") -> None:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from motionary.evaluation import Rates
     from motionary.features import FeatureSequence
     from motionary.models.library import ClassLibrary, MotionClass
+    from motionary.multiview.priors import PriorTable
     from motionary.retrieval.corrections import Corrections
 
 _CHANGES = ("kept", "moved", "renamed", "added", "removed")
@@ -242,11 +243,28 @@ def _describe_class(motion_class: "MotionClass") -> str:
     return f"{motion_class.name}: {threshold}; {'; '.join(parts)}"
 
 
-def draw_template(plot: str, library: "ClassLibrary", name: str, template: str | None) -> None:
-    """Draw a template of a class, and its fixed cells beside it."""
+def draw_template(
+    plot: str,
+    library: "ClassLibrary",
+    name: str,
+    template: str | None,
+    *,
+    marks: "PriorTable | None" = None,
+) -> None:
+    """Draw a template of a class, its fixed cells beside it, and what it tells tracks."""
     from motionary.models.library import find_prototype
     from motionary.plots import plot_template, save
 
-    found = find_prototype(library[name], template).template
-    tolerance = library[name].tolerance
-    save(plot_template(found, tolerance=tolerance, feature_set=library.feature_set), plot)
+    prototype = find_prototype(library[name], template)
+    rows = None
+    if marks:
+        from motionary.multiview import find_rows
+
+        rows = find_rows(marks.get((name, prototype.name), ()), library.feature_set.names)
+    figure = plot_template(
+        prototype.template,
+        tolerance=library[name].tolerance,
+        feature_set=library.feature_set,
+        marks=rows,
+    )
+    save(figure, plot)

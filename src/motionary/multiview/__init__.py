@@ -3,7 +3,14 @@
 from motionary.multiview.cameras import Sight, project, see, straighten, undistort
 from motionary.multiview.exchange import LIMBS, Exchange, exchange_sources, find_exchanges
 from motionary.multiview.poses import PoseMemory, remember_poses
-from motionary.multiview.priors import NamedPrior, derive_priors, read_priors, write_priors
+from motionary.multiview.priors import (
+    PRIORS_FILE,
+    NamedPrior,
+    derive_priors,
+    find_rows,
+    read_priors,
+    write_priors,
+)
 from motionary.multiview.regions import (
     Contour,
     RegionSettings,
@@ -18,6 +25,7 @@ from motionary.multiview.views import FittedViews, find_offsets, fit_views
 
 __all__ = [
     "LIMBS",
+    "PRIORS_FILE",
     "Contour",
     "Exchange",
     "FittedViews",
@@ -33,6 +41,7 @@ __all__ = [
     "find_contours",
     "find_exchanges",
     "find_offsets",
+    "find_rows",
     "fit_regions",
     "fit_views",
     "follow_regions",

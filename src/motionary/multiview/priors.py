@@ -27,7 +27,7 @@ from motionary.recording import find_runs
 from motionary.retrieval.explanation import Evidence
 
 #: File of a library's folder that holds edited priors.
-FILE = "priors.toml"
+PRIORS_FILE = "priors.toml"
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -114,6 +114,18 @@ def derive_priors(library: ClassLibrary) -> dict[tuple[str, str], list[NamedPrio
         for one in library
         for prototype, (template, _) in zip(one.prototypes, one.patterns, strict=True)
     }
+
+
+def find_rows(
+    priors: Sequence[NamedPrior], names: Sequence[str]
+) -> dict[int, list[tuple[int, int]]]:
+    """Where priors stand in a template whose features have these names: columns by row."""
+    rows: dict[int, list[tuple[int, int]]] = {}
+    for prior in priors:
+        feature = MARKED[prior.name][0]
+        if feature in names:
+            rows.setdefault(names.index(feature), []).extend(prior.spans)
+    return rows
 
 
 def write_priors(priors: PriorTable, path: str | Path) -> None:

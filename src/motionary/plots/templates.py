@@ -5,6 +5,7 @@ them, on request, the cells that a tolerance fixes and those that it leaves free
 a strip for each template on one scale of time.
 """
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,11 +50,13 @@ def plot_template(
     *,
     tolerance: float | None = None,
     feature_set: FeatureSet | None = None,
+    marks: Mapping[int, Sequence[tuple[int, int]]] | None = None,
 ) -> "Figure":
     """Picture of a template, and with a tolerance of its fixed cells beside it.
 
     White: the feature holds in all examples, black: in none, red to yellow: in some.
-    Hatched: no example shows the feature. Below, the time that each column stands for.
+    Hatched: no example shows the feature. Below, the time that each column stands for. Framed:
+    cells that are marked, as what recognised motion tells a track.
 
     Parameters
     ----------
@@ -61,6 +64,7 @@ def plot_template(
     tolerance : in [0, 0.5); as in `quantise`
     feature_set : gives the rows their phrases and groups; sets that are known by their
         name need not be given
+    marks : columns, half-open, by the number of the feature
 
     Raises
     ------
@@ -90,14 +94,28 @@ def plot_template(
         for ax, part in zip(axes, parts, strict=False):
             draw_grid(ax, colours[:, part], stop_s=stop_s)
             hatch_cells(ax, unmeasured[:, part], stop_s=stop_s)
+            _frame(ax, part, marks or {})
         axes[0].set_title(heading, loc="left", pad=4.0)
         _draw_weights(axes[-1], template.weights)
         page.mark_seconds(axes, stop_s)
     _name_grids(stacks, rows, parts)
     handles = _legend() if tolerance is not None else []
+    if marks:
+        handles.append(page.swatch("marked: told to tracks", style.GREEN))
     page.add_legend(figure, handles + _legend_of_unmeasured(template))
     page.add_ramp(figure, _ramp(), ("none of the examples", "all"))
     return figure
+
+
+def _frame(axes: "Axes", part: slice, marks: Mapping[int, Sequence[tuple[int, int]]]) -> None:
+    """Rectangles around marked cells of the rows of one block."""
+    from matplotlib.patches import Rectangle
+
+    for row, spans in marks.items():
+        for first, stop in spans if part.start <= row < part.stop else ():
+            corner = (first / RATE_HZ, row - part.start - 0.5)
+            size = ((stop - first) / RATE_HZ, 1.0)
+            axes.add_patch(Rectangle(corner, *size, fill=False, color=style.GREEN, linewidth=1.4))
 
 
 def _title(template: MotionTemplate) -> str:
