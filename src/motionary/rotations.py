@@ -185,11 +185,6 @@ def continuous_signs(quaternions: Floats) -> Floats:
     return np.where(flips[:, None], -quaternions, quaternions)
 
 
-def euler_to_matrices(angles: Floats, order: str) -> Floats:
-    """Rotation matrices, shape (..., 3, 3), of `euler_to_quaternions`' turns."""
-    return quaternions_to_matrices(euler_to_quaternions(angles, order))
-
-
 def quaternions_to_euler(quaternions: Floats, order: str) -> Floats:
     """Angles in radians that `euler_to_quaternions` turns into these quaternions.
 

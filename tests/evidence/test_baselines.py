@@ -25,7 +25,7 @@ from motionary.io import read
 from motionary.matching import Pattern, distance_function
 from motionary.motion import GENERIC_JOINTS
 from motionary.packing import full_mask
-from motionary.rotations import euler_to_matrices
+from motionary.rotations import euler_to_quaternions, quaternions_to_matrices
 from motionary.samples import synthetic_motion, synthetic_stream
 from oracles import baselines as slow
 from oracles import matching as oracle
@@ -93,8 +93,12 @@ def test_costs_are_those_of_the_definition():
     assert np.isinf(costs[:, 3]).all()
 
 
+def turned_about(axis, degrees):
+    return quaternions_to_matrices(euler_to_quaternions(np.radians([degrees]), axis))
+
+
 def placed(motion, *, degrees=0.0, shift=(0, 0, 0), size=1.0):
-    turn = euler_to_matrices(np.radians([degrees]), "Y")
+    turn = turned_about("Y", degrees)
     return replace(
         motion, positions=motion.positions @ turn.T * size + np.array(shift), rotations=None
     )
@@ -111,10 +115,8 @@ def test_where_who_and_which_way_do_not_matter(name):
 
 def test_only_the_whole_rotation_forgets_who_lies():
     motion = synthetic_motion("squat", seed=2)
-    tipped = replace(
-        motion, positions=motion.positions @ euler_to_matrices(np.radians([90.0]), "X").T,
-        rotations=None,
-    )  # fmt: skip
+    positions = motion.positions @ turned_about("X", 90.0).T
+    tipped = replace(motion, positions=positions, rotations=None)
     upright = [position_frames(one, removed="rotation") for one in (motion, tipped)]
     np.testing.assert_allclose(upright[0], upright[1], atol=1e-9)
     turned = [position_frames(one) for one in (motion, tipped)]

@@ -31,10 +31,10 @@ from motionary.inertial import (
     track_limbs,
     without_drift,
 )
-from motionary.inertial.fusion import orient_all
 from motionary.inertial.orientations import (
     distance_deg,
     heading,
+    orient_all,
     resample_orientations,
     swing_twist_deg,
 )

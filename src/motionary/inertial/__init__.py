@@ -22,8 +22,8 @@ from motionary.inertial.detection import (
     heading_drift,
     without_drift,
 )
-from motionary.inertial.fusion import orient
 from motionary.inertial.limbs import TrackedLimbs, simulate_sensors, track_limbs
+from motionary.inertial.orientations import orient
 from motionary.inertial.synchronising import Lag, synchronise
 
 __all__ = [

@@ -27,9 +27,9 @@ from motionary.inertial.detection import (
     find_wrong,
     name_misreading,
 )
-from motionary.inertial.fusion import orient_all
 from motionary.inertial.limbs import TrackedLimbs, compare_speeds, track_limbs
 from motionary.inertial.orientations import (
+    orient_all,
     resample_orientations,
     swing_twist_deg,
 )

@@ -5,7 +5,6 @@ focal length and centre in pixels, the first pixel's centre at (0, 0). Mirrored 
 back: columns are reversed, and the centre with them. What a lens bends is put straight.
 """
 
-import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -16,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile, describe_cause
-from motionary.files import read_bytes
 from motionary.io.depth_videos import VIDEOS, StoredImages
+from motionary.io.text import read_json
 
 Floats = NDArray[np.float64]
 
@@ -295,10 +294,7 @@ def read_intrinsics(path: Path) -> dict[str, Any]:
     InvalidInput
         If it is no object.
     """
-    try:
-        told = json.loads(read_bytes(path))
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"is no JSON: {describe_cause(error)}", file=path.name) from None
+    told = read_json(path)
     if not isinstance(told, dict):
         raise InvalidInput('needs {"focal": [fx, fy], "centre": [cx, cy]}', file=path.name)
     return told

@@ -8,13 +8,12 @@ query "keyframes" (a sign 0, 1 or * for every feature of a group), "groups", "po
 Conventions: positions count from 1 in the file and from 0 in what is read.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from motionary.errors import InvalidInput, UnreadableFile, describe_cause
-from motionary.io.text import read_text
+from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.text import read_json
 
 _MOST_NAMES = 5
 
@@ -49,10 +48,7 @@ def read_query_collections(path: str | Path) -> dict[str, dict[str, QueryRecord]
         query.
     """
     path = Path(path)
-    try:
-        content = json.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"is no JSON file: {describe_cause(error)}", file=path) from None
+    content = read_json(path)
     if not _is_object(content) or not all(_is_object(part) for part in content.values()):
         raise UnreadableFile(
             "needs an object of collections, each an object of queries by name", file=path

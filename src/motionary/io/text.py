@@ -100,6 +100,34 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise UnreadableFile(f"is no TOML: {describe_cause(error)}", file=path.name) from error
 
 
+def read_json(path: Path) -> Any:
+    """Content of a JSON file; errors as of `read_text` and `parse_json`."""
+    return parse_json(read_text(path), file=path.name)
+
+
+def parse_json(text: str, **where: Any) -> Any:
+    """What a text of JSON holds.
+
+    Parameters
+    ----------
+    where : `file` and `place` of the text, for the error
+
+    Raises
+    ------
+    UnreadableFile
+        If it is no JSON.
+    """
+    import json
+
+    try:
+        return json.loads(text)
+    # Not JSONDecodeError alone: numbers may have more digits than Python takes.
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFile(
+            f"is no JSON file, or broken JSON: {describe_cause(error)}", **where
+        ) from error
+
+
 def _unpack(content: bytes, name: str) -> bytes:
     pieces, size = [], 0
     most = most_unpacked(len(content))

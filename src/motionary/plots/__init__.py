@@ -5,10 +5,8 @@ display, no state shared with the pictures of others.
 """
 
 from motionary.plots.animation import MOVING, check_moving, render
-from motionary.plots.depth import plot_depth
 from motionary.plots.features import plot_features
 from motionary.plots.figures import BONES, plot_pose
-from motionary.plots.sensors import plot_check
 from motionary.plots.sheets import (
     HITS_A_PAGE,
     MOST_RECORDINGS,
@@ -20,6 +18,7 @@ from motionary.plots.sheets import (
 from motionary.plots.style import save, save_pages
 from motionary.plots.templates import plot_library, plot_template
 from motionary.plots.timelines import plot_annotation, plot_distance
+from motionary.plots.tracking import plot_check, plot_depth
 
 __all__ = [
     "BONES",

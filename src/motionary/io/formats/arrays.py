@@ -34,10 +34,10 @@ from motionary.io.formats.npz import (
     read_npy_dict,
     read_npz,
     read_own,
+    to_arrays,
 )
 from motionary.io.formats.smpl import is_smpl, read_smpl_arrays
 from motionary.io.formats.takes import choose_take, recall
-from motionary.io.formats.unpickling import to_arrays
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion

@@ -9,7 +9,6 @@ Conventions: a point is [x, y, z], or has x, y, z; more numbers (scores) are lef
 a point that a frame lacks, was not seen.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -45,7 +44,7 @@ from motionary.io.formats.times import time_frames
 from motionary.io.normalise.units import NAMES_OF_UNITS
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
-from motionary.io.text import read_text
+from motionary.io.text import parse_json, read_text
 from motionary.skeletons import named_table
 
 Floats = NDArray[np.float64]
@@ -134,10 +133,7 @@ def _load(path: Path) -> _Loaded:
             file=path.name,
         )
     text = read_text(path)
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"is no JSON: {describe_cause(error)}", file=path.name) from None
+    content = parse_json(text, file=path.name)
     frames, head = _find_frames(content, path.name), _Head(content)
     if _is_array(frames):
         return _Loaded([], head, {}, _split_numbers(frames, path.name), len(text))

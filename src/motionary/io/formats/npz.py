@@ -1,6 +1,7 @@
 """NumPy's files, read without trusting them, and motions that are written to .npz whole.
 
-No pickles, and nothing larger is made than what a file holds.
+Pickles are not run: texts, numbers, lists, dicts and arrays are taken out of them. Nothing
+larger is made than what a file holds.
 
 A file of ours holds `positions` (frames, joints, 3) in metres with y up, `names`, `rate_hz`,
 `first_frame` and what its joints are, of rigs also `parents`, `offsets`, `ends` and
@@ -9,9 +10,11 @@ A file of ours holds `positions` (frames, joints, 3) in metres with y up, `names
 """
 
 import math
+import struct
 import sys
 import weakref
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -23,7 +26,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 from motionary.files import most_unpacked, open_regular, write_atomically
 from motionary.io.formats.content import FARTHEST, FileContent
-from motionary.io.formats.unpickling import plain_dict, read_pickled
+from motionary.io.formats.pickle_machine import PickleRefusedError, plain, run_pickle
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Event, JointMapping, Motion, Skeleton
@@ -35,6 +38,10 @@ Result = TypeVar("Result")
 
 _FORMAT = 1
 _OWN = FileMetadata("m", "y", noted=())
+
+# What joblib packs: zlib's first byte, and gzip's.
+_PACKED = (b"x", b"\x1f\x8b")
+_ANY_HEADER = 47
 
 # Others inflate without a bound; NumPy writes these two.
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -313,3 +320,50 @@ def write_npz(motion: Motion, path: str | Path) -> None:
         arrays["event_times_s"] = np.array([e.time_s for e in motion.events])
     with write_atomically(path) as beside, beside.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+
+
+# -- pickles, which are not run -----------------------------------------------------------
+
+
+def read_pickled(content: bytes) -> Any:
+    """The object of a pickle, which joblib may have packed.
+
+    `plain` gives the values of its lists and dicts.
+
+    Raises
+    ------
+    PickleRefusedError
+        If the pickle is damaged, or holds anything else.
+    """
+    try:
+        return plain(run_pickle(_inflate(content)))
+    except PickleRefusedError:
+        raise
+    except (IndexError, KeyError, struct.error):
+        raise PickleRefusedError("is cut off, or its instructions make no sense") from None
+    except (ValueError, TypeError, AttributeError, OverflowError, MemoryError) as error:
+        raise PickleRefusedError(str(error).split("\n")[0][:100] or "damaged") from None
+
+
+def _inflate(content: bytes) -> bytes:
+    if not content.startswith(_PACKED):
+        return content
+    most = most_unpacked(len(content))
+    try:
+        unpacked = zlib.decompressobj(_ANY_HEADER).decompress(content, most + 1)
+    except zlib.error:
+        raise PickleRefusedError("is packed and damaged") from None
+    if len(unpacked) > most:
+        raise PickleRefusedError(f"unpacks to more than {most >> 20} MB")
+    return unpacked
+
+
+def plain_dict(value: Any) -> dict[str, Any]:
+    """Names and values of a dict; empty for anything else."""
+    return {key: plain(item) for key, item in value.items()} if isinstance(value, dict) else {}
+
+
+def to_arrays(content: dict[str, Any]) -> dict[str, Array]:
+    """The arrays and numbers of a dict, as arrays."""
+    kinds = (np.ndarray, np.number, float, int)
+    return {key: np.asarray(value) for key, value in content.items() if isinstance(value, kinds)}

@@ -1,6 +1,6 @@
 """Motions in .pkl files of AIST++ and of video tools.
 
-A pickle is a program, so it is not run: `unpickling` takes arrays out of it. Keypoints
+A pickle is a program, so it is not run: `npz` takes arrays out of it. Keypoints
 (`keypoints3d`, 17 of COCO, centimetres) and pose parameters (`smpl_poses`, `smpl_trans`,
 `smpl_scaling`) are read; both have y up and 60 Hz. So are parameters of SMPL bodies of other
 programs, and dicts of several such motions by name.
@@ -18,11 +18,10 @@ from motionary.io.formats.arrays import (
     name_joints,
 )
 from motionary.io.formats.content import FileContent
-from motionary.io.formats.npz import Array
+from motionary.io.formats.npz import Array, plain_dict, read_pickled, to_arrays
 from motionary.io.formats.pickle_machine import PickleRefusedError
 from motionary.io.formats.smpl import check_pose, find_source, pose_content, read_smpl_arrays
 from motionary.io.formats.takes import choose_take, recall
-from motionary.io.formats.unpickling import plain_dict, read_pickled, to_arrays
 from motionary.io.normalise.units import metres_per_unit
 from motionary.io.normalise.units_axes import FileMetadata
 from motionary.io.options import ReadOptions

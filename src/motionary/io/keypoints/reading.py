@@ -4,7 +4,6 @@ A folder for each camera with a JSON for each image (OpenPose, Pose2Sim), or one
 images of a camera (COCO, AlphaPose).
 """
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, UnreadableFile, check_path, describe_cause
-from motionary.files import read_bytes
+from motionary.errors import InvalidInput, UnreadableFile, check_path
 from motionary.io.cameras import natural
 from motionary.io.keypoints.views import COCO, LAYOUTS, OPENPOSE, Place, Views
+from motionary.io.text import read_json
 
 Floats = NDArray[np.float64]
 
@@ -121,7 +120,7 @@ def _read_camera(files: Sequence[Path]) -> list[_Detected]:
 
 
 def _read_file(path: Path) -> list[_Detected]:
-    content = _load(path)
+    content = read_json(path)
     if isinstance(content, dict) and isinstance(content.get("people"), list):
         people = [one.get(OPENPOSE) for one in content["people"] if isinstance(one, dict)]
         return [_detected(_number_of(path.stem), path, list(enumerate(people)))]
@@ -143,13 +142,6 @@ def _read_file(path: Path) -> list[_Detected]:
     for index, one in enumerate(content):
         images.setdefault(one["image_id"], []).append((index, one[COCO]))
     return [_detected(_number_of(named.get(key, key)), path, own) for key, own in images.items()]
-
-
-def _load(path: Path) -> Any:
-    try:
-        return json.loads(read_bytes(path))
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"is no JSON: {describe_cause(error)}", file=path.name) from error
 
 
 def _number_of(name: Any) -> int | None:

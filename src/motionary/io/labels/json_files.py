@@ -21,7 +21,7 @@ from motionary.io.labels.lanes import (
     track_of,
     with_track,
 )
-from motionary.io.text import read_text, stem_of, write_text
+from motionary.io.text import parse_json, read_text, stem_of, write_text
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording, Segment
 
@@ -36,7 +36,7 @@ Item = Mapping[str, Any]
 
 def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
     """Labels of Label Studio, BABEL or Blender, as the file is; see `read_labels`."""
-    content = _parse(read_text(path), Where(file=path.name))
+    content = parse_json(read_text(path), file=path.name)
     try:
         if isinstance(content, dict) and any(
             isinstance(x, dict) and "babel_sid" in x for x in content.values()
@@ -59,13 +59,6 @@ def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
     )
 
 
-def _parse(text: str, where: Where) -> Any:
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFile(f"broken JSON: {describe_cause(error)}", **where) from error
-
-
 # -- lines --------------------------------------------------------------------------------
 
 
@@ -76,7 +69,7 @@ def read_lines(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTr
         if not line.strip():
             continue
         where = Where(file=path.name, place=f"line {number}")
-        row = _parse(line, where)
+        row = parse_json(line, **where)
         try:
             name = str(row["recording"])
             recordings[name] = _recording(name, row)

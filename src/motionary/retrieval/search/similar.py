@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
-from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence, load_everyday_set
+from motionary.features import SEQUENCE_HZ, FeatureSequence, load_everyday_set
 from motionary.features.everyday import TRAVEL
 from motionary.matching import Alignment, Pattern, align, distance_function
 from motionary.matching.windows import (
@@ -298,16 +298,6 @@ def repeats(place: Place, other: Place) -> bool:
     """Whether more than half of the shorter of two places lies within the other."""
     shared = min(place.stop, other.stop) - max(place.start, other.start)
     return 2 * shared >= min(place.stop - place.start, other.stop - other.start)
-
-
-def regions_of(
-    matches: WindowMatches, collection: Collection, numbers: Sequence[int]
-) -> list[FeatureSequence]:
-    """Published features around the best place of some recordings."""
-    return [
-        collection.sequences[number].leading(FULL_BODY).part(*matches.region(number))
-        for number in numbers
-    ]
 
 
 def _starts(n_frames: int, width: int, hop: int) -> list[int]:
