@@ -5,8 +5,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body import Body, Camera, Pose, pose_from_motion, render_depth, shade, skin
+from motionary.body import (
+    Body,
+    Camera,
+    Pose,
+    local_rotations,
+    pose_body,
+    pose_from_motion,
+    render_depth,
+    shade,
+    skin,
+)
 from motionary.motion import Motion
+from motionary.rotations import (
+    quaternions_to_matrices,
+    rotation_vectors_to_quaternions,
+    unit_vectors,
+)
 
 Floats = NDArray[np.float64]
 
@@ -21,13 +36,17 @@ _CLOTHES = {
 WIDTH, HEIGHT, FOCAL = 640, 480, 500.0
 
 
-class Scene(NamedTuple):
-    """Images of a motion (moments, cameras, height, width, 3) in [0, 1], and the true pose."""
+class Rendered(NamedTuple):
+    """Images of a motion (moments, cameras, height, width, 3) in bytes, and the true pose."""
 
     body: Body
     pose: Pose
     cameras: tuple[Camera, ...]
     images: NDArray[np.uint8]
+
+    def moment(self, number: int) -> list[Floats]:
+        """Images of all cameras, in [0, 1]."""
+        return [image / 255.0 for image in self.images[number]]
 
 
 def cameras_around(n_cameras: int, *, far_m: float = 4.5) -> tuple[Camera, ...]:
@@ -41,10 +60,9 @@ def cameras_around(n_cameras: int, *, far_m: float = 4.5) -> tuple[Camera, ...]:
     return tuple(camera.looking_at(np.array(one), np.array([0.0, 0.9, 0.0])) for one in places)
 
 
-def drive(body: Body, motion: Motion, *, first_s: float, seconds: float, rate_hz: float) -> Pose:
-    """Poses of a part of a motion, its middle above the origin, its feet near 0."""
-    start = round(first_s * motion.rate_hz)
-    part = motion.cut(start, min(start + round(seconds * motion.rate_hz), motion.n_frames))
+def drive(body: Body, motion: Motion, *, seconds: float, rate_hz: float) -> Pose:
+    """Poses of the beginning of a motion, its middle above the origin, its feet near 0."""
+    part = motion.cut(0, min(round(seconds * motion.rate_hz), motion.n_frames))
     pose = pose_from_motion(body, part, lengths="kept").pose
     step = max(round(motion.rate_hz / rate_hz), 1)
     turned, joints = pose.rotations[::step], pose.joints[::step]
@@ -53,9 +71,23 @@ def drive(body: Body, motion: Motion, *, first_s: float, seconds: float, rate_hz
     return Pose(turned, joints - middle)
 
 
+def displace(body: Body, pose: Pose, *, angle_deg: float, step_m: float, seed: int) -> Pose:
+    """A pose with each joint turned by so much about any axis, and the body moved."""
+    rng = np.random.default_rng(seed)
+    turns = local_rotations(body, pose)[0]
+    axes = unit_vectors(rng.normal(size=(len(turns), 3)))
+    # Those that hardly show stay.
+    kept = [k for k, name in enumerate(body.names) if name[1:] in ("toes", "hand", "clavicle")]
+    axes[kept] = 0.0
+    vectors = np.radians(angle_deg) * axes
+    step = step_m * unit_vectors(rng.normal(size=3))
+    changes = quaternions_to_matrices(rotation_vectors_to_quaternions(vectors))
+    return pose_body(body, (turns @ changes)[None], pose.joints[:, 0] - body.joints[0] + step)
+
+
 def render(
     body: Body, pose: Pose, cameras: tuple[Camera, ...], *, noise: float, seed: int
-) -> Scene:
+) -> Rendered:
     """Images of all poses; `noise` is the standard deviation of a pixel's channels."""
     rng = np.random.default_rng(seed)
     heaviest = body.surface.weights.argmax(axis=1)
@@ -77,7 +109,7 @@ def render(
             part[hit] = colours[body.faces[seen.faces[hit], 0]] * light[:, None]
             image += rng.normal(0, noise, image.shape)
             images[moment, k] = np.rint(255 * np.clip(image, 0, 1))
-    return Scene(body, pose, cameras, images)
+    return Rendered(body, pose, cameras, images)
 
 
 def paint_wall(rng: np.random.Generator) -> Floats:

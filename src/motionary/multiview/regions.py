@@ -34,6 +34,8 @@ _MOST_EVIDENCE, _LEAST_DENSITY = 2.0, 1e-5
 # So far on both sides of a moved contour colours must part, or it is none.
 _CONTRAST_PX = 3
 _STILL_PX, _MOST_ANGLE = 0.15, 0.3
+# From one moment to the next so much of the last turns and step is expected again.
+_ON_TURNS, _ON_ROOT = 0.6, 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,7 @@ class RegionSettings:
     bins: int = 16
     reach_px: int = 14
     scale_px: float = 8.0
-    turn_prior_m: float = 0.6
+    turn_prior_m: float = 0.3
     most_steps: int = 10
 
 
@@ -79,17 +81,26 @@ def follow_regions(
     *,
     settings: RegionSettings | None = None,
 ) -> Pose:
-    """Poses in images of all cameras, each found from the one before; `start` is near the first.
+    """Poses in images of all cameras, each started from those before; `start` is near the first.
 
     `images` are, moment by moment, one of each camera.
     """
-    poses = []
+    poses: list[Pose] = []
     for together in images:
-        start = fit_regions(body, start, together, cameras, settings=settings)
-        poses.append(start)
+        poses.append(fit_regions(body, start, together, cameras, settings=settings))
+        start = _go_on(body, poses[-2:])
     if not poses:
         raise InvalidInput("regions need images, got none")
     return Pose(*(np.concatenate([one[part] for one in poses]) for part in (0, 1)))
+
+
+def _go_on(body: Body, poses: Sequence[Pose]) -> Pose:
+    """The pose after two, if the body nearly goes on as from the first to the second."""
+    before, now = (_body.local_rotations(body, one) for one in (poses[0], poses[-1]))
+    turned = _ON_TURNS * _vectors(np.swapaxes(before, -1, -2) @ now)
+    moved = _ON_ROOT * (poses[-1].joints[:, 0] - poses[0].joints[:, 0])
+    roots = poses[-1].joints[:, 0] - body.joints[0] + moved
+    return _body.pose_body(body, now @ _matrices(turned), roots)
 
 
 def fit_regions(
@@ -244,15 +255,22 @@ def _step(
         slope += np.einsum("p,pik,pi->k", weights, across, missed, optimize=True)
         sizes.append(camera.to_camera(places)[:, 2] / camera.focal[0])
     now, first = (_body.local_rotations(body, one)[0] for one in (pose, start))
-    between = matrices_to_quaternions(np.swapaxes(first, -1, -2) @ now)
     # The root turns and moves freely.
     joints = np.arange(3, 3 * n)
     matrix[joints, joints] += settings.turn_prior_m**2
-    away = quaternions_to_rotation_vectors(between).ravel()
+    away = _vectors(np.swapaxes(first, -1, -2) @ now).ravel()
     slope[joints] += settings.turn_prior_m**2 * away[joints]
-    change = -np.linalg.solve(matrix, slope)
+    change = np.asarray(np.linalg.solve(matrix, -slope), dtype=np.float64)
     change *= _MOST_ANGLE / max(float(np.abs(change[: 3 * n]).max()), _MOST_ANGLE)
-    turns = quaternions_to_matrices(rotation_vectors_to_quaternions(change[: 3 * n].reshape(n, 3)))
+    turns = _matrices(change[: 3 * n].reshape(n, 3))
     root = pose.joints[0, 0] - body.joints[0] + change[3 * n :]
     moved = np.linalg.norm(np.concatenate(rows) @ change, axis=1) / np.concatenate(sizes)
     return _body.pose_body(body, (now @ turns)[None], root[None]), float(moved.mean())
+
+
+def _vectors(turns: Floats) -> Floats:
+    return quaternions_to_rotation_vectors(matrices_to_quaternions(turns))
+
+
+def _matrices(vectors: Floats) -> Floats:
+    return quaternions_to_matrices(rotation_vectors_to_quaternions(vectors))
