@@ -128,10 +128,6 @@ def _examples(
     return total
 
 
-def _as_float(value: float | str | None) -> float:
-    return np.inf if value == INFINITE else float(value if value is not None else "nan")
-
-
 def medians_of(classes: Mapping[str, Any]) -> dict[str, float]:
     """Median separation of each way; infinite where right hits cost nothing."""
     return {

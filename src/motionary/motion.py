@@ -26,6 +26,8 @@ GENERIC_JOINTS = (
 )  # fmt: skip
 
 Floats = NDArray[np.float64]
+# Frames that are resampled at once: few enough for the cache, and to get the same memory again.
+_BLOCK = 512
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -278,13 +280,9 @@ class Motion(Shown):
 
     def cut(self, first: int, stop: int) -> Self:
         """Frames `first` to `stop` (half-open, counted from 0) as a motion."""
+        remedy = f"for seconds multiply by rate_hz ({self.rate_hz:g}) and round"
         for name, value in (("first", first), ("stop", stop)):
-            check_kind(
-                value,
-                (Integral,),
-                name=name,
-                remedy=f"for seconds multiply by rate_hz ({self.rate_hz:g}) and round",
-            )
+            check_kind(value, (Integral,), name=name, remedy=remedy)
         if not 0 <= first < stop <= self.n_frames:
             raise InvalidInput(
                 f"a cut needs 0 <= first < stop <= {self.n_frames} frames, got {first}, {stop}"
@@ -326,15 +324,13 @@ def forward_kinematics(
     n_frames, n_joints = rotations.shape[:2]
     # Components first and frames last: the arithmetic then runs along frames.
     local = np.moveaxis(rotations, 0, -1)
-    root = root_positions.T
     world = np.empty((n_joints, 3, 3, n_frames))
     positions = np.empty((n_frames, n_joints, 3))
     placed = np.moveaxis(positions, 0, -1)
     for joint, parent in enumerate(skeleton.parents):
         offset = np.atleast_2d(translations.get(joint, skeleton.offsets[joint])).T
         if parent < 0:
-            world[joint] = local[joint]
-            placed[joint] = root + offset
+            world[joint], placed[joint] = local[joint], root_positions.T + offset
             continue
         _multiply(world[parent], local[joint], out=world[joint])
         turning = world[joint if skeleton.ends else parent]
@@ -365,10 +361,9 @@ def resample(positions: Floats, *, rate_hz: float, to_hz: float) -> Floats:
     -------
     array, shape (new frames, ...), first frame at the same time
     """
-    n = positions.shape[0]
-    if rate_hz == to_hz or n == 1:
+    if rate_hz == to_hz or len(positions) == 1:
         return positions
-    n_new = count_resampled(n, rate_hz=rate_hz, to_hz=to_hz)
+    n_new = count_resampled(len(positions), rate_hz=rate_hz, to_hz=to_hz)
     return interpolate(positions, np.arange(n_new), step=rate_hz / to_hz)
 
 
@@ -384,6 +379,9 @@ def interpolate(
 
     `first` is the number of the first of these positions, at least two, in its recording.
     """
+    if len(numbers) > _BLOCK:
+        parts = np.split(numbers, range(_BLOCK, len(numbers), _BLOCK))
+        return np.concatenate([interpolate(positions, n, step=step, first=first) for n in parts])
     at = numbers * step
     last = first + len(positions) - 1
     left = np.minimum(at.astype(np.intp), last - 1)
