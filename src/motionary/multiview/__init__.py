@@ -2,6 +2,7 @@
 
 from motionary.multiview.cameras import Sight, project, see, straighten, undistort
 from motionary.multiview.exchange import LIMBS, Exchange, exchange_sources, find_exchanges
+from motionary.multiview.live import ViewPose, ViewTracker
 from motionary.multiview.poses import PoseMemory, remember_poses
 from motionary.multiview.priors import (
     PRIORS_FILE,
@@ -36,6 +37,8 @@ __all__ = [
     "Tracking",
     "Triangulated",
     "Untangled",
+    "ViewPose",
+    "ViewTracker",
     "derive_priors",
     "exchange_sources",
     "find_contours",

@@ -273,18 +273,17 @@ def _place(rays: _Rays, states: Bools) -> Floats:
 
 def _misses(rays: _Rays, places: Floats, state: Bools | None = None) -> Floats:
     """What rays miss of both limbs (frames, pairs, sides, 3), robust, for each pair: (frames,)."""
-    total = np.zeros(places.shape[0])
-    for camera in range(len(rays.origins)):
-        n, w = rays.directions[camera], rays.weights[camera]
-        if state is not None and state[camera]:
-            n, w = n[:, :, ::-1], w[:, :, ::-1]
-        away = places - rays.origins[camera]
-        depth = (away * n).sum(axis=-1)
-        square = np.maximum((away * away).sum(axis=-1) - depth**2, 0.0)
-        square = square / np.maximum(depth, 0.1) ** 2 * USUAL_FOCAL**2
-        cost = np.nan_to_num(square / (square + _SCALE_PX**2), nan=_COST_ALONE)
-        total += (w * cost).sum(axis=(1, 2))
-    mean: Floats = total / places.shape[1]
+    n, w = rays.directions, rays.weights
+    if state is not None and state.any():
+        n, w = n.copy(), w.copy()
+        n[state], w[state] = n[state][:, :, :, ::-1], w[state][:, :, :, ::-1]
+    away = places - rays.origins[:, None, None, None]
+    depth = (away * n).sum(axis=-1)
+    square = np.maximum((away * away).sum(axis=-1) - depth**2, 0.0)
+    square *= USUAL_FOCAL**2 / np.maximum(depth, 0.1) ** 2
+    cost = square / (square + _SCALE_PX**2)
+    cost[np.isnan(cost)] = _COST_ALONE
+    mean: Floats = (w * cost).sum(axis=(0, 2, 3)) / places.shape[1]
     return mean
 
 

@@ -93,7 +93,7 @@ def track_points(sight: Sight, *, rate_hz: float, n_passes: int = _N_PASSES) -> 
         )  # fmt: skip
         passes.append(points_of(chain, pose))
     own = of_chain(right, chain)
-    pull = bridge_gaps(chain.points, passes[-1], _confidence(own, passes[-1]), settings)
+    pull = bridge_gaps(chain.points, passes[-1], tell_confidence(own, passes[-1]), settings)
     if pull.matrices.any():
         pose = solve_chain(
             chain, pose, own, scales_m=_PASS_SCALES * 2, rate_hz=rate_hz, settings=settings,
@@ -104,12 +104,12 @@ def track_points(sight: Sight, *, rate_hz: float, n_passes: int = _N_PASSES) -> 
         own, passes[-1], rate_hz=rate_hz, settings=settings, scale_m=_FREE_SCALE, pull=pull
     )
     return TrackedPoints(
-        chain, pose, points, _confidence(own, points), exchanges, found, tuple(passes),
+        chain, pose, points, tell_confidence(own, points), exchanges, found, tuple(passes),
         settings, own,
     )  # fmt: skip
 
 
-def _confidence(sight: Sight, points: Floats) -> Floats:
+def tell_confidence(sight: Sight, points: Floats) -> Floats:
     """How well views tell points: 1 where two whole rays or more agree, (frames, points)."""
     told: Floats = ray_weights(sight, points, _FREE_SCALE).sum(axis=0) / 2
     return np.minimum(told, 1.0)
