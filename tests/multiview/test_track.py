@@ -1,18 +1,23 @@
 """A person tracked in synthetic views of a walk."""
 
+import json
+
 import numpy as np
 import pytest
 
 import motionary as mo
 from cli_cases import run
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.keypoints import Views
 from motionary.multiview.chain import linearise, measure_chain, move, points_of, pose_points
+from motionary.reporting import report_tracking
 from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
 from view_cases import (
     NAMES,
     as_calibrated,
     detect,
     exchange,
+    pinhole,
     ring,
     walker,
     write_openpose,
@@ -44,8 +49,12 @@ def to_y_up(points):
     return points[..., [1, 2, 0]]
 
 
-def test_the_track_is_near_the_truth_and_has_no_gaps(session):
-    found = mo.track(session / "pose", session / "calib.toml", rate_hz=60)
+@pytest.fixture(scope="module")
+def found(session):
+    return mo.track(session / "pose", session / "calib.toml", rate_hz=60)
+
+
+def test_the_track_is_near_the_truth_and_has_no_gaps(found):
     names = found.motion.names
     truth = to_y_up(walker(FRAMES))[:, [NAMES.index(name) for name in names]]
     far = np.linalg.norm(found.motion.positions - truth, axis=-1)
@@ -61,15 +70,47 @@ def test_the_track_is_near_the_truth_and_has_no_gaps(session):
 
 @pytest.mark.parametrize("suffix", [".trc", ".bvh"])
 def test_the_command_writes_what_can_be_read(session, tmp_path, capsys, monkeypatch, suffix):
-    path = tmp_path / f"walk{suffix}"
-    given = ("--cameras", session / "calib.toml", "--rate", "60", "-o", path)
+    path, table = tmp_path / f"walk{suffix}", tmp_path / "confidence.csv"
+    given = ("--cameras", session / "calib.toml", "--rate", "60", "-o", path,
+             "--report", tmp_path / "walk.html", "--confidence", table)  # fmt: skip
     done = run(capsys, monkeypatch, "track", session / "pose", *given)
     assert (done.code, "sliding" in done.out) == (0, True)
+    rows = [row.split(",") for row in table.read_text().splitlines()]
+    assert len(rows) == FRAMES + 1
+    assert float(rows[15][rows[0].index("LWrist")]) < 0.05
+    assert (tmp_path / "walk.html").stat().st_size > 100_000
     motion = mo.read(path)
     joint = "LKnee" if suffix != ".bvh" else "lknee"
     truth = to_y_up(walker(FRAMES))[:, NAMES.index("LKnee")]
     far = np.linalg.norm(motion.positions[:, motion.names.index(joint)] - truth, axis=-1)
     assert far.mean() < 0.03
+
+
+def test_a_page_shows_the_track_as_each_camera_saw_it(found, tmp_path):
+    """Places and lenses on the page put points where the cameras have them."""
+    Image = pytest.importorskip("PIL.Image")
+    for camera in range(4):
+        folder = tmp_path / f"cam{camera + 1}_json"
+        folder.mkdir()
+        for frame in range(FRAMES):
+            Image.new("RGB", (64, 36), (0, 8 * frame, 0)).save(folder / f"{frame:03d}.png")
+    text = report_tracking(found, images=tmp_path).text
+    content = json.loads(text.split('id="content">')[1].split("</script>")[0])
+    (recording,) = content["recordings"]
+    assert [lane["name"] for lane in recording["lanes"]] == ["sides"]
+    assert len(recording["views"]) == 4
+    points = walker(FRAMES)[0]
+    for view, camera in zip(recording["views"], ring(), strict=True):
+        away = (to_y_up(points) - view["place"]) @ np.array(view["axes"]).T
+        pixels = away[:, :2] * [1, -1] / -away[:, 2:] * view["focal"] + view["centre"]
+        assert pixels == pytest.approx(pinhole(camera, points), abs=0.5)
+        assert len(view["images"]) == 5
+        assert f'id="{view["images"][-1]}"' in text
+    (tmp_path / "cam1_json" / "000.png").unlink()
+    with pytest.raises(InvalidInput, match="an image for each of 30 frames, got 29"):
+        report_tracking(found, images=tmp_path)
+    with pytest.raises(UnreadableFile, match="no folder of images"):
+        report_tracking(found, images=tmp_path / "cam1_json")
 
 
 def test_exchanges_are_told_by_the_frames_of_each_cameras_own_images():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import Excel, Force, check_target
+from motionary.cli.options import Excel, Force, check_page, check_target
 from motionary.errors import InvalidInput, UnwritableFile
 
 if TYPE_CHECKING:
@@ -49,6 +49,37 @@ class ViewOptions:
     synchronise: Annotated[
         bool, typer.Option(help="Move images of cameras that are late or early.")
     ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackOptions(ViewOptions):
+    """What is recognised, and what is written beside the motion."""
+
+    library: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Classes of motion: recognised, they hold feet and lend poses; 'everyday' ships.",
+        ),
+    ] = None
+    labels: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Write what was recognised, with --library.")
+    ] = None
+    confidence: Annotated[
+        str | None,
+        typer.Option(metavar="CSV", help="Write how well views tell each point, 0 to 1, by frame."),
+    ] = None
+    report: Annotated[
+        str | None,
+        typer.Option(metavar="HTML", help="Write a page that plays it, also as cameras see it."),
+    ] = None
+    images: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="With --report: images behind the body, a folder for each camera.",
+        ),
+    ] = None
 
 
 def untangle(
@@ -102,17 +133,7 @@ def track(
         str,
         typer.Option("--output", "-o", metavar="FILE", help="The motion: .trc, .c3d, .bvh, .npz."),
     ],
-    options: ViewOptions,
-    library: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Classes of motion: recognised, they hold feet and lend poses; 'everyday' ships.",
-        ),
-    ] = None,
-    labels: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Write what was recognised, with --library.")
-    ] = None,
+    options: TrackOptions,
     force: Force = False,
 ) -> int:
     """Track a person in keypoints of several calibrated cameras.
@@ -123,17 +144,21 @@ def track(
     `PoseMemory.save` writes; without that file, those of the recording itself.
 
     motionary track pose --cameras Calib.toml --rate 60 -o walk.trc
+    motionary track pose --cameras Calib.toml --rate 60 -o walk.trc --report walk.html
     """
     from motionary.io import write, write_labels
     from motionary.io.keypoints import read_keypoints
     from motionary.multiview import track as find
 
-    for target in (output, labels):
+    for target in (output, options.labels, options.confidence):
         check_target(target, replace=force)
-    if labels is not None and library is None:
+    check_page("--report", options.report, replace=force)
+    if options.labels is not None and options.library is None:
         raise InvalidInput("--labels needs --library: the classes to be recognised")
+    if options.images is not None and options.report is None:
+        raise InvalidInput("--images goes with --report HTML")
     views = read_keypoints(keypoints, layout=options.layout, person=options.person)
-    known, memory, named = _read_library(library)
+    known, memory, named = _read_library(options.library)
     found = find(
         views, options.cameras, rate_hz=options.rate, library=known, memory=memory, named=named,
         unit=options.unit, synchronise=options.synchronise,
@@ -141,12 +166,31 @@ def track(
     rigged = Path(output).suffix.lower() == ".bvh"
     write((found.rig if rigged else found.motion).renamed(Path(output).stem), output)
     _show(found)
-    if labels is not None and found.labels is not None:
-        write_labels([found.labels], labels)
+    if options.labels is not None and found.labels is not None:
+        write_labels([found.labels], options.labels)
+    if options.confidence is not None:
+        _write_confidence(found, options.confidence)
+    if options.report is not None:
+        from motionary.reporting import report_tracking
+
+        report_tracking(found, options.report, images=options.images, title=Path(output).stem)
+        screen.say_size(options.report)
     for note in found.notes:
         screen.warn(note)
     screen.say(f"{views.n_frames} frames written to {output}")
     return 0
+
+
+def _write_confidence(found: "Tracking", path: str) -> None:
+    """A row for each frame, a column for each point."""
+    from motionary.files import write_atomically
+
+    motion = found.motion
+    lines = [",".join(("frame", *motion.names))]
+    for frame, row in enumerate(found.confidence, start=motion.recording.first_frame):
+        lines.append(",".join((str(frame), *(f"{value:.3f}" for value in row))))
+    with write_atomically(path) as beside:
+        beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _read_library(

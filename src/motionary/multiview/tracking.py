@@ -5,7 +5,7 @@ exchanges are decided anew against the chain and all frames are solved together.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -228,6 +228,8 @@ class Tracking:
     rig : the chain with its turns, for formats that hold rigs; bones of constant length
     confidence : array, shape (frames, points): 1 where two views or more agree, 0 where none tells
     exchanges : exchanged sides as labels
+    cameras : in metres, in the axes of the motion
+    offsets : by how many frames each camera's images are late
     before, after : steadiness of triangulated and of tracked points
     floor_m : height of the floor; None if no foot is seen
     labels : what was recognised, with a library; None without
@@ -239,6 +241,8 @@ class Tracking:
     rig: Motion
     confidence: Floats
     exchanges: LabelTrack
+    cameras: tuple[CalibratedCamera, ...]
+    offsets: tuple[int, ...]
     before: Steadiness
     after: Steadiness
     floor_m: float | None
@@ -301,6 +305,16 @@ def track(
         _rig(found, recording),
         found.confidence,
         label_exchanges(exchanges, views.cameras, recording),
+        tuple(
+            replace(
+                one,
+                name=name,
+                rotation=one.rotation @ upright.T,
+                translation=one.translation * fitted.unit_m,
+            )
+            for name, one in zip(views.cameras, fitted.cameras, strict=True)
+        ),
+        tuple(fitted.offsets.tolist()),
         before,
         after,
         floor,

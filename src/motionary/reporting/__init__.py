@@ -7,6 +7,7 @@ from motionary.reporting.galleries import Judging, MotionFiles, Motions, rank_am
 from motionary.reporting.html import Page
 from motionary.reporting.lanes import Lane
 from motionary.reporting.recordings import Tracks, report
+from motionary.reporting.tracking import report_tracking
 
 __all__ = [
     "PAGE_HZ",
@@ -21,4 +22,5 @@ __all__ = [
     "report_comparison",
     "report_hits",
     "report_library",
+    "report_tracking",
 ]

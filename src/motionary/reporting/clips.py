@@ -55,7 +55,9 @@ class _Body(NamedTuple):
     sides: list[str]
 
 
-def make_clip(motion: Motion, *, key: str, rate_hz: float = PAGE_HZ) -> Clip:
+def make_clip(
+    motion: Motion, *, key: str, rate_hz: float = PAGE_HZ, seen: Motion | None = None
+) -> Clip:
     """A motion at the page's rate.
 
     Parameters
@@ -63,13 +65,17 @@ def make_clip(motion: Motion, *, key: str, rate_hz: float = PAGE_HZ) -> Clip:
     motion : whose joints may be unmapped: then its own are drawn
     key : begins the names of its blocks; unique in the page
     rate_hz : most frames a second that are kept
+    seen : the motion without what was not seen, where the motion says where that was
     """
     page_hz = min(rate_hz, motion.rate_hz)
     body = _body_of(motion)
-    positions = resample(body.positions, rate_hz=motion.rate_hz, to_hz=page_hz)
-    known: Bools = np.asarray(~np.isnan(positions).any(axis=2))
+    positions, told = (
+        resample(one.positions, rate_hz=motion.rate_hz, to_hz=page_hz)
+        for one in (body, body if seen is None else _body_of(seen))
+    )
+    known: Bools = np.asarray(~np.isnan(told).any(axis=2))
     ever: Bools = np.asarray(known.any(axis=0))
-    filled = _fill(positions, known, body.bones)
+    filled = _fill(positions, np.asarray(~np.isnan(positions).any(axis=2)), body.bones)
     piece = max(1, round(_PIECE_S * page_hz))
     blocks = [
         Block(f"{key}-{i}", encode_positions(filled[at : at + piece], known[at : at + piece]))

@@ -77,6 +77,7 @@ class Player extends Clock {
     this.loopButton.title = "Loop the chosen part";
     this.loopButton.setAttribute("aria-label", this.loopButton.title);
     this.followButton = button("follow", "Follow the body", () => this.setFollow(!this.view.follow), { "aria-pressed": "true" });
+    this.eyeChoice = h("select", { "aria-label": "Seen from", onchange: () => this.setEye(Number(this.eyeChoice.value)) });
     this.range = h("output", { class: "range", "aria-label": "Chosen part" });
     this.copied = h("span", { class: "soft", role: "status" });
     this.curveChoice = h("details", { class: "curves" });
@@ -85,7 +86,7 @@ class Player extends Clock {
       button("◁", "One frame back", () => this.step(-1)),
       this.playButton,
       button("▷", "One frame on", () => this.step(1)),
-      this.loopButton, this.followButton, this.speedChoice,
+      this.loopButton, this.followButton, this.eyeChoice, this.speedChoice,
       button("[", "The chosen part starts here", () => this.markLoop(0)),
       button("]", "The chosen part ends here", () => this.markLoop(1)),
       h("span", { class: "group" }, this.range,
@@ -107,6 +108,10 @@ class Player extends Clock {
     const rate = model.rate_hz ? `${Number(model.rate_hz.toFixed(2))} Hz, frames ${model.first_frame}–${model.first_frame + model.n_frames - 1}` : "";
     this.facts.textContent = `${formatTime(model.duration_s)} ${model.duration_s >= 60 ? "min" : "s"}, ${rate}`;
     this.view.setBodies(model.clips.filter((clip) => clip.nJoints).map((clip) => clip.recording));
+    const views = model.views || [];
+    this.eyeChoice.hidden = !views.length;
+    this.eyeChoice.replaceChildren(...["any side", ...views.map((view) => view.name)].map((name, i) => h("option", { value: String(i - 1) }, name)));
+    this.setEye(-1);
     this.setLoops(false);
     this.labels.setRecording(model);
     if (model.other) this.why.list("What differs most", model.other.summary);
@@ -168,6 +173,7 @@ class Player extends Clock {
     const { held, failed } = this.why.at(this.time);
     this.view.bodies.forEach((body) => body.mark(held, failed));
     this.view.show(poses);
+    this.view.showImage(this.time);
     this.timeline.setTime(this.time, this.playing);
     const readouts = this.clips.map((clip, i) => `${formatTime(times[i])} s  ·  frame ${frameAt(clip.recording, times[i])}`);
     this.readout.textContent = readouts[0];
@@ -195,6 +201,11 @@ class Player extends Clock {
   setFollow(on) {
     this.view.follow = on;
     this.followButton.setAttribute("aria-pressed", String(on));
+  }
+
+  setEye(index) {
+    this.view.setEye(index < 0 ? null : this.model.views[index]);
+    this.seek(this.time);
   }
 
   markLoop(end) {

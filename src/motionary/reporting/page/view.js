@@ -4,7 +4,9 @@ class View {
   constructor(host) {
     this.host = host;
     this.canvas = h("canvas", { class: "view-canvas", tabindex: "0", role: "img", "aria-label": "The body in three dimensions; drag to turn, scroll to come nearer" });
-    host.append(this.canvas);
+    this.image = h("img", { class: "view-image", alt: "", hidden: true });
+    host.append(this.image, this.canvas);
+    this.eye = null;
     this.follow = true;
     this.recordings = [];
     this.bodies = [];
@@ -28,7 +30,7 @@ class View {
     this.controls.addEventListener("change", () => (this.dirty = true));
     this.target = new THREE.Vector3();
     new ResizeObserver(() => this.resize()).observe(this.host);
-    this.resize();
+    this.setEye(this.eye);
     this.setBodies(this.recordings);
   }
 
@@ -38,7 +40,42 @@ class View {
     this.drawing.renderer.setSize(width, height);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    if (this.eye) this.aim(width, height);
     this.dirty = true;
+  }
+
+  // Look as a calibrated camera does, its image behind the body; null looks freely again.
+  setEye(eye) {
+    this.eye = eye;
+    this.image.hidden = !eye || !eye.images.length;
+    this.image.dataset.name = "";
+    if (!this.drawing) return;
+    this.controls.enabled = !eye;
+    this.ground.grids.forEach((grid) => (grid.visible = this.image.hidden));
+    this.eyeCamera = eye ? new THREE.PerspectiveCamera() : null;
+    this.resize();
+  }
+
+  // The whole image fits into the view; its pixels lie where the camera has them.
+  aim(width, height) {
+    const { place, axes, focal, centre, size } = this.eye, camera = this.eyeCamera, near = 0.05;
+    const scale = Math.min(width / size[0], height / size[1]);
+    const x = scale * (centre[0] - size[0] / 2), y = scale * (centre[1] - size[1] / 2);
+    const across = near / (scale * focal[0]), up = near / (scale * focal[1]);
+    camera.matrixAutoUpdate = false;
+    camera.matrix.makeBasis(...axes.map((axis) => new THREE.Vector3(...axis))).setPosition(...place);
+    camera.matrixWorldNeedsUpdate = true;
+    camera.projectionMatrix.makePerspective(-(width / 2 + x) * across, (width / 2 - x) * across, (height / 2 + y) * up, -(height / 2 - y) * up, near, 200, camera.coordinateSystem);
+    camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
+  }
+
+  showImage(seconds) {
+    if (!this.eye || !this.eye.images.length) return;
+    const { images, images_hz } = this.eye;
+    const name = images[clamp(Math.floor(seconds * images_hz), 0, images.length - 1)];
+    if (this.image.dataset.name === name) return;
+    this.image.dataset.name = name;
+    this.image.src = `data:image/jpeg;base64,${document.getElementById(name).textContent}`;
   }
 
   // Other bodies in place of those shown; the camera looks from their front right.
@@ -113,7 +150,7 @@ class View {
   draw() {
     if (!this.drawing || !this.drawing.isDue(this.dirty)) return;
     this.dirty = false;
-    this.drawing.renderer.render(this.scene, this.camera);
+    this.drawing.renderer.render(this.scene, this.eyeCamera || this.camera);
     this.names.forEach((name, i) => this.nameBody(name, this.bodies[i]));
   }
 
