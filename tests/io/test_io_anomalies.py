@@ -9,6 +9,7 @@ import pytest
 from motionary import read, write
 from motionary.io.normalise.anomalies import find_anomalies
 from motionary.io.normalise.gaps import find_zeros
+from motionary.io.normalise.jumps import track_points
 from motionary.motion import GENERIC_JOINTS
 from motionary.samples import synthetic_motion
 
@@ -70,6 +71,16 @@ def test_what_no_body_does_is_told_with_its_place(plant, ending, tmp_path):
     write(replace(motion, positions=places), tmp_path / f"a{ending}")
     notes = read(tmp_path / f"a{ending}").notes
     assert [note for note in notes if re.search(PLANTED[plant], note)], notes
+
+
+def test_nothing_is_above_the_root_of_a_rig():
+    motion = synthetic_motion("walk", seed=3)
+    track = track_points(motion, 0)
+    above = dict(zip(track.names, track.above, strict=True))
+    root = motion.skeleton.names[0]
+    assert motion.skeleton.parents[0] == -1
+    assert above[root] == -1
+    assert track.names[above["lknee"]] == "lhip"
 
 
 def test_a_limb_that_is_fast_still_has_bones():

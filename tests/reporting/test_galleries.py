@@ -4,6 +4,7 @@ import html
 import json
 import re
 from dataclasses import replace
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from motionary.errors import InvalidInput
 from motionary.features import load_everyday_set
 from motionary.labels import Label, LabelTrack
 from motionary.motion import Motion
+from motionary.plots import style
 from motionary.recording import Recording
 from motionary.reporting import report_hits, report_library
 from motionary.reporting.classes import find_confusions
@@ -218,3 +220,12 @@ def test_notebooks_show_motions_labels_and_hits_in_a_frame(motions, result):
     of_features = search(squat, [compute_features(squat)])
     with pytest.raises(InvalidInput, match="features have no positions"):
         of_features.show()
+
+
+def test_cells_of_templates_have_the_colours_of_their_pictures():
+    folder = resources.files("motionary.reporting") / "page"
+    rules = (folder / "style.css").read_text("utf-8")
+    colours = {"bar-yes": style.WHITE, "bar-no": style.BLACK, "bar-free": style.FREE}
+    for name, colour in colours.items():
+        (rule,) = re.findall(rf"^\.{name}\b.*\{{ background: (#\w+)", rules, re.MULTILINE)
+        assert rule.upper() == colour

@@ -88,12 +88,14 @@ def _above(motion: Motion, names: Sequence[str]) -> tuple[int, ...]:
     """Of each point of a rig, which of the points is the nearest joint above; -1 for none."""
     if motion.skeleton is None:
         return ()
-    parents, place = motion.skeleton.parents.tolist(), {n: i for i, n in enumerate(names)}
-    index = {name: i for i, name in enumerate(motion.skeleton.names)}
-    return tuple(
-        place.get(motion.skeleton.names[parents[index[name]]], -1) if name in index else -1
-        for name in names
-    )
+    skeleton, place = motion.skeleton, {name: i for i, name in enumerate(names)}
+    # A root's parent is -1, which must not count from the end.
+    above = {
+        name: place.get(skeleton.names[parent], -1)
+        for name, parent in zip(skeleton.names, skeleton.parents.tolist(), strict=True)
+        if parent >= 0
+    }
+    return tuple(above.get(name, -1) for name in names)
 
 
 def find_partners(track: Track) -> Indices:

@@ -232,7 +232,7 @@ class Gallery extends Clock {
   }
 }
 
-// What a template asks for, a row each feature: filled where it must hold, hollow where not.
+// What a template asks for, a row each feature: white where it must hold, black where not.
 class Template {
   constructor(asked, seek) {
     const features = new Map();
@@ -254,7 +254,7 @@ class Template {
     });
     this.element = h("div", {},
       h("ul", { class: "template-rows" }, lines),
-      h("p", { class: "soft" }, h("span", { class: "swatch bar-yes" }), " must hold ", h("span", { class: "swatch bar-no" }), " must not; elsewhere it is free"));
+      h("p", { class: "soft" }, h("span", { class: "swatch bar-yes" }), " must hold ", h("span", { class: "swatch bar-no" }), " must not ", h("span", { class: "swatch bar-free" }), " free"));
   }
 
   setPhase(phase) {
