@@ -292,14 +292,14 @@ def pair(
     points: Floats,
     weighing: tuple[float, float, float],
 ) -> tuple[Floats, Floats, Floats]:
-    """Pulls of points and vertices on each other, summed by vertex; see `solving.pair`."""
+    """Pulls of points and vertices on each other, by vertex; points sorted by their height."""
     scale, along, outward = weighing
     n = len(vertices)
     pulls, misses, counts = np.zeros((n, 9)), np.zeros(n), np.zeros(n)
     seen = np.flatnonzero(visible)
     if len(seen) == 0:
         return pulls, misses, counts
-    order, sorted_vertices = _by_height(vertices, seen)
+    order, sorted_vertices = by_height(vertices, seen)
     for k in range(len(points)):
         j, square = _nearest(sorted_vertices, points[k])
         v = order[j]
@@ -311,17 +311,16 @@ def pair(
     for v in pulling:
         total += visible[v]
     outward *= len(points) / max(total, 1)
-    order, sorted_points = _by_height(points, np.arange(len(points)))
     for v in pulling:
         if visible[v]:
-            k, square = _nearest(sorted_points, vertices[v])
+            k, square = _nearest(points, vertices[v])
             weight = outward / (1.0 + square / scale**2)
-            _pull(pulls, v, weight, 1.0, normals[v], sorted_points[k], vertices[v])
+            _pull(pulls, v, weight, 1.0, normals[v], points[k], vertices[v])
     return pulls, misses, counts
 
 
 @njit(cache=True, error_model="numpy")
-def _by_height(places: Floats, which: Indices) -> tuple[Indices, Floats]:
+def by_height(places: Floats, which: Indices) -> tuple[Indices, Floats]:
     """Some places by their height, lowest first, and which they are."""
     heights = np.empty(len(which))
     for k in range(len(which)):

@@ -4,9 +4,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from motionary.depth._compiled import pair, see
+from motionary.depth._compiled import by_height, pair, see
 
-__all__ = ["gather", "hold", "move", "pair", "place", "see", "skin", "solve"]
+__all__ = ["fit", "place", "skin"]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -60,6 +60,47 @@ def skin(
                     + steps[bone, i]
                 )
     return result
+
+
+@njit(cache=True, error_model="numpy")
+def fit(
+    body: tuple[Indices, Floats, Floats, Indices, Floats],
+    cover: tuple[Indices, Floats, Indices, Indices],
+    scene: tuple[Floats, Floats, tuple[Floats, Floats, Floats]],
+    prior: tuple[Floats, Floats],
+    numbers: tuple[float, float, float, float, float, float, float],
+    steps: int,
+    turns: Floats,
+    root: Floats,
+) -> tuple[Floats, NDArray[np.bool_], Floats, Floats]:
+    """All steps of a fit, turns and root in place; see `solving.fit`."""
+    parents, joints, rest, bones, weights = body
+    owners, normals, active, pulling = cover
+    points, depth, eye = scene
+    scale, along, outward, hold_weight, damping, hiding, least = numbers
+    facing = np.empty_like(rest)
+    # Points do not move: they are sorted once.
+    ranked = by_height(points, np.arange(len(points)))[1]
+    for _ in range(steps):
+        turned, placed = place(parents, joints, turns, root)
+        vertices = skin(joints, rest, bones, weights, turned, placed)
+        for v in range(len(rest)):
+            own, normal = turned[owners[v]], normals[v]
+            for i in range(3):
+                facing[v, i] = own[i, 0] * normal[0] + own[i, 1] * normal[1] + own[i, 2] * normal[2]
+        visible = see(vertices, facing, eye, depth, hiding)
+        pulls, misses, counts = pair(
+            vertices, facing, visible, pulling, ranked, (scale, along, outward)
+        )
+        system, slope = gather(parents, bones, weights, active, placed, vertices, pulls)
+        hold(parents, active, turns, turned, prior, hold_weight, system, slope)
+        for i in range(len(slope)):
+            system[i, i] += damping
+        change = solve(system, slope)
+        move(parents, active, turned, change, turns, root)
+        if np.abs(change).max() < least:
+            break
+    return system, visible, misses, counts
 
 
 @njit(cache=True, error_model="numpy")

@@ -39,7 +39,8 @@ class SurfaceSettings:
     ----------
     points : of the cloud that pull, at most
     vertices : that pull in their turn, at most
-    steps : of Gauss-Newton
+    steps : of Gauss-Newton, at most
+    converged : the fit ends where nothing changes by as much, in metres or radians
     scale_m : distances much beyond it count little
     along : how much a pull counts along the surface, beside 1 across it
     outward : how much the vertices' pulls count beside the points'
@@ -50,6 +51,7 @@ class SurfaceSettings:
     points: int = 600
     vertices: int = 300
     steps: int = 6
+    converged: float = 0.01
     scale_m: float = 0.1
     along: float = 0.3
     outward: float = 0.5
@@ -167,24 +169,20 @@ def fit_pose(
     engine : which twin computes
     """
     kernels: Any = load_twin(_COMPILED, engine, pays=True) or solving
-    body, active = surface.body, surface.active
+    body = surface.body
     parents, joints, (rest, bones, weights, _) = body.parents, body.joints, body.surface
-    eye = unpack_camera(camera)
-    weighing = (settings.scale_m, settings.along, settings.outward)
-    prior = (surface.mean, surface.precision)
+    numbers = (
+        settings.scale_m, settings.along, settings.outward, settings.prior, settings.damping,
+        _HIDING_M, settings.converged,
+    )  # fmt: skip
     turns, root = state.turns.copy(), state.root.copy()
-    for _ in range(settings.steps if steps is None else steps):
-        turned, placed = kernels.place(parents, joints, turns, root)
-        vertices = kernels.skin(joints, rest, bones, weights, turned, placed)
-        facing = np.einsum("vij,vj->vi", turned[surface.owners], surface.normals)
-        visible = kernels.see(vertices, facing, eye, depth, _HIDING_M)
-        pulls, misses, counts = kernels.pair(
-            vertices, facing, visible, surface.pulling, points, weighing
-        )
-        system, slope = kernels.gather(parents, bones, weights, active, placed, vertices, pulls)
-        kernels.hold(parents, active, turns, turned, prior, settings.prior, system, slope)
-        system[np.diag_indices(len(system))] += settings.damping
-        kernels.move(parents, active, turned, kernels.solve(system, slope), turns, root)
+    system, visible, misses, counts = kernels.fit(
+        (parents, joints, rest, bones, weights),
+        (surface.owners, surface.normals, surface.active, surface.pulling),
+        (points, depth, unpack_camera(camera)),
+        (surface.mean, surface.precision),
+        numbers, settings.steps if steps is None else steps, turns, root,
+    )  # fmt: skip
     n = len(parents)
     pulls_of = np.bincount(surface.owners, counts, n).astype(np.float64)
     misses_of = np.bincount(surface.owners, misses, n) / np.maximum(pulls_of, 1.0)

@@ -23,6 +23,7 @@ Indices = NDArray[np.intp]
 REACH_PX, REACH_M, REACH_STEP = 1.5, 0.015, 3.1e-3
 _LEAST_COMPONENT = 15
 _LONGEST_JOINT_M = 0.5
+_EVERY = 3
 N_EXTREMA = 20
 
 
@@ -155,7 +156,8 @@ def _join(
     others = components[components != largest]
     if not len(others):
         return np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0)
-    torso = np.flatnonzero(labels == largest)
+    # Every third point of the torso: some pixel's width more or less makes no joint another one.
+    torso = np.flatnonzero(labels == largest)[::_EVERY]
     tree = cKDTree(points[torso], balanced_tree=False, compact_nodes=False)
     pairs = []
     for component in others:

@@ -22,9 +22,11 @@ _TYPICAL = {
     "upperarm": 0.024, "forearm": 0.042, "hand": 0.049, "thigh": 0.020, "shank": 0.019,
     "foot": 0.030, "toes": 0.032,
 }  # fmt: skip
-# Expected error: a power of what the image is off by around the joint, and by and large.
+# Expected error: powers of what the image is off by around the joint, and by and large, of the
+# joint's usual error, and of how far it moved; fitted to HDM05's bd and dg, rendered.
 _AROUND_M = 0.12
-_CONSTANT, _BY_AROUND, _BY_COST, _BY_TYPICAL = 12.0, 0.5, 0.5, 0.8
+_CONSTANT, _BY_AROUND, _BY_COST, _BY_TYPICAL, _BY_STEP = 5.4, 0.20, 0.78, 0.44, 0.125
+_FLOOR_M, _STEP_FLOOR_M = 0.003, 0.01
 # Confidence halves where the expected error is this.
 _HALF_M = 0.06
 _SMALLEST_M, _LARGEST_M = 0.7, 2.6
@@ -36,6 +38,8 @@ def judge_pose(
     support: Support | None,
     comparison: Comparison,
     camera: Camera,
+    *,
+    moved: Floats,
 ) -> Floats:
     """How sure each joint is (joints,), in [0, 1], by what the image is off from the pose near it.
 
@@ -46,6 +50,7 @@ def judge_pose(
     support : of the fit; joints without a visible vertex below them are less sure
     comparison : of the rendered pose and the image of `camera`
     camera : of the small image
+    moved : array, shape (joints,), metres from the last image to this one
     """
     names = surface.body.names
     typical = np.array([_TYPICAL.get(name, _TYPICAL.get(name[1:], 0.03)) for name in names])
@@ -59,7 +64,13 @@ def judge_pose(
     counts = near.sum(axis=1)
     around = np.where(counts > 0, (near * apart).sum(axis=1) / np.maximum(counts, 1), 0.15)
     cost = float(comparison.costs[0])
-    expected = _CONSTANT * around**_BY_AROUND * cost**_BY_COST * typical**_BY_TYPICAL
+    expected = (
+        _CONSTANT
+        * (around + _FLOOR_M) ** _BY_AROUND
+        * (cost + _FLOOR_M) ** _BY_COST
+        * typical**_BY_TYPICAL
+        * (moved + _STEP_FLOOR_M) ** _BY_STEP
+    )
     if support is not None:
         n = len(names)
         seen = np.bincount(surface.owners, support.visible, n)

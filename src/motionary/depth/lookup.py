@@ -72,11 +72,11 @@ class Candidates(NamedTuple):
     roots: Floats
     costs: Floats
 
-    def state(self, lookup: Lookup, which: int) -> State:
-        """A candidate as a start of a fit."""
-        turns = expand_turns(lookup.body, lookup.turns[self.poses[which], None])[0]
-        turns[0] = turn_about_up(self.heading) @ turns[0]
-        return State(turns, self.roots[which].copy())
+    def first_states(self, lookup: Lookup, n: int) -> list[State]:
+        """The first n candidates, or all if they are fewer, as starts of fits."""
+        turns = expand_turns(lookup.body, lookup.turns[self.poses[:n]])
+        turns[:, 0] = turn_about_up(self.heading) @ turns[:, 0]
+        return [State(*one) for one in zip(turns, self.roots[:n].copy(), strict=True)]
 
 
 def make_lookup(body: Body, database: PoseDatabase, *, scale: float = 1.0) -> Lookup:
@@ -241,7 +241,9 @@ LIMBS = (
 UNEXPLAINED_M = 0.12
 
 
-def reach(surface: Surface, state: State, ends: Floats, target: Floats) -> list[State]:
+def reach(
+    surface: Surface, state: State, ends: Floats, target: Floats, *, engine: Engine = "numpy"
+) -> list[State]:
     """The pose with one limb after the other stretched to a point, where it is long enough.
 
     Parameters
@@ -250,8 +252,9 @@ def reach(surface: Surface, state: State, ends: Floats, target: Floats) -> list[
     state : the pose
     ends : array, shape (5, 3), of the pose
     target : array, shape (3,)
+    engine : which twin computes
     """
-    turned, placed = place_surface(surface, state)
+    turned, placed = place_surface(surface, state, engine=engine)
     body = surface.body
     found = []
     for upper, lower, end in LIMBS:

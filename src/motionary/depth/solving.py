@@ -3,6 +3,8 @@
 Pulls on a vertex are nine numbers: the six of a symmetric matrix W, and W times the way to go.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,6 +43,55 @@ def skin(
     return result
 
 
+def fit(
+    body: tuple[Indices, Floats, Floats, Indices, Floats],
+    cover: tuple[Indices, Floats, Indices, Indices],
+    scene: tuple[Floats, Floats, tuple[Floats, Floats, Floats]],
+    prior: tuple[Floats, Floats],
+    numbers: tuple[float, float, float, float, float, float, float],
+    steps: int,
+    turns: Floats,
+    root: Floats,
+) -> tuple[Floats, Mask, Floats, Floats]:
+    """All steps of a fit, turns and root in place.
+
+    Parameters
+    ----------
+    body : parents, joints and surface at rest, bones and weights of its vertices
+    cover : of the vertices: the bone that owns each, normals at rest; joints that turn; vertices
+        that pull
+    scene : points, cleaned image, camera as from `unpack_camera`
+    prior : mean and precision
+    numbers : scale, along, outward, prior and damping of `SurfaceSettings`; what is so much nearer
+        hides; the fit ends where nothing changes by as much, in metres or radians
+    steps : at most
+    turns, root : the pose
+
+    Returns
+    -------
+    system : of the last step
+    visible, misses, counts : by vertex
+    """
+    parents, joints, rest, bones, weights = body
+    owners, normals, active, pulling = cover
+    points, depth, eye = scene
+    *weighing, weight, damping, hiding, least = numbers
+    for _ in range(steps):
+        turned, placed = place(parents, joints, turns, root)
+        vertices = skin(joints, rest, bones, weights, turned, placed)
+        facing = np.einsum("vij,vj->vi", turned[owners], normals)
+        visible = see(vertices, facing, eye, depth, hiding)
+        pulls, misses, counts = pair(vertices, facing, visible, pulling, points, weighing)
+        system, slope = gather(parents, bones, weights, active, placed, vertices, pulls)
+        hold(parents, active, turns, turned, prior, weight, system, slope)
+        system[np.diag_indices(len(system))] += damping
+        change = solve(system, slope)
+        move(parents, active, turned, change, turns, root)
+        if np.abs(change).max() < least:
+            break
+    return system, visible, misses, counts
+
+
 def see(
     vertices: Floats,
     facing: Floats,
@@ -68,7 +119,7 @@ def pair(
     visible: Mask,
     pulling: Indices,
     points: Floats,
-    weighing: tuple[float, float, float],
+    weighing: Sequence[float],
 ) -> tuple[Floats, Floats, Floats]:
     """Pulls of points on their nearest visible vertices, and of vertices on points, by vertex.
 

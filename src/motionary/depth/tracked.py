@@ -7,9 +7,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body import Body
-from motionary.depth.fitting import SurfaceSettings
-from motionary.depth.preparation import PreparationSettings
+from motionary.body import Body, Camera
+from motionary.depth.fitting import State, Support, SurfaceSettings
+from motionary.depth.graph import N_EXTREMA, Graph
+from motionary.depth.lookup import Comparison
+from motionary.depth.preparation import Cloud, PreparationSettings
 from motionary.errors import InvalidInput
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
 from motionary.recording import Recording
@@ -49,17 +51,20 @@ class TrackerSettings:
     ----------
     published : the printed method whole
     hypotheses : "both", or one of them alone
+    every : images from one lookup to the next; sooner where the local pose gets worse
     ranked : candidates of the database that the image ranks
     pixels : of the person in images that rank
     lead : by how much better the lookup must be to win, as a fraction of the cost
     shape_after : images after which the body takes the person's shape; 0 keeps it
-    duel : images for which a pose that looks the other way is followed beside, from the start
+    duel : images for which a pose that looks the other way is followed beside, from the start, and
+        longer until one of them is clearly better
     surface : how poses are fitted
     preparation : what of the image is the person
     """
 
     published: bool = False
     hypotheses: Literal["both", "local", "lookup"] = "both"
+    every: int = 1
     ranked: int = 12
     pixels: int = 500
     lead: float = 0.03
@@ -82,7 +87,7 @@ class TrackedPose(NamedTuple):
     status : "tracked", "unsure" or "none", if no person is seen
     reason : why it is not "tracked", in a sentence
     cost : how far the pose is from the image, metres
-    extrema : array, shape (20, 3), in the world
+    extrema : array, shape (20, 3), in the world; NaN where none were searched
     chosen : array, shape (5, 3), the extrema taken for the ends
     seconds : processor time by part
     """
@@ -98,6 +103,49 @@ class TrackedPose(NamedTuple):
     extrema: Floats
     chosen: Floats
     seconds: dict[str, float]
+
+
+class Found(NamedTuple):
+    """A hypothesis: its name, pose, what holds it, and how far it is from the image."""
+
+    name: Hypothesis
+    state: State
+    support: Support | None
+    comparison: Comparison
+
+    @property
+    def cost(self) -> float:
+        """How far the pose is from the image, in metres."""
+        return float(self.comparison.costs[0])
+
+
+class Ends(NamedTuple):
+    """The graph of an image, its extrema, those chosen for the ends, and the person's middle."""
+
+    graph: Graph
+    extrema: Floats
+    chosen: Floats
+    centre: Floats
+
+
+class Seen(NamedTuple):
+    """What is read off an image before any pose; `ends` only where the lookup is asked."""
+
+    cloud: Cloud
+    points: Floats
+    small: Floats
+    eye: Camera
+    ends: Ends | None = None
+
+
+def nothing_found(body: Body, reason: str, seconds: dict[str, float]) -> TrackedPose:
+    """What is told of an image without a person."""
+    n = len(body.names)
+    return TrackedPose(
+        np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((5, 3), np.nan),
+        np.zeros(n), "none", "none", reason, np.inf, np.full((N_EXTREMA, 3), np.nan),
+        np.full((5, 3), np.nan), seconds,
+    )  # fmt: skip
 
 
 def to_motion(

@@ -7,7 +7,6 @@ database that the extrema lead to, of which the image chooses one.
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from motionary.body import Body, Camera, load_body
 from motionary.depth.fitting import (
     PUBLISHED_VERTICES,
     State,
-    Support,
     Surface,
     fit_pose,
     fit_published,
@@ -26,7 +24,7 @@ from motionary.depth.fitting import (
     spread,
     thin,
 )
-from motionary.depth.graph import N_EXTREMA, Graph, build_graph, find_extrema
+from motionary.depth.graph import N_EXTREMA, build_graph, find_extrema
 from motionary.depth.judging import LEAST_POINTS, UNSURE_M, judge_cloud, judge_pose
 from motionary.depth.lookup import (
     UNEXPLAINED_M,
@@ -53,7 +51,15 @@ from motionary.depth.poses import (
 )
 from motionary.depth.preparation import Cloud, prepare
 from motionary.depth.shape import N_IMAGES, PersonShape, View, fit_person
-from motionary.depth.tracked import Hypothesis, TrackedPose, TrackerSettings
+from motionary.depth.tracked import (
+    Ends,
+    Found,
+    Hypothesis,
+    Seen,
+    TrackedPose,
+    TrackerSettings,
+    nothing_found,
+)
 from motionary.errors import InvalidInput
 from motionary.matching.distance import Engine
 
@@ -61,27 +67,11 @@ Floats = NDArray[np.float64]
 MEAN_STATURE_M = 1.659
 # A rival whose images are off by so much more is beaten.
 _CLEAR = 1.06
-
-
-class _Found(NamedTuple):
-    """A hypothesis: its name, pose, what holds it, and how far it is from the image."""
-
-    name: Hypothesis
-    state: State
-    support: Support | None
-    comparison: Comparison
-
-
-class _Seen(NamedTuple):
-    """What is read off an image before any pose."""
-
-    cloud: Cloud
-    graph: Graph
-    extrema: Floats
-    centre: Floats
-    points: Floats
-    small: Floats
-    eye: Camera
+_POINTS_OF_CENTRE = 500
+# A candidate so many times as far from the image as the local pose never won on HDM05's bd and dg.
+_HOPELESS = 2.2
+# The lookup is asked at once where the local pose is so many times worse than usual.
+_WORSE, _FADING = 1.15, 0.1
 
 
 class DepthTracker:
@@ -125,10 +115,13 @@ class DepthTracker:
     def forget(self) -> None:
         """Start anew, as after a gap; the body stays."""
         self._state: State | None = None
+        self._last: Floats | None = None
         self._extrema: Floats | None = None
         self._heading = 0.0
         self._rival: State | None = None
         self._duel = np.zeros(3)
+        # Images since the lookup was asked, what the pose is usually off, what spoke against it.
+        self._since, self._usual, self._against = 0, 0.0, ""
         self._seconds: dict[str, float] = {}
 
     def track(self, image: Floats) -> TrackedPose:
@@ -141,18 +134,21 @@ class DepthTracker:
             )  # fmt: skip
         if len(cloud.points) < LEAST_POINTS:
             self.forget()
-            return self._nothing(f"no person is seen: {len(cloud.points)} points are left")
+            reason = f"no person is seen: {len(cloud.points)} points are left"
+            return nothing_found(self.body, reason, self._seconds)
         seen = self._look(cloud)
-        chosen = self._choose_ends(seen)
-        found: list[_Found] = []
+        found: list[Found] = []
         if self._state is not None and self.settings.hypotheses != "lookup":
             found.append(self._follow("local", self._state, seen))
-        if self._state is None or self.settings.hypotheses != "local":
-            starts = self._look_up(seen, chosen, found[0].state if found else None)
+            if found[0].cost > _WORSE * self._usual and seen.ends is None:
+                seen = seen._replace(ends=self._search(cloud))
+        if seen.ends is not None and (self._state is None or self.settings.hypotheses != "local"):
+            starts = self._look_up(seen, seen.ends, found[0] if found else None)
             found += [self._follow("lookup", start, seen) for start in starts]
         best = self._vote(found, seen)
-        self._state, self._extrema = best.state, seen.extrema[:5]
-        result = self._finish(seen, chosen, best)
+        self._usual += (best.cost - self._usual) * (_FADING if self._state is not None else 1.0)
+        self._state = best.state
+        result = self._finish(seen, best)
         self._remember(seen, result)
         return result
 
@@ -162,46 +158,54 @@ class DepthTracker:
         yield
         self._seconds[part] = self._seconds.get(part, 0.0) + time.thread_time() - began
 
-    def _look(self, cloud: Cloud) -> _Seen:
+    def _look(self, cloud: Cloud) -> Seen:
+        """What is seen, and every few images what the lookup needs."""
+        with self._timed("lookup"):
+            small, eye = shrink(cloud.depth, self.camera, self.settings.pixels)
+        self._since += 1
+        due = self._state is None or self._since >= self.settings.every
+        points = thin(cloud.points, self.settings.surface.points)
+        return Seen(cloud, points, small, eye, self._search(cloud) if due else None)
+
+    def _search(self, cloud: Cloud) -> Ends:
+        self._since = 0
         with self._timed("extrema"):
             graph = build_graph(cloud, self.camera.focal[0], engine=self.engine)
             extrema = find_extrema(graph, N_EXTREMA, engine=self.engine).points
         with self._timed("lookup"):
-            centre = find_centre(graph.points, graph.torso)
-            small, eye = shrink(cloud.depth, self.camera, self.settings.pixels)
-        points = thin(graph.points, self.settings.surface.points)
-        return _Seen(cloud, graph, extrema, centre, points, small, eye)
+            # A tenth of the points has the same middle to some millimetres.
+            step = max(len(graph.points) // _POINTS_OF_CENTRE, 1)
+            centre = find_centre(graph.points[::step], graph.torso[::step])
+            chosen = extrema[:5]
+            if self._state is not None and not self.settings.published:
+                chosen = choose_ends(extrema, self._vertices(self._state)[self.body.ends])
+        return Ends(graph, extrema, chosen, centre)
 
-    def _choose_ends(self, seen: _Seen) -> Floats:
-        if self.settings.published or self._state is None:
-            return seen.extrema[:5]
-        vertices = self._vertices(self._state)
-        return choose_ends(seen.extrema, vertices[self.body.ends])
-
-    def _look_up(self, seen: _Seen, chosen: Floats, local: State | None) -> list[State]:
+    def _look_up(self, seen: Seen, ends: Ends, local: Found | None) -> list[State]:
         """Poses of the database that the extrema lead to."""
         with self._timed("lookup"):
             last, joints = None, None
             if self._state is not None:
                 last = self._vertices(self._state)[self.body.ends]
                 joints = self._joints(self._state)
-            jumped = has_jumped(seen.extrema[:5], self._extrema)
-            assignments = permit(chosen, last, jumped=jumped)
+            jumped = has_jumped(ends.extrema[:5], self._extrema)
+            self._extrema = ends.extrema[:5]
+            assignments = permit(ends.chosen, last, jumped=jumped)
             sets = [
                 find_candidates(
-                    self.lookup, chosen, assignments, seen.centre, heading, self.camera,
+                    self.lookup, ends.chosen, assignments, ends.centre, heading, self.camera,
                     last=joints,
                 )
-                for heading in self._headings(seen)
+                for heading in self._headings(ends)
             ]  # fmt: skip
-        return self._rank(sets, seen, self._reach(seen, local))
+        return self._rank(sets, seen, self._reach(ends, local), local)
 
-    def _headings(self, seen: _Seen) -> list[float]:
+    def _headings(self, ends: Ends) -> list[float]:
         """Viewing directions that candidates are turned to."""
-        away = self.camera.position - seen.centre
+        away = self.camera.position - ends.centre
         if self._state is not None and not self.settings.published:
             return [self._heading_of(self._state)]
-        measured = find_heading(seen.graph.points, seen.centre, away)
+        measured = find_heading(ends.graph.points, ends.centre, away)
         if self._state is None:
             self._heading = measured.angle if measured.trust > 0 else np.arctan2(away[0], away[2])
         else:
@@ -211,29 +215,32 @@ class DepthTracker:
             return [float(self._heading)]
         return [float(self._heading), float(self._heading + np.pi)]
 
-    def _reach(self, seen: _Seen, local: State | None) -> list[State]:
+    def _reach(self, seen: Ends, local: Found | None) -> list[State]:
         """The local pose with limbs at extrema that it does not explain."""
         if local is None or self.settings.published:
             return []
         with self._timed("lookup"):
-            vertices = self._vertices(local)
+            vertices = self._vertices(local.state)
             extrema = seen.extrema[:10]
             away = ((extrema[:, None] - vertices[None]) ** 2).sum(axis=2).min(axis=1)
             far = extrema[away > UNEXPLAINED_M**2][:2]
             ends = vertices[self.body.ends]
-            return [state for one in far for state in reach(self.surface, local, ends, one)]
+            return [
+                state
+                for one in far
+                for state in reach(self.surface, local.state, ends, one, engine=self.engine)
+            ]
 
-    def _rank(self, sets: list[Candidates], seen: _Seen, more: list[State]) -> list[State]:
-        """The best candidates: by (8.6), or by the image."""
+    def _rank(
+        self, sets: list[Candidates], seen: Seen, more: list[State], local: Found | None
+    ) -> list[State]:
+        """The best candidates: by (8.6), or by the image, if the local pose is not far better."""
         if self.settings.published:
-            return [sets[0].state(self.lookup, 0)]
+            return sets[0].first_states(self.lookup, 1)
         with self._timed("lookup"):
             first = self._state is None
             ranked = self.settings.ranked * (5 if first else 1)
-            groups = [
-                [one.state(self.lookup, k) for k in range(min(ranked, len(one.poses)))]
-                for one in sets
-            ]
+            groups = [one.first_states(self.lookup, ranked) for one in sets]
             groups[0] += more
             vertices = [self._vertices(state) for group in groups for state in group]
             costs = compare_images(
@@ -244,17 +251,19 @@ class DepthTracker:
             at = 0
             for group in groups:
                 order = np.argsort(costs[at : at + len(group)], kind="stable")
-                best += [group[k] for k in order[: 3 if first else 1]]
+                if first or local is None or costs[at + order[0]] < _HOPELESS * local.cost:
+                    best += [group[k] for k in order[: 3 if first else 1]]
                 at += len(group)
             return best
 
-    def _follow(self, name: Hypothesis, start: State, seen: _Seen) -> _Found:
+    def _follow(self, name: Hypothesis, start: State, seen: Seen) -> Found:
         """A hypothesis: the pose fitted from a start, and how far it is from the image."""
         settings = self.settings.surface
         support = None
         with self._timed("local"):
             if self.settings.published:
-                points = seen.graph.points
+                assert seen.ends is not None
+                points = seen.ends.graph.points
                 state = fit_published(self.surface, start, points, steps=settings.steps)
             else:
                 state, support = fit_pose(
@@ -262,9 +271,9 @@ class DepthTracker:
                     settings=settings, engine=self.engine,
                 )  # fmt: skip
         with self._timed("voting"):
-            return _Found(name, state, support, self._compare(state, seen))
+            return Found(name, state, support, self._compare(state, seen))
 
-    def _compare(self, state: State, seen: _Seen) -> Comparison:
+    def _compare(self, state: State, seen: Seen) -> Comparison:
         """How far a pose is from the image: by rendering it, or by (8.7) and (8.8)."""
         vertices = self._vertices(state)
         if not self.settings.published:
@@ -273,13 +282,14 @@ class DepthTracker:
             )
         from scipy.spatial import cKDTree
 
-        to_points = cKDTree(seen.graph.points).query(vertices[self._fixed])[0].mean()
-        to_model = cKDTree(vertices).query(seen.extrema)[0].mean()
+        assert seen.ends is not None
+        to_points = cKDTree(seen.ends.graph.points).query(vertices[self._fixed])[0].mean()
+        to_model = cKDTree(vertices).query(seen.ends.extrema)[0].mean()
         return Comparison(np.array([to_points + to_model]), np.full_like(seen.small, np.nan))
 
-    def _vote(self, found: list[_Found], seen: _Seen) -> _Found:
+    def _vote(self, found: list[Found], seen: Seen) -> Found:
         """The hypothesis nearest to the image (8.9); the lookup must be nearer by some."""
-        costs = np.array([one.comparison.costs[0] for one in found])
+        costs = np.array([one.cost for one in found])
         if self.settings.published:
             return found[int(costs.argmin())]
         if self._state is None and len(found) > 1:
@@ -290,9 +300,9 @@ class DepthTracker:
         best = found[int((costs * (1 + leads)).argmin())]
         return self._fight(best, seen) if self._rival is not None else best
 
-    def _open_duel(self, found: list[_Found]) -> _Found:
+    def _open_duel(self, found: list[Found]) -> Found:
         """The best start; the best that looks another way is followed beside for a while."""
-        order = np.array([one.comparison.costs[0] for one in found]).argsort()
+        order = np.array([one.cost for one in found]).argsort()
         best = found[int(order[0])]
         own = self._heading_of(best.state)
         for k in order[1:]:
@@ -302,26 +312,31 @@ class DepthTracker:
                 break
         return best
 
-    def _fight(self, best: _Found, seen: _Seen) -> _Found:
+    def _fight(self, best: Found, seen: Seen) -> Found:
         """The better of the pose and the one that looks the other way, by all images so far."""
         assert self._rival is not None
         rival = self._follow("local", self._rival, seen)
-        self._duel += best.comparison.costs[0], rival.comparison.costs[0], 1
+        self._duel += best.cost, rival.cost, 1
         self._rival = rival.state
         if self._duel[1] < self._duel[0]:
             self._rival, best = best.state, rival
             self._duel[:2] = self._duel[1::-1]
-        if (
-            self._duel[2] >= self.settings.duel
-            or np.cos(self._heading_of(self._rival) - self._heading_of(best.state)) > 0
+        # A duel that is not decided goes on.
+        if (self._duel[2] >= self.settings.duel and self._is_clear()) or (
+            np.cos(self._heading_of(self._rival) - self._heading_of(best.state)) > 0
         ):
             self._rival = None
         return best
 
-    def _heading_of(self, state: State) -> float:
-        return float(heading_of(place_surface(self.surface, state)[0][None], self.body)[0])
+    def _is_clear(self) -> bool:
+        """Whether all images so far speak against the pose that looks the other way."""
+        return bool(self._duel[1] >= _CLEAR * self._duel[0])
 
-    def _remember(self, seen: _Seen, result: TrackedPose) -> None:
+    def _heading_of(self, state: State) -> float:
+        turned = place_surface(self.surface, state, engine=self.engine)[0]
+        return float(heading_of(turned[None], self.body)[0])
+
+    def _remember(self, seen: Seen, result: TrackedPose) -> None:
         """Keep images of the first second, and fit the person's shape to them at its end."""
         after = self.settings.shape_after
         if self.settings.published or not after or self.person is not None:
@@ -338,7 +353,7 @@ class DepthTracker:
                     settings=self.settings.surface, engine=self.engine,
                 )  # fmt: skip
                 self._wear(self.person.body, self.person.scale)
-                self._state, self._rival = states[-1], None
+                self._state = states[-1]
             self._views = []
 
     def _wear(self, body: Body, scale: float) -> None:
@@ -354,33 +369,31 @@ class DepthTracker:
     def _joints(self, state: State) -> Floats:
         return place_surface(self.surface, state, engine=self.engine)[1]
 
-    def _finish(self, seen: _Seen, chosen: Floats, best: _Found) -> TrackedPose:
+    def _finish(self, seen: Seen, best: Found) -> TrackedPose:
         vertices, joints = self._vertices(best.state), self._joints(best.state)
-        cost = float(best.comparison.costs[0])
+        last = joints if self._last is None else self._last
+        self._last, moved = joints, np.linalg.norm(joints - last, axis=1)
         confidence, reason = np.ones(len(joints)), ""
         if not self.settings.published:
             with self._timed("voting"):
                 confidence = judge_pose(
-                    self.surface, joints, best.support, best.comparison, seen.eye
+                    self.surface, joints, best.support, best.comparison, seen.eye, moved=moved
                 )
-                reason = judge_cloud(seen.cloud, seen.graph, self.camera)
-            if not reason and cost > UNSURE_M:
-                reason = f"the pose is off from what is seen: by {100 * cost:.0f} cm"
+                if seen.ends is not None:
+                    self._against = judge_cloud(seen.cloud, seen.ends.graph, self.camera)
+                reason = self._against
+            if not reason and best.cost > UNSURE_M:
+                reason = f"the pose is off from what is seen: by {100 * best.cost:.0f} cm"
             if (
                 not reason
                 and self._rival is not None
-                and (self._duel[1] < _CLEAR * self._duel[0] or self._duel[2] < 5)
+                and (not self._is_clear() or self._duel[2] < 5)
             ):
                 reason = "it is not clear yet which way the person looks"
+        extrema, chosen = np.full((N_EXTREMA, 3), np.nan), np.full((5, 3), np.nan)
+        if seen.ends is not None:
+            extrema, chosen = seen.ends.extrema, seen.ends.chosen
         return TrackedPose(
             joints, best.state.turns, vertices[self.body.ends], confidence, best.name,
-            "unsure" if reason else "tracked", reason, cost, seen.extrema, chosen, self._seconds,
-        )  # fmt: skip
-
-    def _nothing(self, reason: str) -> TrackedPose:
-        n = len(self.body.names)
-        return TrackedPose(
-            np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((5, 3), np.nan),
-            np.zeros(n), "none", "none", reason, np.inf, np.full((N_EXTREMA, 3), np.nan),
-            np.full((5, 3), np.nan), self._seconds,
+            "unsure" if reason else "tracked", reason, best.cost, extrema, chosen, self._seconds,
         )  # fmt: skip
