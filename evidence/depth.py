@@ -56,7 +56,7 @@ DATA = (
 Floats = NDArray[np.float64]
 
 LEAN = TrackerSettings(
-    every=6, ranked=8, pixels=400, surface=SurfaceSettings(points=500, vertices=250, steps=5)
+    every=4, ranked=8, pixels=400, surface=SurfaceSettings(points=500, vertices=250, steps=5)
 )
 KEPT = TrackerSettings(shape_after=0)
 
