@@ -21,6 +21,7 @@ from motionary.depth import (
     lookup,
     poses,
     prepare,
+    tracking,
 )
 from motionary.errors import InvalidInput
 from motionary.matching.distance import load_twin
@@ -229,6 +230,47 @@ def test_a_person_is_tracked_lost_and_found_again(database, published):
     assert names[5] == "none"
     assert names[0] == names[6] == "lookup"
     assert np.nanmax(errors) < (0.15 if published else 0.05)
+
+
+def track(database, settings, n):
+    tracker = DepthTracker(CAMERA, database, settings=settings)
+    pose = poses.expand_pose(
+        BODY, quaternions_to_matrices(database.turns[3:4]), BODY.joints[None, 0]
+    )
+    return [tracker.track(seen(pose, 0.003, k)) for k in range(n)]
+
+
+def test_the_lookup_is_asked_every_few_images(database):
+    found = track(database, TrackerSettings(ranked=2, every=3, duel=0), 6)
+    asked = [not np.isnan(pose.extrema).any() for pose in found]
+    assert asked == [True, False, False, True, False, False]
+    assert max(pose.cost for pose in found) < 0.05
+
+
+def test_a_start_that_stays_undecided_stays_unsure(database, monkeypatch):
+    settings = TrackerSettings(ranked=2, duel=2)
+    assert track(database, settings, 6)[-1].status == "tracked"
+    # As if the pose that looks the other way were never clearly worse.
+    monkeypatch.setattr(tracking, "_CLEAR", 1e6)
+    assert "which way" in track(database, settings, 6)[-1].reason
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_fit_ends_where_little_changes(database, engine):
+    cloud = prepare(seen(posed(5, 0.2)), CAMERA)
+    start = posed(5, 0.12)
+    state = fitting.State(local_rotations(BODY, start)[0], start.joints[0, 0])
+
+    def fit(steps, converged):
+        settings = fitting.SurfaceSettings(steps=steps, converged=converged)
+        surface = fitting.make_surface(BODY, database, settings)
+        return fitting.fit_pose(
+            surface, state, fitting.thin(cloud.points, 150), cloud.depth, CAMERA, engine=engine,
+            settings=settings,
+        )[0]  # fmt: skip
+
+    np.testing.assert_array_equal(fit(4, 10.0).turns, fit(1, 0.0).turns)
+    assert np.abs(fit(4, 0.0).turns - fit(1, 0.0).turns).max() > 1e-3
 
 
 def test_wrong_input_is_told():
