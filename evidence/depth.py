@@ -38,7 +38,8 @@ TITLE = "Poses from one depth camera"
 SPLIT = (
     "the pose database is of CMU people, none of whom is tracked here; settings were chosen on "
     "HDM05's bd and dg, rendered; reported on HDM05's tr, CMU's 86 and 13, UTD-MHAD's s1, a second "
-    "time after a first look at UTD-MHAD showed starts that look the wrong way, which was mended"
+    "time after a first look at UTD-MHAD showed starts that look the wrong way, which was mended, "
+    "and a third time after the tracker was made faster: all of it has been seen before"
 )
 SEED = 0
 #: Features of all recordings are not needed; single recordings are read.
@@ -55,7 +56,7 @@ DATA = (
 Floats = NDArray[np.float64]
 
 LEAN = TrackerSettings(
-    ranked=6, pixels=300, surface=SurfaceSettings(points=250, vertices=150, steps=4)
+    every=4, ranked=8, pixels=400, surface=SurfaceSettings(points=500, vertices=250, steps=5)
 )
 KEPT = TrackerSettings(shape_after=0)
 
@@ -172,12 +173,12 @@ def _compare(poses: list[TrackedPose], scene: Rendered) -> Results:
 
 
 def _check_extrema(scene: Rendered) -> Results:
-    """Algorithm 4 against starting anew from all sources, on every sixth image."""
+    """Algorithm 4 against starting anew from all sources, on all images."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import dijkstra
 
     same, worst, visited = [], 0.0, []
-    for image in scene.images[::6]:
+    for image in scene.images:
         graph = build_graph(prepare(image / 1000, scene.camera), scene.camera.focal[0])
         found = find_extrema(graph)
         size = len(graph.points)
@@ -227,10 +228,11 @@ NAMES = (
     "tennis swing", "arm curl", "tennis serve", "push", "knock", "catch", "pick up and throw",
     "jog", "walk", "sit to stand", "stand to sit", "lunge", "squat",
 )  # fmt: skip
-#: What its actions are called here, fixed before any was tracked; "" = no class of ours.
+#: What its actions are called here; "" = no class of ours. Fixed before any was tracked, but for
+#: words: 24 and 25 were "sit to stand", which is no class of the library.
 ACTIONS = {
-    5: "throw", 7: "throw", 21: "throw", 22: "run", 23: "walk", 24: "sit to stand",
-    25: "sit to stand", 26: "lunge", 27: "squat",
+    5: "throw", 7: "throw", 21: "throw", 22: "run", 23: "walk", 24: "stand up", 25: "sit down",
+    26: "lunge", 27: "squat",
 }  # fmt: skip
 
 
@@ -281,7 +283,8 @@ def _sum_kinect(takes: list[Results]) -> Results:
     named = []
     for one in takes:
         wanted = ACTIONS.get(one["action"], "")
-        named.append((one["action"], wanted, one["labels"]))
+        mean = 1000 * float(np.nanmean(np.linalg.norm(one["away"], axis=2)))
+        named.append((one["action"], wanted, one["labels"], mean))
     return {
         "images": len(away),
         "mean_mm": 1000 * raw.mean(),
@@ -292,6 +295,10 @@ def _sum_kinect(takes: list[Results]) -> Results:
         "not_turned_mm": 1000
         * float(np.mean([value for one in takes for value in one["as_it_is"]])),
         "labels": named,
+        "offsets_mm": dict(
+            zip(KINECT, 1000 * np.linalg.norm(np.median(away, axis=0), axis=1), strict=True)
+        ),
+        "joints_mm": dict(zip(KINECT, 1000 * rest.mean(axis=0), strict=True)),
     }
 
 
@@ -314,6 +321,7 @@ def _summarise(items: list[Results]) -> Results:
         "flipped": _joined(items, "flipped").mean(),
         "lookup": _joined(items, "lookup").mean(),
         "ms": 1000 * float(np.median(_joined(items, "seconds"))),
+        "images_a_second": _count_a_second(items),
     }
     sure = ~_joined(items, "unsure") & _joined(items, "flipped")
     result["flipped_and_sure"] = sure.mean()
@@ -322,6 +330,16 @@ def _summarise(items: list[Results]) -> Results:
         values = _joined(items, key)
         result[key] = values.mean() if len(values) else None
     return result
+
+
+def _count_a_second(items: list[Results]) -> float:
+    """Images a second after the first, without the one fit of the person's shape."""
+    spent = [
+        seconds - parts.get("shape", 0.0)
+        for one in items
+        for seconds, parts in zip(one["seconds"][1:], one["parts"][1:], strict=True)
+    ]
+    return 1 / float(np.mean(spent))
 
 
 def _sum_extrema(items: list[Results]) -> Results:
