@@ -2,7 +2,6 @@
 
 import os
 import time
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -216,11 +215,13 @@ def _compare_labels(
     }
 
 
-#: Joints of UTD-MHAD's skeleton that the body has, too.
+#: Joints of UTD-MHAD's skeleton that the body has, too. Its head is the middle of the head.
 KINECT = {
     "head": 0, "lupperarm": 4, "lforearm": 5, "lhand": 6, "rupperarm": 8, "rforearm": 9,
     "rhand": 10, "lthigh": 12, "lshank": 13, "lfoot": 14, "rthigh": 16, "rshank": 17, "rfoot": 18,
 }  # fmt: skip
+#: By how many images the depth is behind the skeleton.
+LAGS = (0, 1, 2)
 #: What UTD-MHAD calls its actions, the first one first.
 NAMES = (
     "swipe left", "swipe right", "wave", "clap", "throw", "cross arms", "basketball shot", "draw x",
@@ -245,8 +246,6 @@ def _track_kinect(path: Path) -> Results:
     found = {}
     for mirrored in (True, False):
         recording = read_depth(path, mirrored=mirrored)
-        assert isinstance(recording.source, np.ndarray)
-        recording = replace(recording, source=recording.source[::2], rate_hz=15.0)
         result = track_recording(
             recording,
             settings=TrackerSettings(preparation=PreparationSettings(far_m=4.0)),
@@ -255,18 +254,21 @@ def _track_kinect(path: Path) -> Results:
         sign = -1.0 if mirrored else 1.0
         joints = np.array([pose.joints for pose in result.poses])
         own = joints[:, [result.body.index(name) for name in KINECT]]
-        theirs = np.moveaxis(told[list(KINECT.values())], 2, 0)[::2] * (sign, 1.0, -1.0)
-        theirs = theirs[: len(own)] + result.camera.position
-        found[mirrored] = own - theirs
+        tops = np.array([pose.ends[0] for pose in result.poses])
+        own[:, 0] = (own[:, 0] + tops) / 2
+        theirs = np.moveaxis(told[list(KINECT.values())], 2, 0) * (sign, 1.0, -1.0)
+        theirs = theirs + result.camera.position
+        n = len(own) - max(LAGS)
+        found[mirrored] = [own[lag : lag + n] - theirs[:n] for lag in LAGS]
         if mirrored:
             names = [label.name for label in annotate(result.motion)]
         if action % 5:
             break
     return {
         "action": action,
-        "away": found[True],
+        "lags": found[True],
         "as_it_is": [
-            float(np.nanmean(np.linalg.norm(away, axis=2)))
+            float(np.nanmean(np.linalg.norm(away[0], axis=2)))
             for mirrored, away in found.items()
             if not mirrored
         ],
@@ -276,15 +278,27 @@ def _track_kinect(path: Path) -> Results:
 
 
 def _sum_kinect(takes: list[Results]) -> Results:
-    away = np.concatenate([one["away"] for one in takes])
-    away = away[~np.isnan(away).any(axis=(1, 2))]
-    raw = np.linalg.norm(away, axis=2)
-    rest = np.linalg.norm(away - np.median(away, axis=0), axis=2)
     named = []
     for one in takes:
         wanted = ACTIONS.get(one["action"], "")
-        mean = 1000 * float(np.nanmean(np.linalg.norm(one["away"], axis=2)))
+        mean = 1000 * float(np.nanmean(np.linalg.norm(one["lags"][0], axis=2)))
         named.append((one["action"], wanted, one["labels"], mean))
+    return {
+        "lags": [
+            _sum_lag(np.concatenate([one["lags"][number] for one in takes]))
+            for number in range(len(LAGS))
+        ],
+        "not_turned_mm": 1000
+        * float(np.mean([value for one in takes for value in one["as_it_is"]])),
+        "labels": named,
+    }
+
+
+def _sum_lag(away: Floats) -> Results:
+    """Distances to the Kinect's joints, as they are and after a constant offset per joint."""
+    away = away[~np.isnan(away).any(axis=(1, 2))]
+    offset = np.median(away, axis=0)
+    raw, rest = np.linalg.norm(away, axis=2), np.linalg.norm(away - offset, axis=2)
     return {
         "images": len(away),
         "mean_mm": 1000 * raw.mean(),
@@ -292,12 +306,7 @@ def _sum_kinect(takes: list[Results]) -> Results:
         "offset_mean_mm": 1000 * rest.mean(),
         "offset_median_mm": 1000 * np.median(rest),
         "near": (rest < 0.1).mean(),
-        "not_turned_mm": 1000
-        * float(np.mean([value for one in takes for value in one["as_it_is"]])),
-        "labels": named,
-        "offsets_mm": dict(
-            zip(KINECT, 1000 * np.linalg.norm(np.median(away, axis=0), axis=1), strict=True)
-        ),
+        "offsets_mm": dict(zip(KINECT, 1000 * np.linalg.norm(offset, axis=1), strict=True)),
         "joints_mm": dict(zip(KINECT, 1000 * rest.mean(axis=0), strict=True)),
     }
 
