@@ -5,6 +5,8 @@ import json
 import socket
 import threading
 import time
+import urllib.error
+import urllib.request
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ import pytest
 import motionary as mo
 from cli_cases import run, write_bvh
 from motionary.errors import InvalidInput
-from motionary.live import LivePeople, PoseLines, WebSocketSource, write_lines
+from motionary.live import LivePeople, PageServer, PoseLines, WebSocketSource, write_lines
 from motionary.samples import synthetic_motion, synthetic_stream
 
 KEYS = {
@@ -361,3 +363,45 @@ def test_states_of_something_else_are_refused(capsys, monkeypatch, tmp_path, lin
     ran = run(capsys, monkeypatch, "live", "--library", library, "--state", wrong / "x.npz")
     assert (ran.code, ran.out) == (1, "")
     assert "cannot be written" in ran.err
+
+
+def test_a_page_is_served_to_this_computer_and_told_of_what_was(monkeypatch, lines, library):
+    client = pytest.importorskip("websockets.sync.client")
+    monkeypatch.setattr("motionary.live.sources._CLOSING_S", 0.2)
+    told = []
+    page, people = PageServer(0, tell=told.append), LivePeople(mo.ClassLibrary.load(library))
+    with pytest.raises(InvalidInput, match=rf"port {page.port} of 127.0.0.1 .* with --page"):
+        PageServer(page.port, tell=told.append)
+    for line in lines[:4]:
+        people.push(line)
+        if people.pose:
+            page.show(people.pose)
+    page.send_event({"event": "final", "id": 1})
+    page.send_event({"event": "revised", "id": 2})
+    place = f"127.0.0.1:{page.port}"
+    with urllib.request.urlopen(f"http://{place}/") as opened:
+        assert opened.headers["X-Frame-Options"] == "DENY"
+        text = opened.read().decode()
+    assert f"connect-src ws://{place}/watch;" in text
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(f"http://{place}/etc/passwd")
+    with pytest.raises(Exception, match="403"):
+        client.connect(f"ws://{place}/watch", origin="https://example.com")
+    with client.connect(f"ws://{place}/watch", origin=f"http://{place}") as connection:
+        run_of, body, event = json.loads(connection.recv(timeout=5))
+        assert len(run_of["live"]) == 8
+        assert body["recording"]["number"] == 1
+        assert body["recording"]["name"] == "motion"
+        assert event == {"event": {"event": "final", "id": 1}}
+        people.push(json.dumps({"positions": [None] * 24, "time_s": 0.2}))
+        page.show(people.pose)
+        assert json.loads(connection.recv(timeout=5))["pose"][2] == [None] * 24
+    page.close()
+
+
+def test_the_command_serves_the_page(capsys, monkeypatch, lines, library):
+    pytest.importorskip("websockets")
+    feed(monkeypatch, "\n".join(lines[:3]))
+    ran = run(capsys, monkeypatch, "live", "--library", library, "--page", 0)
+    assert ran.code == 0
+    assert "the page is http://127.0.0.1:" in ran.err

@@ -214,7 +214,7 @@ def test_a_recording_sent_by_osc_has_the_labels_of_annotate(source, take, librar
 
 def test_wrong_ports_and_strangers_bytes_are_told(source, monkeypatch):
     osc, told = source
-    with pytest.raises(InvalidInput, match=rf"port {osc.port} of 127.0.0.1 .* with --port"):
+    with pytest.raises(InvalidInput, match=rf"port {osc.port} of 127.0.0.1 .* with --osc"):
         OscSource(osc.port, tell=told.append)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.connect(("127.0.0.1", osc.port))
