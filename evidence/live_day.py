@@ -281,7 +281,7 @@ def _by_osc(folder: Path, library: ClassLibrary, stream: Motion) -> Iterator[Res
     positions = stream.generic_positions()
     positions[:, GENERIC_JOINTS.index("headtop")] = np.nan
     expected = _labels(library, positions)
-    live = _Live(folder, "--osc", "0", "--rate-hz", f"{LIVE_HZ:g}")
+    live = _Live(folder, "--osc", "0", "--rate", f"{LIVE_HZ:g}")
     told: list[str] = []
     senders = [OscSender(live.port, tell=told.append) for _ in range(2)]
     begin = time.monotonic()

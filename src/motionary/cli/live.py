@@ -52,7 +52,7 @@ class LiveOptions:
     rate_hz: Annotated[
         float | None,
         typer.Option(
-            "--rate-hz", min=1.0, metavar="HZ", help="Poses a second, where no line says it."
+            "--rate", min=1.0, metavar="HZ", help="Poses a second, where no line says it."
         ),
     ] = None
     skeleton: Annotated[

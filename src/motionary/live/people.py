@@ -266,7 +266,7 @@ class LivePeople:
         if rate_hz is None:
             raise InvalidInput(
                 'how many poses a second come is unknown: a first line {"rate_hz": 60} or '
-                "--rate-hz (rate_hz=) says it"
+                "--rate (rate_hz=) says it"
             )
         if len(self._people) >= MOST_PEOPLE:
             # Those of whom no pose was of use hold no place.
