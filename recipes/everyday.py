@@ -133,8 +133,8 @@ def learn_all(examples: Iterable[Example]) -> list[tuple[str, Prototype]]:
         else:
             found.append((name, learn_prototype(name, fold_sides(items))))
     for number, ((name, _), items) in enumerate(sorted(by_person.items()), 1):
-        one = learn_prototype(name, fold_sides(items))
-        found.append((name, replace(one, name=f"{name}, one person ({number})")))
+        own = learn_prototype(name, fold_sides(items))
+        found.append((name, replace(own, name=f"{name}, one person ({number})")))
     return found
 
 
