@@ -77,11 +77,14 @@ def test_lines_that_are_no_poses_are_told_and_the_others_count(capsys, monkeypat
     assert ran.out == run(capsys, monkeypatch, "live", "--final", "--library", library).out
 
 
-def test_without_a_rate_the_command_says_what_to_give(capsys, monkeypatch, lines):
+def test_without_a_rate_the_command_says_what_to_give(capsys, monkeypatch, lines, library):
     feed(monkeypatch, '{"positions": []}\n' + lines[1] + "\n")
     ran = run(capsys, monkeypatch, "live")
     assert (ran.code, ran.out) == (1, "")
     assert '{"rate_hz": 60} or --rate' in ran.err
+    # Its former name stays.
+    feed(monkeypatch, lines[1] + "\n")
+    assert run(capsys, monkeypatch, "live", "--rate-hz", 30, "--library", library).code == 0
 
 
 def test_a_stream_of_bytes_may_hold_any(capsys, monkeypatch, lines, library):

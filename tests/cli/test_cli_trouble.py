@@ -51,6 +51,8 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("annotate",), "Missing argument 'FILE'"),
+        (("depth", "track"), "Missing argument 'IMAGES'"),
         (("search", "{world}/examples"), "--like"),
         ((*LIKE, "--class", "squat"), "--like, --class"),
         (("search", "{world}", "--class", "squat", "--library", "none"), "--library LIB"),
