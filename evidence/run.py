@@ -18,11 +18,11 @@ SCRIPTS = (
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
     "query_learning_generations", "query_learning_speed", "exercises", "everyday",
     "everyday_classes", "inertial", "simulated_sensors", "figures_2012",
-    "body", "depth", "stream_decisions", "corrections", "styles", "kills",
+    "body", "depth", "stream_decisions", "corrections", "styles", "elsewhere", "kills",
     "multiview", "multiview_priors", "live",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER: tuple[str, ...] = ("live_day", "elsewhere")
+FURTHER: tuple[str, ...] = ("live_day",)
 
 
 def main(arguments: list[str]) -> int:
