@@ -2,6 +2,7 @@
 
 import io
 import json
+import signal
 import socket
 import threading
 import time
@@ -349,6 +350,26 @@ def test_a_stream_goes_on_from_a_file_as_without_a_break(
     assert people.senders == ("",)
     rest = [json.dumps(event.as_json()) for event in people.finish()]
     assert [json.loads(one) for one in out + rest] == [json.loads(one) for one in whole]
+
+
+class Stopped(io.StringIO):
+    """Lines, and the end of the program by the system in place of their end."""
+
+    def readline(self, size=-1):
+        return super().readline(size) or signal.raise_signal(signal.SIGTERM)
+
+
+def test_what_the_system_ends_is_kept(capsys, monkeypatch, tmp_path, lines, library):
+    state = tmp_path / "state.npz"
+    monkeypatch.setattr("sys.stdin", Stopped("\n".join(lines[:5]) + "\n"))
+    before = signal.getsignal(signal.SIGTERM)
+    ran = run(capsys, monkeypatch, "live", "--library", library, "--state", state)
+    assert (ran.code, ran.out) == (0, "")
+    assert f"what is left is kept in {state}" in ran.err
+    assert signal.getsignal(signal.SIGTERM) == before
+    people = LivePeople(mo.ClassLibrary.load(library))
+    people.resume(state)
+    assert durations(people) == {"": pytest.approx(4 / 30)}
 
 
 def test_states_of_something_else_are_refused(capsys, monkeypatch, tmp_path, lines, library):

@@ -114,10 +114,6 @@ class WebSocketSource:
                 "pip install 'motionary[live]', or send lines of JSON to stdin"
             ) from error
         self._tell = tell
-        self._waiting = Waiting(
-            tell,
-            f"nothing has come to port {port} so far; do poses go there, by ws:// and not by wss://?",
-        )
         self._listeners: dict[int, Listener] = {}
         self._lock = threading.Lock()
         self._n_connections = 0
@@ -130,6 +126,10 @@ class WebSocketSource:
         except OSError as error:
             raise InvalidInput(describe_place(error, address, port)) from error
         bound, self.port = self._server.socket.getsockname()[:2]
+        self._waiting = Waiting(
+            tell,
+            f"nothing has come to port {self.port} so far; do poses go there, by ws:// and not by wss://?",
+        )
         tell_if_open(bound, address, tell)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
