@@ -239,6 +239,9 @@ def compute_batch(
     InvalidInput
         If names or persons are of another number, or as of `compute_features`.
     """
+    if hasattr(motions, "__array__"):
+        # Tensors of other packages.
+        motions = np.asarray(motions)
     count = _count(motions)
     for what, given in (("names", names), ("persons", persons)):
         if given is not None and len(given) != count:
