@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evidence.common.coloured import draw_contours
 from evidence.common.pose2sim import demonstration, has_pose2sim, run_pose2sim
 from evidence.common.recordings import VARIABLE, Recordings, Results
 from evidence.common.views import far_mm, plant_exchanges, score_exchanges
@@ -16,6 +17,7 @@ from motionary.body import Body, Camera, Pose, load_body, pose_body, render_dept
 from motionary.io.cameras import CalibratedCamera, read_cameras
 from motionary.io.keypoints import Views, read_keypoints, write_exchanged
 from motionary.multiview import (
+    Contour,
     RegionSettings,
     exchange_sources,
     find_contours,
@@ -206,7 +208,8 @@ class Videos(NamedTuple):
     start: Pose
     pose: Pose
     cameras: list[Camera]
-    images: list[Floats]
+    masks: list[Bools]
+    contours: list[tuple[Contour, ...]]
     before: list[float]
     after: list[float]
     scale: float
@@ -252,7 +255,8 @@ def _seat(
     _, start, before = max(starts, key=lambda one: one[0])
     pose = fit_regions(body, start, images, scaled, settings=RegionSettings(most_steps=20))
     after = _overlap(_silhouettes(body, pose, scaled), masks)
-    return Videos(body, start, pose, scaled, images, before, after, scale)
+    contours = [find_contours(body, one, images, scaled) for one in (start, pose)]
+    return Videos(body, start, pose, scaled, masks, contours, before, after, scale)
 
 
 def _unit(image: Any) -> Floats:
@@ -300,13 +304,8 @@ def _overlap(seen: list[Bools], masks: list[Bools]) -> list[float]:
 
 
 def draw_recordings(_: Recordings, results: Results) -> "dict[str, Figure]":
-    """Contours in the videos before and after."""
-    from evidence.common.coloured import draw_contours
-
+    """Contours before and after, over the published masks: no images of people are shown."""
     folder = Path(os.environ[VARIABLE]) / "sensors" / "multiview"
     videos = _videos(folder / "voxel4cam_person" / "data")
-    contours = [
-        find_contours(videos.body, pose, videos.images, videos.cameras)
-        for pose in (videos.start, videos.pose)
-    ]
-    return {"real_views": draw_contours(videos.images, contours)}
+    masks = [np.where(mask[..., None], 0.6, [1.0, 1.0, 1.0]) for mask in videos.masks]
+    return {"real_views": draw_contours(masks, videos.contours)}
