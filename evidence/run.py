@@ -22,7 +22,7 @@ SCRIPTS = (
     "multiview", "multiview_priors", "real_views", "regions", "live",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER: tuple[str, ...] = ("live_day",)
+FURTHER: tuple[str, ...] = ("live_day", "archives")
 
 
 def main(arguments: list[str]) -> int:

@@ -95,18 +95,6 @@ def test_joined_and_chosen_documents_keep_everything():
     assert all(same(chosen.sequence(i), d) for i, d in enumerate([a[2], b[1], b[0]]))
 
 
-@given(st.integers(0, 99), SIZES, st.integers(1, 8))
-def test_the_head_of_a_shard_is_a_shard_of_its_first_documents(seed, lengths, n):
-    given_documents = documents(seed, lengths)
-    n = min(n, len(lengths))
-    head = make_shard(given_documents, FULL_BODY).head(sum(lengths[:n]))
-    assert all(same(head.sequence(i), d) for i, d in enumerate(given_documents[:n]))
-    alone = make_shard(given_documents[:n], FULL_BODY)
-    assert np.array_equal(head.posting_index.planes, alone.posting_index.planes)
-    assert head.feature_counts == alone.feature_counts
-    assert np.array_equal(head.corpus.known, alone.corpus.known)
-
-
 def test_a_shard_that_is_written_twice_is_there_once(tmp_path):
     shard = make_shard(documents(4, [50, 33]), FULL_BODY)
     name = write_shard(shard, tmp_path)

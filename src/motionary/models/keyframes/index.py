@@ -84,19 +84,6 @@ class PostingIndex:
         """Bytes of the stored arrays."""
         return self.planes.nbytes + self.lengths.nbytes
 
-    def head(self, n_sequences: int) -> "PostingIndex":
-        """Index of the first sequences."""
-        lengths = self.lengths[:n_sequences]
-        layout = Layout.of_lengths(lengths)
-        planes = self.planes[:, : layout.n_integers].copy()
-        # What follows the last sequence must be empty.
-        stop = int(layout.stops[-1])
-        planes[:, stop // BITS] &= np.uint64((1 << stop % BITS) - 1)
-        planes[:, stop // BITS + 1 :] = 0
-        # As those of a file are, for which compiled code is there already.
-        planes.flags.writeable = False
-        return PostingIndex(planes, lengths, self.feature_set, self.feature_ids)
-
     def rows(self, value: int, fixed: int) -> list[int]:
         """Rows whose common frames show a keyframe, the rarest first.
 

@@ -150,8 +150,13 @@ class Collection:
             return self
         step = max(len(self.parts) // _SAMPLED_PARTS, 1)
         parts = self.parts[step // 2 :: step]
-        each = _SAMPLED_FRAMES // len(parts)
-        return Collection.of_shards([part.shard.head(each) for part in parts], self.feature_set)
+        shards = [part.shard for part in parts]
+        each = _SAMPLED_FRAMES // len(shards)
+        chosen = [
+            np.arange(max(np.searchsorted(np.cumsum(shard.lengths), each, side="right"), 1))
+            for shard in shards
+        ]
+        return Collection.of_shards([select(shards, chosen)], self.feature_set)
 
     @cached_property
     def feature_prior(self) -> NDArray[np.float64]:

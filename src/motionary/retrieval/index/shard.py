@@ -180,20 +180,6 @@ class Shard:
         """Frames of each bitmap of the posting index, which need not be read for it."""
         return self.posting_index.counts if self.counts is None else self.counts
 
-    def head(self, n_frames: int) -> "Shard":
-        """The first recordings, of about so many frames together, at least one."""
-        n = max(int(np.searchsorted(np.cumsum(self.lengths), n_frames, side="right")), 1)
-        lengths = self.lengths[:n]
-        stop = int(self.starts[n - 1] + lengths[-1])
-        last = int(np.searchsorted(self.masks[:, 0].astype(np.int64), stop, side="left"))
-        masks = self.masks[: last + 1].copy()
-        masks[-1, 0] = stop
-        packed, planes = self.packed[:stop], self.posting_index.head(n).planes
-        return replace(
-            self, names=self.names[:n], table=self.table[:n], packed=packed, masks=masks,
-            planes=planes, counts=None, place=None,
-        )  # fmt: skip
-
     def cut(self, ranges: HitRanges) -> Corpus:
         """Some segments of sequences, at least one, as sequences of their own."""
         lengths = ranges.stops - ranges.starts

@@ -31,11 +31,13 @@ class PartTask(NamedTuple):
     shard : of the part, or where it lies
     ranks : array, the place of each of its sequences among those of the part
     most : largest cost that still counts
+    may_win : whether anything that it may hold comes before what was found elsewhere
     """
 
     shard: Shard | StoredShard
     ranks: NDArray[np.int64]
     most: float
+    may_win: bool = True
 
     def open(self) -> Collection:
         """The part as a collection of its own, its recordings in the order of the whole."""
@@ -83,7 +85,7 @@ def merge_parts(
     collection : at least one recording
     threshold, limit : largest cost, and most rows; None for all
     jobs : who does it
-    may_skip : whether parts are left out that cannot win; otherwise all are matched
+    may_skip : whether parts are left out that cannot win; otherwise they are told so
     """
     merging = _Merging[Found](collection, threshold, limit)
     n_matched = 0
@@ -109,11 +111,12 @@ class _Merging(Generic[Found]):
         """Parts to search, those of the first recordings first; each as it is asked for."""
         first = [int(part.numbers.min()) for part in self._parts]
         for i in np.argsort(first, kind="stable").tolist():
-            if may_skip and self._is_full and (_LEAST, first[i]) > self.best[-1][:2]:
+            may_win = not self._is_full or (_LEAST, first[i]) < self.best[-1][:2]
+            if may_skip and not may_win:
                 continue
             shard = self._parts[i].shard
             ranks = np.argsort(np.argsort(self._parts[i].numbers))
-            yield i, PartTask(shard if jobs == 1 else shard.handle(), ranks, self._most)
+            yield i, PartTask(shard if jobs == 1 else shard.handle(), ranks, self._most, may_win)
 
     def add(self, number: int, rows: Sequence[Row[Found]]) -> None:
         """Merge the rows of a part."""
@@ -166,6 +169,11 @@ def rank_patterns(
 def _rank_part(
     task: PartTask, *, patterns: Sequence[SearchPattern], limit: int | None
 ) -> PartRows[Hit]:
-    matches = match(patterns, task.open())
+    collection = task.open()
+    if not task.may_win:
+        # Only bitmaps are read, to count what would be matched.
+        (part,) = collection.parts
+        return PartRows([], sum(pattern.count_matched(part.shard) for pattern in patterns))
+    matches = match(patterns, collection)
     rows = [Row(*one) for one in matches.rank_numbered(threshold=task.most, limit=limit)]
     return PartRows(rows, matches.n_matched)

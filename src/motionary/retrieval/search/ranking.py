@@ -25,7 +25,7 @@ from motionary.packing import PackedFeatures
 from motionary.recording import Recording
 from motionary.retrieval.explanation import Evidence
 from motionary.retrieval.gains import Comparison
-from motionary.retrieval.index import Collection, Part
+from motionary.retrieval.index import Collection, Part, Shard
 from motionary.tables import Table, Tabular
 
 Integers = NDArray[np.int64]
@@ -153,6 +153,10 @@ class SearchPattern:
     def windows(self, index: PostingIndex) -> HitRanges:
         """Where it is matched, if it has queries."""
         return select_in_index(self.queries, self.template.n_columns, index, votes=self.votes)
+
+    def count_matched(self, shard: Shard) -> int:
+        """Frames of a shard in which it is matched."""
+        return self.windows(shard.posting_index).n_frames if self.queries else shard.n_frames
 
 
 class Window(NamedTuple):
