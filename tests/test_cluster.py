@@ -1,5 +1,7 @@
 """Work by the workers of a cluster: the same results, and what goes wrong is told."""
 
+import os
+import signal
 import warnings
 
 import pytest
@@ -97,6 +99,21 @@ def test_items_that_fail_are_failures_among_others(cluster):
     assert (results[0], results[2]) == (0, 1)
     assert isinstance(results[1], Failure)
     assert "ValueError: odd" in str(results[1].error)
+
+
+def end_worker_once(marker):
+    if not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return marker.name
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a process ends itself as if it was killed")
+def test_what_a_killed_worker_did_is_done_again(cluster, tmp_path):
+    markers = [tmp_path / str(i) for i in range(3)]
+    for marker in markers[1:]:
+        marker.touch()
+    assert list(map_ordered(end_worker_once, markers, jobs=cluster)) == ["0", "1", "2"]
 
 
 def test_a_scheduler_that_does_not_answer_is_told():
