@@ -265,23 +265,22 @@ def _promises(sources: Any, sets: Sets) -> Results:
     if rates is None or scoring is None:
         raise InvalidInput("the library is not calibrated")
     found = [find_candidates(sequence, library) for _, sequence, _ in cases]
-    minutes: dict[str, float] = {}
-    for part, sequence, _ in cases:
-        minutes[part] = minutes.get(part, 0.0) + len(sequence) / 1800
     rows = []
     judged: list[JudgedLabel] = []
     for at_most in (*AT_MOST, None):
-        limits, wrong = thresholds_for(library, at_most), Counter[str]()
+        limits, wrong, free = thresholds_for(library, at_most), Counter[str](), dict[str, float]()
         judged = []
-        for (part, _, allowed), matches in zip(cases, found, strict=True):
-            labels = judge(matches, library, allowed, least=limits)
+        for (part, sequence, allowed), matches in zip(cases, found, strict=True):
+            labels, minutes = judge(matches, library, allowed, least=limits, n_frames=len(sequence))
             wrong[part] += sum(not x.is_right for x in labels)
+            free[part] = free.get(part, 0.0) + minutes
             judged += labels
         rows.append({
             "asked": at_most,
             "promised": rates.expected(limits),
-            "measured": wrong.total() / sum(minutes.values()),
-            "parts": {part: wrong[part] / minutes[part] for part in minutes},
+            "measured": wrong.total() / sum(free.values()),
+            "right": sum(x.is_right for x in judged),
+            "parts": {part: [wrong[part], free[part]] for part in free},
         })  # fmt: skip
     of_class = dict(zip(library.names, least.tolist(), strict=True))
     said = np.array([scoring.probability_of(x.score - of_class[x.name]) for x in judged])
@@ -291,7 +290,8 @@ def _promises(sources: Any, sets: Sets) -> Results:
         here = (said >= low) & (said < high)
         if here.any():
             bins.append([low, high, int(here.sum()), said[here].mean(), right[here].mean()])
-    return {"rows": rows, "bins": bins, "minutes": sum(minutes.values())}
+    minutes = sum(len(sequence) for _, sequence, _ in cases) / 1800
+    return {"rows": rows, "bins": bins, "minutes": minutes}
 
 
 def _shown(what: str) -> tuple[str, ...]:

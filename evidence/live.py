@@ -2,11 +2,13 @@
 
 import pickle
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from recipes.sources import EXERCISES, person_of, read_rows
 
 from evidence.common.recordings import Recordings, Results
 from motionary.errors import MotionaryError
@@ -22,7 +24,14 @@ from motionary.retrieval.annotation import annotate
 TITLE = "Labels while a motion goes on"
 SPLIT = "nothing is learned or chosen; labels are compared with those of `annotate`"
 SEED = 26
-DATA = ("cmu", "hdm05_takes")
+DATA = (
+    "cmu",
+    "hdm05_takes",
+    (
+        "UI-PRMD (Vakanski and others 2018, PDDL 1.0), correct repetitions of s01 to s04",
+        (39, 16.22),
+    ),
+)
 #: Further folders of which recordings are read.
 FOLDERS = ("cmu_everyday", "accad", "hdm05_takes")
 SIZES = (1, 3, 7, 100, 0)
@@ -32,6 +41,8 @@ N_CLOSE, CLOSE_S = 6, 6.0
 JITTER = 0.3
 MEMORY_MIN = 30
 N_DELAYS = 40
+#: People whose repetitions are streams with true ends; the library learned from some of them.
+REPEATING = ("s01", "s02", "s03", "s04")
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +64,7 @@ def measure(recordings: Recordings) -> Results:
         "same": sum(same.values()),
         "close": _compare_closely(library, [takes[name] for name in close], rng),
         "delays": _measure_delays(library, _with_events(library, takes, whole)),
+        "repeated": _measure_delays(library, *_repetitions(recordings.folder)),
         "memory": _measure_memory(library, list(takes.values())),
     }
 
@@ -85,6 +97,25 @@ def _takes(folder: Path) -> Iterator[tuple[str, Floats]]:
                 continue
             even = resample(positions, rate_hz=motion.rate_hz, to_hz=LIVE_HZ)
             yield str(path.relative_to(folder)), even
+
+
+def _repetitions(folder: Path) -> tuple[list[Floats], list[list[Label]]]:
+    """Positions of recordings of repetitions, at 60 Hz, and the true labels of each."""
+    takes, truths = [], []
+    for path in sorted((folder / "ui_prmd" / "correct").glob("*.c3d")):
+        if person_of("ui_prmd", path.name) not in REPEATING:
+            continue
+        motion = read(path)
+        rows = read_rows(folder / "ui_prmd" / "repetitions.csv")
+        takes.append(resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=LIVE_HZ))
+        truths.append(
+            [
+                Label(EXERCISES[row["label"]], float(row["start_s"]), float(row["end_s"]))
+                for row in rows
+                if row["recording"] == f"correct/{path.name}" and row["label"] in EXERCISES
+            ]
+        )
+    return takes, truths
 
 
 def _run(
@@ -146,37 +177,63 @@ def _compare_closely(
     return {"same": same, "runs": len(takes) * len(SIZES), "uneven": uneven, "gaps": gaps, "n": n}
 
 
-def _measure_delays(library: ClassLibrary, takes: Sequence[Floats]) -> Results:
+def _measure_delays(
+    library: ClassLibrary, takes: Sequence[Floats], truths: Sequence[Sequence[Label]] = ()
+) -> Results:
     """How late labels are foreseen and final, what is withdrawn, and what a pose costs."""
     kinds = {one.name: one.kind for one in library}
-    foreseen, final, costs, minutes, withdrawn = [], [], [], 0.0, 0
+    foreseen, final, costs, minutes = [], [], [], 0.0
+    true_ends = []
+    counts: Counter[str] = Counter()
     look_ahead_s = 0.0
-    for take in takes:
+    for number, take in enumerate(takes):
         annotator, first = LiveAnnotator(library, rate_hz=LIVE_HZ), dict[int, float]()
         look_ahead_s = annotator.look_ahead_s
-        for pose in take:
+        for pose in [*take, None]:
             begin = time.process_time()
-            events = annotator.push(pose)
-            costs.append(time.process_time() - begin)
+            events = annotator.finish() if pose is None else annotator.push(pose)
+            if pose is not None:
+                costs.append(time.process_time() - begin)
+            now = annotator.duration_s
             for event in events:
-                now = annotator.duration_s
+                counts[event.status] += 1
                 if event.status == "provisional":
                     first[event.id] = now
-                withdrawn += event.status == "withdrawn"
-                if event.status == "final" and kinds[event.label.name] == "event":
+                if event.status != "final" or kinds[event.label.name] != "event":
+                    continue
+                seen_s = first.get(event.id, now)
+                if pose is not None:
                     final.append(now - event.label.end_s - look_ahead_s)
-                    foreseen.append(first.get(event.id, now) - event.label.end_s)
+                foreseen.append(seen_s - event.label.end_s)
+                if truths:
+                    true_ends += _after(seen_s, event.label, truths[number])
         minutes += len(take) / LIVE_HZ / 60
     return {
         "recordings": len(takes),
         "minutes": minutes,
-        "events": len(final),
+        "events": len(foreseen),
+        "final": len(final),
         "look_ahead_s": look_ahead_s,
         "foreseen_s": _quantiles(foreseen, (50, 90)),
+        "true": len(true_ends),
+        "after_truth_s": _quantiles(true_ends, (50, 90)),
         "final_s": _quantiles(final, (50, 100)),
         "ms": _quantiles([1e3 * cost for cost in costs], (50, 99)),
-        "withdrawn_per_min": withdrawn / minutes,
+        "provisional_per_min": counts["provisional"] / minutes,
+        "withdrawn_per_min": counts["withdrawn"] / minutes,
     }
+
+
+def _after(seen_s: float, label: Label, truth: Iterable[Label]) -> list[float]:
+    """How long after the true end a label was foreseen, if it is right by half."""
+    found = [
+        seen_s - one.end_s
+        for one in truth
+        if one.name == label.name
+        and min(one.end_s, label.end_s) - max(one.start_s, label.start_s)
+        >= 0.5 * (max(one.end_s, label.end_s) - min(one.start_s, label.start_s))
+    ]
+    return found[:1]
 
 
 def _measure_memory(library: ClassLibrary, takes: Sequence[Floats]) -> Results:

@@ -18,11 +18,11 @@ SCRIPTS = (
     "other_readers", "wild", "variants", "query_learning_choice", "query_learning",
     "query_learning_generations", "query_learning_speed", "exercises", "everyday",
     "everyday_classes", "inertial", "simulated_sensors", "figures_2012",
-    "body", "depth", "stream_decisions", "corrections", "styles", "kills",
-    "multiview", "multiview_priors", "live",
+    "body", "depth", "stream_decisions", "corrections", "styles", "elsewhere", "kills",
+    "multiview", "multiview_priors", "real_views", "regions", "live",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER: tuple[str, ...] = ("live_day",)
+FURTHER: tuple[str, ...] = ("live_day", "archives")
 
 
 def main(arguments: list[str]) -> int:

@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from motionary.batch import Failure, map_ordered
@@ -39,6 +40,13 @@ SHOWN: Mapping[str, tuple[str, ...]] = {
     "walk": ("walk",),
     "run/jog": ("run",),
     "jump, balance": ("jump", "hop"),
+    "dance - cartwheel-like start, pirouettes, jete": ("cartwheel", "turn around", "jump"),
+    "dance - small jetes, attitude/arabesque, shifted-axis pirouette, turn": (
+        "turn around", "jump",
+    ),
+    "playground - climb, sit, dangle legs, descend": ("sit down",),
+    "playground - climb, hang, hold self up with arms straight, swing, drop, sit, dangle legs, "
+    "go under": ("sit down", "crouch"),
     "bend over, scoop up, rise, lift arm": (
         "pick up", "put down", "crouch", "rise from crouch", "reach up",
     ),
@@ -62,6 +70,7 @@ class Judged(NamedTuple):
     shows : what it is of
     asked : class that it shows; empty where it has none of the library's
     minutes : its length
+    free_minutes : what of it no right label covers
     labels : from the lowest scores on
     """
 
@@ -70,6 +79,7 @@ class Judged(NamedTuple):
     shows: str
     asked: str
     minutes: float
+    free_minutes: float
     labels: tuple[JudgedLabel, ...]
 
 
@@ -139,16 +149,26 @@ def list_held(sources: Sources) -> list[Held]:
 
 
 def judge(
-    found: Candidates, library: ClassLibrary, allowed: Collection[str], *, least: ArrayLike
-) -> list[JudgedLabel]:
-    """Labels of some least scores on; those of other classes than the allowed are false."""
+    found: Candidates,
+    library: ClassLibrary,
+    allowed: Collection[str],
+    *,
+    least: ArrayLike,
+    n_frames: int,
+) -> tuple[list[JudgedLabel], float]:
+    """Labels of some least scores on, and minutes that no right one covers.
+
+    Those of other classes than the allowed are false.
+    """
     chosen = choose_candidates(found, library, threshold=least)
-    judged = []
+    judged, free = [], np.ones(n_frames, dtype=np.bool_)
     for members in join_matches(found, library, chosen, threshold=least):
         matches = chosen[members]
         name = library.names[int(found.classes[matches[0]])]
         judged.append(JudgedLabel(name, float(found.paths.scores[matches].max()), name in allowed))
-    return judged
+        if name in allowed:
+            free[found.paths.starts[matches].min() : found.paths.stops[matches].max()] = False
+    return judged, float(free.sum()) / SEQUENCE_HZ / 60
 
 
 def _judge_fold(
@@ -165,7 +185,12 @@ def _judge_fold(
             allowed = SHOWN.get(one.shows, (one.shows,))
             asked = allowed[0] if allowed[0] in library.names else ""
             matches = find_candidates(one.sequence, library)
-            labels = judge(matches, library, allowed, least=lowest_scores(library))
+            labels, free = judge(
+                matches, library, allowed,
+                least=lowest_scores(library), n_frames=len(one.sequence),
+            )  # fmt: skip
             minutes = len(one.sequence) / SEQUENCE_HZ / 60
-            found.append(Judged(one.part, one.person, one.shows, asked, minutes, tuple(labels)))
+            found.append(
+                Judged(one.part, one.person, one.shows, asked, minutes, free, tuple(labels))
+            )
     return found

@@ -1,5 +1,6 @@
 """Small folders of synthetic recordings, and the command run on them in this process."""
 
+import re
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from motionary.cli import main
 from motionary.samples import synthetic_motion, synthetic_stream
 
 RATE_HZ = 30.0
+_REFERENCE = Path(__file__).parents[1] / "docs" / "reference.md"
 CLASSES = ("squat", "kick_left", "wave_right")
 EXAMPLES = 3
 STREAM = ("squat", "bow", "kick_left")
@@ -83,3 +85,16 @@ def write_stream(path: Path, *, seed: int = 11):
     motion, segments = synthetic_stream(STREAM, seed=seed, rate_hz=RATE_HZ)
     write_bvh(motion, path)
     return segments
+
+
+def documented_keys(beginning):
+    """Keys of JSON in the reference, in the rest of the paragraph that has these words."""
+    said = _REFERENCE.read_text("utf-8").partition(beginning)[2].partition("\n\n")[0]
+    return re.findall(r"`(\w+)`", said)
+
+
+def documented_example(beginning):
+    """Keys of the first line of JSON in the reference after these words."""
+    said = _REFERENCE.read_text("utf-8").partition(beginning)[2]
+    line = next(line for line in said.splitlines() if line.startswith("{"))
+    return re.findall(r'"(\w+)": ', line)

@@ -1,5 +1,7 @@
 """Work by the workers of a cluster: the same results, and what goes wrong is told."""
 
+import os
+import signal
 import warnings
 
 import pytest
@@ -7,7 +9,11 @@ import pytest
 from cli_cases import write_bvh
 from motionary.batch import Cluster, Failure, map_ordered
 from motionary.errors import Unreachable
+from motionary.features import compute_features
+from motionary.io import read
+from motionary.models.keyframes import parse_queries
 from motionary.retrieval.index import Index
+from motionary.retrieval.search import search
 from motionary.samples import synthetic_motion
 
 distributed = pytest.importorskip("distributed")
@@ -24,7 +30,7 @@ def scheduler(tmp_path_factory):
             n_workers=2,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address=":0",
             local_directory=str(tmp_path_factory.mktemp("workers")),
         ) as cluster:
             yield cluster.scheduler_address
@@ -40,7 +46,9 @@ def cluster(scheduler):
 def folder(tmp_path):
     """More recordings than one portion holds, one of them broken."""
     folder = tmp_path / "recordings"
-    for name in ("a.bvh", "b.bvh"):
+    for name in ("a.bvh", "e.bvh"):
+        write_bvh(synthetic_motion("squat", seed=ord(name[0]), rate_hz=30), folder / name)
+    for name in ("b.bvh",):
         write_bvh(
             synthetic_motion("squat", seed=ord(name[0]), rate_hz=30).cut(0, 12), folder / name
         )
@@ -63,7 +71,21 @@ def test_an_index_is_the_same_to_the_byte_whoever_makes_it(folder, cluster, tmp_
         made[jobs] = files_of(index.place), done
         assert [failure.item[0] for failure in index.failures] == ["d.bvh"]
     assert made[1] == made[cluster]
-    assert len(made[1][1]) == 71
+    assert len(made[1][1]) == 72
+    assert len(index.collection().parts) == 2
+    example = compute_features(read(folder / "a.bvh"), feature_set=index.feature_set).part(5, 40)
+    for query, more in (
+        (example, {}),
+        (example, {"preselect": True}),
+        (parse_queries("right knee bent"), {}),
+    ):
+        here, there = (search(query, index, jobs=jobs, **more) for jobs in (1, cluster))
+        assert hits_of(here) == hits_of(there)
+        assert {hit.recording.name for hit in here} >= {"a.bvh", "e.bvh"}
+
+
+def hits_of(result):
+    return [(hit, hit.evidence.alignment.path.tolist()) for hit in result]
 
 
 def halve(number):
@@ -77,6 +99,21 @@ def test_items_that_fail_are_failures_among_others(cluster):
     assert (results[0], results[2]) == (0, 1)
     assert isinstance(results[1], Failure)
     assert "ValueError: odd" in str(results[1].error)
+
+
+def end_worker_once(marker):
+    if not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return marker.name
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a process ends itself as if it was killed")
+def test_what_a_killed_worker_did_is_done_again(cluster, tmp_path):
+    markers = [tmp_path / str(i) for i in range(3)]
+    for marker in markers[1:]:
+        marker.touch()
+    assert list(map_ordered(end_worker_once, markers, jobs=cluster)) == ["0", "1", "2"]
 
 
 def test_a_scheduler_that_does_not_answer_is_told():

@@ -1,6 +1,7 @@
 """A clothed body in front of walls, rendered for several cameras; synthetic, truth exact."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,15 @@ from motionary.body import (
     skin,
 )
 from motionary.motion import Motion
+from motionary.multiview import Contour
 from motionary.rotations import (
     quaternions_to_matrices,
     rotation_vectors_to_quaternions,
     unit_vectors,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -126,3 +131,25 @@ def paint_wall(rng: np.random.Generator) -> Floats:
         row, column = rng.integers(0, HEIGHT), rng.integers(0, WIDTH)
         wall[row : row + 90, column : column + 60] = colour
     return wall
+
+
+def draw_contours(
+    images: Sequence[Floats], rows: Sequence[Sequence[Contour]], *, margin_px: int = 22
+) -> "Figure":
+    """Images with outlines of a body, and where colours want them; a row for each step."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.3 * len(rows)))
+    axes = figure.subplots(len(rows), len(images), gridspec_kw={"wspace": 0.02, "hspace": 0.02})
+    for row, contours in zip(axes, rows, strict=True):
+        for one, image, contour in zip(row, images, contours, strict=True):
+            moved = contour.shifts * (contour.contrast > 0)
+            goals = contour.pixels + moved[:, None] * contour.normals
+            one.imshow(image)
+            one.plot(*contour.pixels.T, ".", color="cyan", markersize=1.5)
+            one.plot(*np.stack([contour.pixels, goals]).transpose(2, 0, 1), color="lime", lw=0.6)
+            low = contour.pixels.min(axis=0) - margin_px
+            high = contour.pixels.max(axis=0) + margin_px
+            one.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]))
+            one.set_axis_off()
+    return figure

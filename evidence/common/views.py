@@ -1,5 +1,6 @@
 """Keypoints as cameras around a recorded motion would have given them: synthetic, truth exact."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ from motionary.io.cameras import CalibratedCamera
 from motionary.io.keypoints import Views
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.multiview import LIMBS, project
-from motionary.multiview.exchange import find_pairs
+from motionary.multiview.exchange import Exchange, find_pairs
 
 Floats = NDArray[np.float64]
 
@@ -147,3 +148,26 @@ def film(
     fractions = {"legs": (damage.legs,) * 2, "arms": (damage.arms,) * 2}
     views, planted = plant_exchanges(views, rng, fractions)
     return Synthetic(views, cameras, truth, planted)
+
+
+def far_mm(points: Floats, others: Floats) -> float:
+    """Mean distance between points that both have, millimetres."""
+    return float(1000 * np.nanmean(np.linalg.norm(points - others, axis=-1)))
+
+
+def score_exchanges(
+    found: Sequence[Exchange], planted: Mapping[str, NDArray[np.bool_]]
+) -> dict[str, float | int | None]:
+    """Fractions of planted exchanges found, and of others that were exchanged."""
+    hits = wrong = total = rest = unsure = 0
+    for one in found:
+        truth = planted.get(one.limb, np.zeros_like(one.exchanged))
+        seen = np.isfinite(one.margin)
+        hits += int((one.exchanged & truth & seen).sum())
+        wrong += int((one.exchanged & ~truth & seen).sum())
+        unsure += int(((one.exchanged != truth) & one.unsure & seen).sum())
+        total, rest = total + int((truth & seen).sum()), rest + int((~truth & seen).sum())
+    return {
+        "planted": total, "found": hits / total if total else None, "false": wrong / rest,
+        "wrong_but_unsure": unsure,
+    }  # fmt: skip

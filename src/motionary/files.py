@@ -24,6 +24,9 @@ from motionary.tables import printable
 STDOUT = "-"
 _ALSO_STDOUT = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
+#: What is told of whatever is missing.
+NO_SUCH_FILE = "no such file or folder"
+
 #: What a table of separated values may be called.
 TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
 
@@ -60,8 +63,7 @@ def open_regular(path: str | Path) -> BinaryIO:
     except NotAFile:
         raise
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise UnreadableFile(f"cannot be read: {reason}", file=path) from error
+        raise UnreadableFile(describe_opening(error), file=path) from error
     try:
         _check_regular(path, os.fstat(file.fileno()))
     except NotAFile:
@@ -70,14 +72,22 @@ def open_regular(path: str | Path) -> BinaryIO:
     return file
 
 
+def describe_opening(error: OSError, tried: str = "cannot be read") -> str:
+    """Why something cannot be opened; of what is missing the same everywhere."""
+    return NO_SUCH_FILE if isinstance(error, FileNotFoundError) else f"{tried}: {_reason(error)}"
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error)
+
+
 def read_bytes(path: str | Path) -> bytes:
     """The content of a regular file; errors as by `open_regular`."""
     with open_regular(path) as file:
         try:
             return file.read()
         except OSError as error:
-            reason = error.strerror or str(error)
-            raise UnreadableFile(f"cannot be read: {reason}", file=path) from error
+            raise UnreadableFile(describe_opening(error), file=path) from error
 
 
 def most_unpacked(n_bytes: int) -> int:
@@ -220,9 +230,8 @@ def _as_unwritable(path: Path) -> Iterator[None]:
     except (MotionaryError, BrokenPipeError):
         raise
     except OSError as error:
-        reason = error.strerror or str(error)
         raise UnwritableFile(
-            f"cannot be written: {reason}; choose a folder that you may write to", file=path
+            f"cannot be written: {_reason(error)}; choose a folder that you may write to", file=path
         ) from error
 
 

@@ -45,8 +45,8 @@ class Label:
     score : what its frames tell for the class against motion in general; None for labels
         that were assigned by costs or made by hand
     probability : that the label is right; None if unknown
-    false_per_min : false labels of the class a minute, of this score or a higher one, that
-        are to be expected; None if unknown
+    false_per_min : false labels of the class, of this score or a higher one, that are to be
+        expected in a minute of motion without right labels; None if unknown
     side : "as learned" or "mirrored", where the class is learned with its mirror image and
         differs from it; else empty
     extra : further columns of the table it was read from, as text

@@ -380,8 +380,10 @@ def interpolate(
     `first` is the number of the first of these positions, at least two, in its recording.
     """
     if len(numbers) > _BLOCK:
-        parts = np.split(numbers, range(_BLOCK, len(numbers), _BLOCK))
-        return np.concatenate([interpolate(positions, n, step=step, first=first) for n in parts])
+        whole = np.empty((len(numbers), *positions.shape[1:]))
+        for part in (slice(i, i + _BLOCK) for i in range(0, len(numbers), _BLOCK)):
+            whole[part] = interpolate(positions, numbers[part], step=step, first=first)
+        return whole
     at = numbers * step
     last = first + len(positions) - 1
     left = np.minimum(at.astype(np.intp), last - 1)

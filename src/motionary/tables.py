@@ -82,6 +82,21 @@ def build_frame(columns: Mapping[str, Any], **options: Any) -> Any:
     return pandas.DataFrame(columns, **options)
 
 
+def load_pyarrow() -> Any:
+    """The package that writes Parquet.
+
+    Raises
+    ------
+    InvalidInput
+        If it is not installed.
+    """
+    try:
+        import pyarrow.parquet
+    except ImportError as error:
+        raise InvalidInput("Parquet needs pyarrow: pip install 'motionary[parquet]'") from error
+    return pyarrow
+
+
 def write_parquet(portions: Iterable[Mapping[str, Any]], path: Path) -> None:
     """Write columns of one table, some rows after the others, as a file of Parquet.
 
@@ -95,12 +110,7 @@ def write_parquet(portions: Iterable[Mapping[str, Any]], path: Path) -> None:
     InvalidInput
         If pyarrow is not installed.
     """
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError as error:
-        raise InvalidInput("Parquet needs pyarrow: pip install 'motionary[parquet]'") from error
-    writer = None
+    pyarrow, writer = load_pyarrow(), None
     try:
         for columns in portions:
             arrays = {name: pyarrow.array(column) for name, column in columns.items()}
@@ -108,7 +118,7 @@ def write_parquet(portions: Iterable[Mapping[str, Any]], path: Path) -> None:
                 if array.type == pyarrow.string():
                     arrays[name] = array.dictionary_encode()
             table = pyarrow.table(arrays)
-            writer = writer or parquet.ParquetWriter(path, table.schema)
+            writer = writer or pyarrow.parquet.ParquetWriter(path, table.schema)
             writer.write_table(table)
     finally:
         if writer is not None:

@@ -8,7 +8,15 @@ import shutil
 import numpy as np
 import pytest
 
-from cli_cases import CLASSES, EXAMPLES, RATE_HZ, write_bvh, write_examples, write_stream
+from cli_cases import (
+    CLASSES,
+    EXAMPLES,
+    RATE_HZ,
+    documented_keys,
+    write_bvh,
+    write_examples,
+    write_stream,
+)
 from motionary.cli.app import COMMANDS
 from motionary.features import compute_features
 from motionary.io import read, read_labels, write
@@ -253,6 +261,8 @@ def test_labels_by_scores_are_counted(motionary, world, library, tmp_path):
     rows = json_lines(ran.out)
     assert {row["label"]: row["number"] for row in rows} == {n: names.count(n) for n in names}
     assert [len(row["starts_s"]) for row in rows] == [row["number"] for row in rows]
+    keys = documented_keys("`motionary count --json` gives")
+    assert all(list(row) == keys for row in rows)
     lines = (tmp_path / "counts.csv").read_text("utf-8").splitlines()
     assert lines[0] == "recording,label,side,number,mean_s,total_s,per_min,unassessed_s"
     assert len(lines) == len(rows) + 1

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from cli_cases import documented_keys
 from motionary.body import load_body, record_depth
 from motionary.body.depth_cameras import DepthSettings
 from motionary.io import read, write
@@ -31,6 +32,7 @@ def test_images_become_a_motion(folder, motionary):
     out = folder / "out.npz"
     done = motionary("depth", "track", folder / "images.npz", "-o", out, "--json")
     told = json.loads(done.out)
+    assert list(told) == documented_keys("`motionary depth track --json` gives")
     assert told["images"] == 6
     assert told["none"] == 1
     assert told["cost_m"] < 0.05

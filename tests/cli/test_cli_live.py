@@ -2,23 +2,24 @@
 
 import io
 import json
+import signal
 import socket
 import threading
 import time
+import urllib.error
+import urllib.request
 
 import numpy as np
 import pytest
 
 import motionary as mo
-from cli_cases import run, write_bvh
+from cli_cases import documented_example, run, write_bvh
 from motionary.errors import InvalidInput
-from motionary.live import LivePeople, PoseLines, WebSocketSource, write_lines
+from motionary.live import LivePeople, PageServer, PoseLines, WebSocketSource, write_lines
 from motionary.samples import synthetic_motion, synthetic_stream
 
-KEYS = {
-    "event", "id", "sender", "person", "recording", "recording_start_s", "label", "start_s",
-    "end_s", "start_frame", "end_frame", "score", "probability", "side", "why",
-}  # fmt: skip
+#: Of an event, as the reference shows one.
+KEYS = documented_example("`motionary live` prints an event a line")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_a_replayed_recording_is_labelled_as_annotate_labels_it(
     events = [json.loads(line) for line in ran.out.splitlines()]
     assert (ran.code, ran.err) == (0, "")
     assert events
-    assert all(event.keys() == KEYS and event["event"] == "final" for event in events)
+    assert all(list(event) == KEYS and event["event"] == "final" for event in events)
     track = mo.annotate(mo.read(path), mo.ClassLibrary.load(library))
     expected = [(label.name, label.start_frame, label.end_frame) for label in track]
     found = [(e["label"], e["start_frame"], e["end_frame"]) for e in events]
@@ -77,11 +78,14 @@ def test_lines_that_are_no_poses_are_told_and_the_others_count(capsys, monkeypat
     assert ran.out == run(capsys, monkeypatch, "live", "--final", "--library", library).out
 
 
-def test_without_a_rate_the_command_says_what_to_give(capsys, monkeypatch, lines):
+def test_without_a_rate_the_command_says_what_to_give(capsys, monkeypatch, lines, library):
     feed(monkeypatch, '{"positions": []}\n' + lines[1] + "\n")
     ran = run(capsys, monkeypatch, "live")
     assert (ran.code, ran.out) == (1, "")
-    assert '{"rate_hz": 60} or --rate-hz' in ran.err
+    assert '{"rate_hz": 60} or --rate' in ran.err
+    # Its former name stays.
+    feed(monkeypatch, lines[1] + "\n")
+    assert run(capsys, monkeypatch, "live", "--rate-hz", 30, "--library", library).code == 0
 
 
 def test_a_stream_of_bytes_may_hold_any(capsys, monkeypatch, lines, library):
@@ -348,6 +352,26 @@ def test_a_stream_goes_on_from_a_file_as_without_a_break(
     assert [json.loads(one) for one in out + rest] == [json.loads(one) for one in whole]
 
 
+class Stopped(io.StringIO):
+    """Lines, and the end of the program by the system in place of their end."""
+
+    def readline(self, size=-1):
+        return super().readline(size) or signal.raise_signal(signal.SIGTERM)
+
+
+def test_what_the_system_ends_is_kept(capsys, monkeypatch, tmp_path, lines, library):
+    state = tmp_path / "state.npz"
+    monkeypatch.setattr("sys.stdin", Stopped("\n".join(lines[:5]) + "\n"))
+    before = signal.getsignal(signal.SIGTERM)
+    ran = run(capsys, monkeypatch, "live", "--library", library, "--state", state)
+    assert (ran.code, ran.out) == (0, "")
+    assert f"what is left is kept in {state}" in ran.err
+    assert signal.getsignal(signal.SIGTERM) == before
+    people = LivePeople(mo.ClassLibrary.load(library))
+    people.resume(state)
+    assert durations(people) == {"": pytest.approx(4 / 30)}
+
+
 def test_states_of_something_else_are_refused(capsys, monkeypatch, tmp_path, lines, library):
     feed(monkeypatch, "")
     path = tmp_path / "one.npz"
@@ -361,3 +385,45 @@ def test_states_of_something_else_are_refused(capsys, monkeypatch, tmp_path, lin
     ran = run(capsys, monkeypatch, "live", "--library", library, "--state", wrong / "x.npz")
     assert (ran.code, ran.out) == (1, "")
     assert "cannot be written" in ran.err
+
+
+def test_a_page_is_served_to_this_computer_and_told_of_what_was(monkeypatch, lines, library):
+    client = pytest.importorskip("websockets.sync.client")
+    monkeypatch.setattr("motionary.live.sources._CLOSING_S", 0.2)
+    told = []
+    page, people = PageServer(0, tell=told.append), LivePeople(mo.ClassLibrary.load(library))
+    with pytest.raises(InvalidInput, match=rf"port {page.port} of 127.0.0.1 .* with --page"):
+        PageServer(page.port, tell=told.append)
+    for line in lines[:4]:
+        people.push(line)
+        if people.pose:
+            page.show(people.pose)
+    page.send_event({"event": "final", "id": 1})
+    page.send_event({"event": "revised", "id": 2})
+    place = f"127.0.0.1:{page.port}"
+    with urllib.request.urlopen(f"http://{place}/") as opened:
+        assert opened.headers["X-Frame-Options"] == "DENY"
+        text = opened.read().decode()
+    assert f"connect-src ws://{place}/watch;" in text
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(f"http://{place}/etc/passwd")
+    with pytest.raises(Exception, match="403"):
+        client.connect(f"ws://{place}/watch", origin="https://example.com")
+    with client.connect(f"ws://{place}/watch", origin=f"http://{place}") as connection:
+        run_of, body, event = json.loads(connection.recv(timeout=5))
+        assert len(run_of["live"]) == 8
+        assert body["recording"]["number"] == 1
+        assert body["recording"]["name"] == "motion"
+        assert event == {"event": {"event": "final", "id": 1}}
+        people.push(json.dumps({"positions": [None] * 24, "time_s": 0.2}))
+        page.show(people.pose)
+        assert json.loads(connection.recv(timeout=5))["pose"][2] == [None] * 24
+    page.close()
+
+
+def test_the_command_serves_the_page(capsys, monkeypatch, lines, library):
+    pytest.importorskip("websockets")
+    feed(monkeypatch, "\n".join(lines[:3]))
+    ran = run(capsys, monkeypatch, "live", "--library", library, "--page", 0)
+    assert ran.code == 0
+    assert "the page is http://127.0.0.1:" in ran.err

@@ -51,6 +51,8 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("annotate",), "Missing argument 'FILE'"),
+        (("depth", "track"), "Missing argument 'IMAGES'"),
         (("search", "{world}/examples"), "--like"),
         ((*LIKE, "--class", "squat"), "--like, --class"),
         (("search", "{world}", "--class", "squat", "--library", "none"), "--library LIB"),
@@ -105,7 +107,7 @@ def test_wrong_use(motionary, world, arguments, words):
         (("search", "{world}/examples", "--like", "{world}/none.bvh"), "none.bvh"),
         (("annotate", "{world}/none.bvh", "--library", "{world}/library"), "no such file"),
         (("annotate", "{tmp}", "--library", "{world}/library"), "no recordings in this folder"),
-        (("features", "{tmp}/none", "-o", "x.npz"), "none: cannot be read: No such file"),
+        (("features", "{tmp}/none", "-o", "x.npz"), "none: no such file or folder"),
         (("features", "{tmp}", "-o", "x.npz"), "but a folder; name a file in it"),
         (("search", "{world}/examples", "--like", "{tmp}"), "but a folder; name a file in it"),
         (("labels", "stats", "{tmp}"), "but a folder; name a file in it"),

@@ -1,13 +1,12 @@
 """`motionary imu` and `motionary synth`, on synthetic recordings."""
 
 import json
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import motionary as mo
+from cli_cases import documented_keys
 from motionary.samples import synthetic_stream
 
 pytest.importorskip("vqf")
@@ -58,9 +57,7 @@ def test_sensors_are_made_and_checked(take, motionary):
 
 
 def test_the_keys_of_a_check_are_documented():
-    page = (Path(__file__).parents[2] / "docs" / "reference.md").read_text("utf-8")
-    said = page.partition("gives an object per sensor with `--json`")[2].partition("\n\n")[0]
-    assert re.findall(r"`(\w+)`", said) == KEYS
+    assert documented_keys("gives an object per sensor with `--json`") == KEYS
 
 
 def test_orientations_are_written_for_opensense(take, motionary):

@@ -41,6 +41,13 @@ def test_a_batch_is_its_motions(array, batch):
         alone = compute_features(one, rate_hz=20)
         np.testing.assert_array_equal(item.packed, alone.packed)
         np.testing.assert_array_equal(item.known, alone.known)
+
+    class Tensor:
+        def __array__(self, dtype=None, copy=None):
+            return array
+
+    tensor = compute_batch(Tensor(), rate_hz=20)
+    assert all((a.packed == b.packed).all() for a, b in zip(tensor, batch, strict=True))
     unnamed = compute_batch(list(array), rate_hz=20)
     assert unnamed.names == ("001", "002", "003", "004", "005")
     assert unnamed.persons == ("",) * 5

@@ -109,7 +109,7 @@ def test_what_is_no_depth_is_refused(tmp_path, images, told, match):
 
 
 def test_what_cannot_be_read_is_told(tmp_path):
-    with pytest.raises(UnreadableFile, match="no such folder"):
+    with pytest.raises(UnreadableFile, match="no such file or folder"):
         read_depth(tmp_path / "none")
     empty = tmp_path / "empty"
     empty.mkdir()

@@ -11,11 +11,20 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.motion import Motion
 from motionary.multiview import PoseMemory, derive_priors, read_priors, remember_poses, write_priors
 from motionary.multiview.allocation import allocate
-from motionary.multiview.poses import LENT, Track, find_matches, keep_essential, own_axes
+from motionary.multiview.poses import (
+    LENT,
+    Track,
+    blend,
+    find_candidates,
+    find_matches,
+    keep_essential,
+    own_axes,
+)
 from motionary.multiview.priors import MARKED, NamedPrior, named_priors, shape_limb
 from motionary.multiview.solving import Pull, SolverSettings
 from motionary.recording import Recording
 from motionary.skeletons import named_mapping
+from oracles import lending
 from view_cases import NAMES, walker
 
 RATE_HZ = 60.0
@@ -162,6 +171,24 @@ def test_hidden_points_take_the_shape_of_a_prior(known, name):
     a, b = (0.3, 0.26) if "elbow" in name else (0.43, 0.42)
     limit = np.sqrt(a * a + b * b + a * b)
     assert (far >= limit - 0.03).all() if "straight" in name else (far <= limit + 0.03).all()
+
+
+def test_poses_count_by_how_they_agree_with_the_rest_of_the_body():
+    rng = np.random.default_rng(4)
+    poses = rng.normal(0, 0.05, (3, 9, len(LENT), 3))
+    own = rng.normal(0, 0.05, (12, len(LENT), 3))
+    seen = rng.uniform(size=own.shape[:2]) < 0.7
+    seen[5] = False
+    columns = np.array([-1, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, -1])
+    limb = [0, 1, 2]
+    offer = find_candidates(poses, columns, own, seen, RATE_HZ)
+    expected = lending.blend(
+        poses, columns, own, seen, limb, rate_hz=RATE_HZ, beside=6, moved=2, moved_s=0.08,
+        agrees=0.04,
+    )  # fmt: skip
+    assert blend([offer], limb, 12) == pytest.approx(expected, nan_ok=True, abs=1e-12)
+    twice = blend([offer, offer], limb, 12)
+    assert twice == pytest.approx(expected, nan_ok=True, abs=1e-12)
 
 
 def test_one_match_for_each_place(known):

@@ -13,6 +13,7 @@ import pytest
 from cli_cases import CLASSES
 from motionary import learn, search
 from motionary.labels import Label, LabelTrack
+from motionary.live import LivePeople, PageServer, write_lines
 from motionary.models.library import TrainingOptions, learn_classes
 from motionary.recording import Recording
 from motionary.reporting import (
@@ -264,3 +265,51 @@ def test_labels_are_begun_in_a_page_without_any(folder, browser, motions):
     (row,) = csv.DictReader(table.read_text("utf-8-sig").splitlines())
     assert (row["recording"], row["label"]) == ("squat 0", "new")
     check_quiet(browser)
+
+
+def test_a_live_page_grows_with_poses_and_labels(browser):
+    pytest.importorskip("websockets")
+    library = learn({"squat": [synthetic_motion("squat", seed=seed) for seed in range(4)]})
+    stream, _ = synthetic_stream(("squat",), seed=4, rate_hz=30.0)
+    head, *poses = write_lines(stream)
+    people, page = LivePeople(library), PageServer(0, tell=pytest.fail)
+
+    def push(lines):
+        for line in lines:
+            events = people.push(line, sender="a")
+            if people.pose:
+                page.show(people.pose)
+            for event in events:
+                page.send_event(event.as_json())
+
+    push([head, *poses[:10]])
+    browser.get(f"http://127.0.0.1:{page.port}/")
+    axis = find(browser, ".time-canvas")
+    wait_for(lambda: find(browser, ".bar h1").text == "sender a")
+    push(poses[10:120])
+    wait_for(lambda: now(axis) > 3.9)
+    shown = "return [...document.querySelectorAll('.label-list button')].map((b) => b.innerText)"
+    choose = (
+        "const s = document.querySelector('[aria-label=Lane]'); s.selectedIndex = arguments[0];"
+        "s.dispatchEvent(new Event('change'))"
+    )
+    browser.execute_script(choose, 1)
+    wait_for(lambda: any("squat" in text for text in browser.execute_script(shown)))
+    push(poses[120:])
+    for event in people.finish():
+        page.send_event(event.as_json())
+    browser.execute_script(choose, 0)
+    [text] = wait_for(lambda: browser.execute_script(shown))
+    assert text.startswith("squat")
+    # Who looks back stays there; who asks for it sees again what happens now.
+    browser.execute_script("document.querySelector('.label-list button').click()")
+    wait_for(lambda: "Final." in find(browser, ".why").text)
+    assert find(browser, ".live").get_attribute("aria-pressed") == "false"
+    find(browser, ".live").click()
+    wait_for(lambda: now(axis) > 4.8)
+    # Who comes later is told of what was.
+    browser.refresh()
+    wait_for(lambda: browser.execute_script(shown) == [text])
+    assert not [one for one in browser.get_log("browser") if one["level"] == "SEVERE"]
+    page.close()
+    wait_for(lambda: "not connected" in find(browser, ".bar").text)

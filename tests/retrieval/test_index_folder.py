@@ -568,7 +568,7 @@ def test_an_index_may_lie_among_the_recordings(folder, tmp_path):
 
 
 def test_a_missing_folder_is_told(tmp_path, place):
-    with pytest.raises(UnreadableFile, match="cannot be searched: No such file"):
+    with pytest.raises(UnreadableFile, match="no such file or folder"):
         update(tmp_path / "none", place)
     (tmp_path / "file.bvh").touch()
     with pytest.raises(UnreadableFile, match="cannot be searched: Not a directory"):

@@ -95,6 +95,18 @@ def test_joined_and_chosen_documents_keep_everything():
     assert all(same(chosen.sequence(i), d) for i, d in enumerate([a[2], b[1], b[0]]))
 
 
+def test_a_shard_that_is_written_twice_is_there_once(tmp_path):
+    shard = make_shard(documents(4, [50, 33]), FULL_BODY)
+    name = write_shard(shard, tmp_path)
+    assert write_shard(shard, tmp_path) == name
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    # One of this name that is damaged does not count.
+    (tmp_path / name / "words.array").write_bytes(b"")
+    again = write_shard(shard, tmp_path)
+    assert again != name
+    assert same(read_shard(tmp_path, again, FULL_BODY).sequence(0), shard.sequence(0))
+
+
 def test_states_of_files_are_carried_along():
     shard = make_shard(documents(3, [5, 6]), FULL_BODY)
     table = shard.table.copy()

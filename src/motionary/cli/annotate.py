@@ -74,8 +74,9 @@ class LabelOptions(TableOptions):
         float | None,
         typer.Option(
             metavar="PER_MINUTE",
-            help="By scores, with the threshold at which so many false labels a minute are "
-            "expected; for libraries that were learned with --calibrate --negatives.",
+            help="By scores, with the threshold at which so many false labels are expected in a "
+            "minute of motion without right ones; for the library that ships, and those that "
+            "were learned with --calibrate --negatives.",
         ),
     ] = None
     plot: Annotated[

@@ -49,8 +49,6 @@ COMMANDS = {
     "replay": "live",
     "demo": "demo",
 }
-#: Commands that need no argument.
-_BARE = ("demo", "live")
 #: Shells that complete a command line set it.
 _COMPLETION = "_MOTIONARY_COMPLETE"
 # Objects between two searches for garbage.
@@ -58,7 +56,7 @@ _NEW_OBJECTS = 100_000
 #: Former names of options, which stay.
 _FORMER = {
     "--good": "--relevant", "--bad": "--irrelevant", "--grow": "--expand",
-    "--suggest": "--calibrate",
+    "--suggest": "--calibrate", "--rate-hz": "--rate",
 }  # fmt: skip
 
 
@@ -138,9 +136,7 @@ def build_app(one: str | None = None) -> typer.Typer:
             group = _build_group(command, module.SUBCOMMANDS)
             app.add_typer(group, name=name, short_help=_summary(command))
             continue
-        app.command(
-            name, cls=_Command, no_args_is_help=name not in _BARE, short_help=_summary(command)
-        )(_guarded(command))
+        app.command(name, cls=_Command, short_help=_summary(command))(_guarded(command))
     app.command("help", hidden=True)(_show_help)
     app.command("version", hidden=True)(lambda: _show_version(True))
     return app
@@ -152,7 +148,7 @@ def _build_group(
     """Commands below one, which only describes them."""
     group = typer.Typer(help=_help_of(described), no_args_is_help=True, rich_markup_mode=None)
     for name, command in commands.items():
-        group.command(name, no_args_is_help=True, short_help=_summary(command))(_guarded(command))
+        group.command(name, short_help=_summary(command))(_guarded(command))
     return group
 
 

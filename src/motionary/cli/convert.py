@@ -306,13 +306,18 @@ class People:
     ] = None
     seed: Annotated[int, typer.Option(help="Of who is put where.")] = 0
 
-    def place(self, batch: "FeatureBatch") -> "FeatureBatch":
-        """Features with who moves, and in which part they are, as far as it is given."""
+    def find(self, names: Iterable[str]) -> list[str]:
+        """Who moves in each recording; nobody where it is not given."""
         from motionary.features import match_names
 
+        if not self.persons:
+            return []
+        return match_names(names, self.persons, each="recording", has="person")
+
+    def place(self, batch: "FeatureBatch") -> "FeatureBatch":
+        """Features with who moves, and in which part they are, as far as it is given."""
         if self.persons:
-            found = match_names(batch.names, self.persons, each="recording", has="person")
-            batch = batch.with_persons(found)
+            batch = batch.with_persons(self.find(batch.names))
         return batch.split_by_person(seed=self.seed) if self.split_by else batch
 
 
@@ -347,6 +352,7 @@ def features(
     motionary features clips/ -o clips.parquet --persons '^(s[0-9]+)_' --split-by person --jobs 4
     """
     from motionary.features import FULL_BODY, FeatureBatch, write_features
+    from motionary.tables import load_pyarrow
 
     if Path(output).suffix.lower() not in (".npz", ".parquet", ".csv"):
         raise wrong("--output", f"must end in .npz, .parquet or .csv, got {output}")
@@ -357,6 +363,10 @@ def features(
     found = find_files(files, reading)
     if plot and len(found.files) > 1:
         raise wrong("--plot", f"draws one recording, got {len(found.files)}")
+    # Before hours of measuring.
+    people.find(found.files)
+    if output.lower().endswith(".parquet"):
+        load_pyarrow()
     measured = measure_files(
         found.files, "measuring", reading=reading, feature_set=FULL_BODY, jobs=jobs
     )

@@ -11,7 +11,7 @@ from motionary.cli import screen
 from motionary.cli.options import AsJson, Excel, Force, InFrames, check_target, wrong
 from motionary.cli.recordings import find_files, read_recording
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.files import is_stdout
+from motionary.files import NO_SUCH_FILE, is_stdout
 from motionary.io.options import ReadOptions
 from motionary.tables import enumerate_names
 
@@ -188,7 +188,7 @@ def _expand(files: Sequence[str]) -> Iterator[Path]:
         # Shells of Windows leave patterns to programs.
         found = [path] if path.exists() else sorted(path.parent.glob(path.name))
         if not found:
-            raise UnreadableFile("no such file", file=path)
+            raise UnreadableFile(NO_SUCH_FILE, file=path)
         yield from found
 
 

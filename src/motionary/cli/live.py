@@ -20,7 +20,7 @@ from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.live import LivePeople, OscSender, PersonEvent, Source
+    from motionary.live import LivePeople, OscSender, PageServer, PersonEvent, Source
 
 # What is wrong with a sender's lines is told so often, then only counted.
 _MOST_TOLD = 5
@@ -52,7 +52,7 @@ class LiveOptions:
     rate_hz: Annotated[
         float | None,
         typer.Option(
-            "--rate-hz", min=1.0, metavar="HZ", help="Poses a second, where no line says it."
+            "--rate", min=1.0, metavar="HZ", help="Poses a second, where no line says it."
         ),
     ] = None
     skeleton: Annotated[
@@ -66,6 +66,16 @@ class LiveOptions:
         typer.Option(
             metavar="PER_MINUTE",
             help="With the threshold at which so many false labels a minute are expected.",
+        ),
+    ] = None
+    page: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            metavar="N",
+            help="Show poses and labels in a browser of this computer, at http://127.0.0.1:N/; 0 "
+            "is any free port.",
         ),
     ] = None
     state: Annotated[
@@ -114,9 +124,9 @@ def live(options: LiveOptions) -> int:
 
     motionary replay take.bvh | motionary live
     motionary live --port 8765
-    motionary live --osc 39539 --osc-to 9000
+    motionary live --osc 39539 --osc-to 9000 --page 8080
     """
-    from motionary.live import VMC_HZ, LivePeople
+    from motionary.live import VMC_HZ, LivePeople, OscSender, PageServer
     from motionary.models.library import open_library
     from motionary.skeletons import named_mapping
 
@@ -134,9 +144,15 @@ def live(options: LiveOptions) -> int:
     )
     if options.state is not None and options.state.exists():
         people.resume(options.state)
-    listeners = [] if options.osc_to is None else [_osc_sender(options.osc_to, "--osc-to")]
+    listeners: list[OscSender | PageServer] = []
+    if options.osc_to is not None:
+        listeners.append(_osc_sender(options.osc_to, "--osc-to"))
+    page = None if options.page is None else PageServer(options.page, tell=screen.warn)
+    if page is not None:
+        screen.warn(f"the page is http://{_LOOPBACK}:{page.port}/")
+        listeners.append(page)
     labelling = _Labelling(
-        people, _open(options), listeners, final_only=options.final, state=options.state
+        people, _open(options), listeners, page, final_only=options.final, state=options.state
     )
     return labelling.run()
 
@@ -243,6 +259,7 @@ class _Labelling:
     people : label what comes
     source : gives it
     listeners : get each event
+    page : gets each pose
     final_only : whether what is not final is kept back
     state : file that keeps what is not final
     """
@@ -251,13 +268,14 @@ class _Labelling:
         self,
         people: "LivePeople",
         source: "Source",
-        listeners: "Sequence[OscSender]",
+        listeners: "Sequence[OscSender | PageServer]",
+        page: "PageServer | None",
         *,
         final_only: bool,
         state: Path | None,
     ) -> None:
         self._people, self._source, self._listeners = people, source, listeners
-        self._final_only, self._state = final_only, state
+        self._page, self._final_only, self._state = page, final_only, state
         self._saved_s = time.monotonic()
         self._wrong: Counter[str] = Counter()
         self._n_wrong = 0
@@ -297,7 +315,10 @@ class _Labelling:
             self._wrong.pop(sender, None)
             return
         try:
-            self._give(self._people.push(line, sender=sender))
+            events = self._people.push(line, sender=sender)
+            if self._page is not None and self._people.pose is not None:
+                self._page.show(self._people.pose)
+            self._give(events)
         except InvalidInput as error:
             self._n_wrong += 1
             self._wrong[sender] += 1

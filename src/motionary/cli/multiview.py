@@ -1,5 +1,6 @@
 """`motionary track` and `untangle`: a person in keypoints of several calibrated cameras."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,8 +14,7 @@ from motionary.errors import InvalidInput, UnwritableFile
 if TYPE_CHECKING:
     from motionary.models.library import ClassLibrary
     from motionary.multiview import PoseMemory, Tracking
-    from motionary.multiview.priors import PriorTable
-    from motionary.multiview.steadiness import Steadiness
+    from motionary.multiview.priors import AllocatedPrior, PriorTable
 
 Keypoints = Annotated[
     str,
@@ -245,20 +245,35 @@ def priors(
 def _show(found: "Tracking") -> None:
     """The table before and after, and what was exchanged."""
     rows = [
-        ("sliding of planted feet, cm/s", *(f"{100 * one.sliding:.1f}" for one in _both(found))),
-        ("frames below the floor, %", *(f"{100 * one.below:.1f}" for one in _both(found))),
-        ("points not known, %", *(f"{100 * one.gaps:.1f}" for one in _both(found))),
-        ("jitter, m/s²", *(f"{one.jitter:.1f}" for one in _both(found))),
-    ]
+        (name, *(_number(factor * getattr(one, key)) for one in (found.before, found.after)))
+        for name, key, factor in (
+            ("sliding of planted feet, cm/s", "sliding", 100),
+            ("frames below the floor, %", "below", 100), ("points not known, %", "gaps", 100),
+            ("jitter, m/s²", "jitter", 1),
+        )
+    ]  # fmt: skip
     screen.print_table(("", ">triangulated", ">tracked"), rows)
     frames = sum((label.end_s - label.start_s) for label in found.exchanges)
-    for prior in found.priors:
-        taken = "taken" if prior.kept else "not taken"
-        screen.say(f"{prior.name}, frames {prior.first} to {prior.stop}: {taken}, {prior.reason}")
+    _show_priors(found.priors)
     n = len(found.exchanges)
     many = "segment" if n == 1 else "segments"
     screen.say(f"{n} {many} of limbs exchanged or unsure, {frames:.1f} s")
 
 
-def _both(found: "Tracking") -> tuple["Steadiness", "Steadiness"]:
-    return found.before, found.after
+def _show_priors(priors: "Sequence[AllocatedPrior]") -> None:
+    """How often each was taken and not, and why not the last time."""
+    by_name: dict[str, list[AllocatedPrior]] = {}
+    for prior in priors:
+        by_name.setdefault(prior.name, []).append(prior)
+    rows = []
+    for name, every in by_name.items():
+        refused = [one for one in every if not one.kept]
+        why = refused[-1].reason if refused else ""
+        rows.append((name, str(len(every) - len(refused)), str(len(refused)), why))
+    if rows:
+        screen.print_table(("prior", ">taken", ">not taken", "why not"), rows)
+
+
+def _number(value: float) -> str:
+    """A dash where there is nothing to measure, as of feet that never stand."""
+    return "–" if value != value else f"{value:.1f}"

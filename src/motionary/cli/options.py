@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import typer
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
-from motionary.files import check_table_name, holds_others, is_protected, is_stdout
+from motionary.files import NO_SUCH_FILE, check_table_name, holds_others, is_protected, is_stdout
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -318,7 +318,7 @@ def _check_reading(reading: ReadOptions) -> None:
     """Refuse files that are not there, and options that do not go together."""
     for flag, path in (("--asf", reading.asf), ("--body-model", reading.body_model)):
         if path is not None and not Path(path).is_file():
-            raise wrong(flag, f"{path}: no such file")
+            raise wrong(flag, f"{path}: {NO_SUCH_FILE}")
     if reading.fill_gaps_s is None and "fill_by" in reading.given():
         raise wrong("--fill-by", "goes with --fill-gaps SECONDS")
     try:

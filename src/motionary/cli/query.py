@@ -10,6 +10,7 @@ import typer
 from motionary.cli.options import LibraryDefault, wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
+from motionary.files import NO_SUCH_FILE
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -213,7 +214,7 @@ def check_query(options: QueryOptions) -> None:
     if options.class_name is None and options.library is not None:
         raise wrong("--library", "goes with --class NAME")
     if _is_meant_as_file(options.query) and not _is_file(options.query):
-        raise wrong("--query", f"{options.query}: no such file")
+        raise wrong("--query", f"{options.query}: {NO_SUCH_FILE}")
     if options.query_name is not None and not _is_collection(options.query):
         raise wrong("--query-name", "goes with --query FILE.json, a collection of queries")
     for_examples = {

@@ -14,7 +14,6 @@ from motionary.cli.convert import cut_labels
 from motionary.cli.hits import Ranks, feedback_of, read_ranks, say_hits, say_json
 from motionary.cli.options import (
     AsJson,
-    Jobs,
     LabelFile,
     LibraryDefault,
     TableOptions,
@@ -32,6 +31,7 @@ from motionary.cli.query import (
     read_query,
 )
 from motionary.cli.recordings import IndexOptions, Opened, Opener, read_recording
+from motionary.cli.workers import WorkOptions
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def search(
     index: IndexOptions,
     as_json: AsJson = False,
     *,
-    jobs: Jobs,
+    work: WorkOptions,
     reading: ReadOptions,
 ) -> int:
     """Find more motions like an example, all of a class, or wherever keyframes are shown.
@@ -148,16 +148,19 @@ def search(
     results.check(as_json=as_json)
     ranks = read_ranks(options)
     query = _read_example(options, reading, fast=bool(which.fast))
-    opened = Opener(reading=reading, feature_set=query.feature_set, jobs=jobs).open(folder, index)
     expansion = QueryExpansion(hits=options.expand, published=options.published)
-    find = partial(
-        search_for,
-        recordings=opened.collection,
-        threshold=which.threshold,
-        expansion=expansion,
-        preselect=query.keyframes or which.fast,
-    )
-    first, result = _find(find, query, ranks, limit=which.limit or None)
+    with work.open() as workers:
+        opener = Opener(reading=reading, feature_set=query.feature_set, jobs=workers)
+        opened = opener.open(folder, index)
+        find = partial(
+            search_for,
+            recordings=opened.collection,
+            threshold=which.threshold,
+            expansion=expansion,
+            preselect=query.keyframes or which.fast,
+            jobs=work.searching(workers),
+        )
+        first, result = _find(find, query, ranks, limit=which.limit or None)
     tracks = _to_tracks(result, query.name)
     if results.output:
         write_labels(tracks, results.output, excel=results.excel)
@@ -172,7 +175,7 @@ def search(
         expanded = expansion if query.example else None
         say_hits(result, opened.collection, expanded, has_feedback=ranks.most > 0)
     is_cut = not results.cut or cut_labels(
-        tracks, opened.files, results.cut, reading=reading, jobs=jobs, replace=results.force
+        tracks, opened.files, results.cut, reading=reading, jobs=work.jobs, replace=results.force
     )
     if opened.is_stopped:
         return STOPPED_BY_KEYBOARD

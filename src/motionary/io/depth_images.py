@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile, describe_cause
+from motionary.files import NO_SUCH_FILE
 from motionary.io.depth_videos import VIDEOS, StoredImages
 from motionary.io.text import read_json
 
@@ -173,7 +174,7 @@ def read_depth(
     """
     path = Path(path)
     if not path.exists():
-        raise UnreadableFile("there is no such folder or file of depth images", file=path)
+        raise UnreadableFile(NO_SUCH_FILE, file=path)
     source: Source
     if path.is_dir():
         source, told = _read_folder(path)

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from motionary.errors import SeveralRecordings, UnreadableFile
+from motionary.files import NO_SUCH_FILE, describe_opening
 from motionary.io.formats import MOTION_SUFFIXES, find_format, load_function
 from motionary.io.formats.takes import EVERY, label_takes, split_take
 from motionary.io.options import ReadOptions
@@ -144,8 +145,7 @@ def scan_folder(
         with os.scandir(folder):
             pass
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise UnreadableFile(f"cannot be searched: {reason}", file=folder) from error
+        raise UnreadableFile(describe_opening(error, "cannot be searched"), file=folder) from error
     cut = len(str(folder).rstrip(os.sep)) + 1
     found = (
         (entry.path[cut:].replace(os.sep, "/"), entry)
@@ -224,7 +224,7 @@ def _find(path: Path, suffixes: Collection[str], on_skip: OnSkip | None) -> list
     if split_take(path)[0].exists():
         return [(path, path.name)]
     if not glob.has_magic(str(path)):
-        raise UnreadableFile("no such file or folder", file=path)
+        raise UnreadableFile(NO_SUCH_FILE, file=path)
     files = [file for file in _match(path) if file.is_file() and _is_recording(file.name, suffixes)]
     if not files:
         raise UnreadableFile("no recording has a name like this", file=path)

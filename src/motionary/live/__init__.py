@@ -2,10 +2,11 @@
 
 from motionary.live.annotator import LiveAnnotator, LiveEvent, Status
 from motionary.live.osc import OscSender, OscSource
-from motionary.live.people import LivePeople, PersonEvent
+from motionary.live.people import LivePeople, PersonEvent, PersonPose
 from motionary.live.poses import Pose, PoseLines, write_lines
 from motionary.live.sources import PipeSource, Source, WebSocketSource
 from motionary.live.vmc import VMC_HZ, VMC_PORT, VmcReader, write_messages
+from motionary.live.watching import PageServer
 
 __all__ = [
     "VMC_HZ",
@@ -15,7 +16,9 @@ __all__ = [
     "LivePeople",
     "OscSender",
     "OscSource",
+    "PageServer",
     "PersonEvent",
+    "PersonPose",
     "PipeSource",
     "Pose",
     "PoseLines",

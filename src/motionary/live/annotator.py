@@ -24,7 +24,7 @@ from motionary.live.poses import EvenTimes
 from motionary.live.saving import Arrays, encode, read_state, restore, save_state
 from motionary.matching import StreamedPath
 from motionary.models.library import ClassLibrary, load_everyday
-from motionary.motion import Motion
+from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.packing import PackedFeatures, count, count_integers
 from motionary.recording import Recording, Segment
 from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, explain
@@ -115,6 +115,8 @@ class LiveAnnotator:
         self._packed = np.empty((0, n_integers), dtype=np.uint64)
         self._known = self._packed.copy()
         self._first_motion: Motion | None = None
+        #: The last pose, shape (24, 3), metres, of the generic joints.
+        self.pose: Floats = np.full((len(GENERIC_JOINTS), 3), np.nan)
         self._told: dict[int, Label] = {}
         self._n_ids = 0
         self._looked_at = 0
@@ -201,6 +203,8 @@ class LiveAnnotator:
             generic = self._times.push(generic, times)
         n_frames = self._recording.n_frames + len(generic)
         self._recording = replace(self._recording, n_frames=n_frames)
+        if len(generic):
+            self.pose = generic[-1]
         return self._advance(*self._features.push(generic), at_end=False)
 
     def _to_generic(self, positions: Floats) -> Floats:

@@ -59,7 +59,7 @@ class OscSource:
             self._socket.bind((address, port))
         except OSError as error:
             self._socket.close()
-            raise InvalidInput(describe_place(error, address, port)) from error
+            raise InvalidInput(describe_place(error, address, port, "--osc")) from error
         self._socket.settimeout(TICK_S)
         bound, self.port = self._socket.getsockname()[:2]
         tell_if_open(bound, address, tell)

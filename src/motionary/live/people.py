@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.features.body import Floats
 from motionary.live.annotator import LiveAnnotator, LiveEvent
 from motionary.live.poses import Pose, PoseLines
 from motionary.live.saving import Arrays, read_state, save_state
@@ -66,6 +67,25 @@ class PersonEvent(NamedTuple):
         }
 
 
+class PersonPose(NamedTuple):
+    """A pose as it was labelled.
+
+    Attributes
+    ----------
+    person, sender, recording : as of `PersonEvent`
+    rate_hz : poses per second
+    time_s : since the recording's first pose
+    positions : array, shape (24, 3), metres, of the generic joints, NaN = not seen
+    """
+
+    person: str
+    sender: str
+    recording: int
+    rate_hz: float
+    time_s: float
+    positions: Floats
+
+
 @dataclass(slots=True)
 class _Person:
     annotator: LiveAnnotator
@@ -81,6 +101,13 @@ class _Person:
         """Events as those of this person."""
         facts = self.sender, self.recording, self.begin_s
         return [PersonEvent(self.name, event, *facts) for event in events]
+
+    def show(self) -> PersonPose:
+        """The last pose as that of this person."""
+        own = self.annotator
+        facts = self.name, self.sender, self.recording
+        last_s = max(own.duration_s - 1 / own.rate_hz, 0.0)
+        return PersonPose(*facts, own.rate_hz, last_s, own.pose)
 
 
 @dataclass(slots=True)
@@ -130,6 +157,8 @@ class LivePeople:
         self._people: dict[tuple[str, str], _Person] = {}
         self._n_recordings = 0
         self._due: list[PersonEvent] = []
+        #: The pose of the last line; None if it had none.
+        self.pose: PersonPose | None = None
 
     @property
     def senders(self) -> tuple[str, ...]:
@@ -184,6 +213,7 @@ class LivePeople:
         InvalidInput
             If it is no pose, or one that does not fit; other lines and people go on.
         """
+        self.pose = None
         # What was due before an error comes with the next line.
         self._push(line, sender)
         return self._take()
@@ -218,6 +248,7 @@ class LivePeople:
             self._n_recordings += 1
             person.recording, person.begin_s = self._n_recordings, pose.time_s
         self._due += person.tell(events)
+        self.pose = person.show()
         person.last_s, person.last_round = pose.time_s, own.count(pose.person)
         for other, one in list(self._people.items()):
             n_absent = own.round - one.last_round if one.sender == sender else 0
@@ -235,7 +266,7 @@ class LivePeople:
         if rate_hz is None:
             raise InvalidInput(
                 'how many poses a second come is unknown: a first line {"rate_hz": 60} or '
-                "--rate-hz (rate_hz=) says it"
+                "--rate (rate_hz=) says it"
             )
         if len(self._people) >= MOST_PEOPLE:
             # Those of whom no pose was of use hold no place.

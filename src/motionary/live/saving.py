@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features.body import Body
-from motionary.files import write_atomically
+from motionary.files import NO_SUCH_FILE, write_atomically
 from motionary.labels import Label
 from motionary.live.deciding import Found
 from motionary.matching import ScheduleState, StateJoiner, StreamedPath
@@ -72,7 +72,7 @@ def read_state(
         content = json.loads(arrays.pop(_FACTS).tobytes())
         version, digest = content["version"], content["library"]
     except FileNotFoundError as error:
-        raise UnreadableFile("there is no such file", file=str(path)) from error
+        raise UnreadableFile(NO_SUCH_FILE, file=str(path)) from error
     except _UNREADABLE as error:
         raise UnreadableFile(_NO_STATE, file=str(path)) from error
     if version != _VERSION:

@@ -36,7 +36,7 @@ TICK_S = 0.5
 _LONGEST = 1_000_000
 _CLOSING_S = 2.0
 # A page of any other origin that a browser shows could read what a body does.
-_ORIGINS = (None, re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"))
+ORIGINS = (None, re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"))
 
 Tell = Callable[[str], None]
 #: Sender and line; None instead of a line if the sender has gone or is silent.
@@ -114,22 +114,22 @@ class WebSocketSource:
                 "pip install 'motionary[live]', or send lines of JSON to stdin"
             ) from error
         self._tell = tell
-        self._waiting = Waiting(
-            tell,
-            f"nothing has come to port {port} so far; do poses go there, by ws:// and not by wss://?",
-        )
-        self._listeners: dict[int, _Listener] = {}
+        self._listeners: dict[int, Listener] = {}
         self._lock = threading.Lock()
         self._n_connections = 0
         logger = logging.Logger("motionary.live", logging.DEBUG)
-        logger.addHandler(_Failures(tell))
+        logger.addHandler(Failures(tell))
         try:
             self._server = serve(
-                self._receive, address, port, max_size=_LONGEST, origins=_ORIGINS, logger=logger
+                self._receive, address, port, max_size=_LONGEST, origins=ORIGINS, logger=logger
             )
         except OSError as error:
             raise InvalidInput(describe_place(error, address, port)) from error
         bound, self.port = self._server.socket.getsockname()[:2]
+        self._waiting = Waiting(
+            tell,
+            f"nothing has come to port {self.port} so far; do poses go there, by ws:// and not by wss://?",
+        )
         tell_if_open(bound, address, tell)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
@@ -165,7 +165,9 @@ class WebSocketSource:
         with self._lock:
             self._n_connections += 1
             number = self._n_connections
-            listener = self._listeners[number] = _Listener(connection, number, self._tell)
+            listener = self._listeners[number] = Listener(
+                connection, f"sender {number}", self._tell
+            )
         self._tell(f"sender {number} is connected")
         reason = ""
         try:
@@ -249,24 +251,25 @@ class Waiting:
             )
 
 
-class _Listener:
-    """Events on their way to one connection, by a thread of their own."""
+class Listener:
+    """Texts on their way to one connection, by a thread of their own."""
 
-    def __init__(self, connection: Any, number: int, tell: Tell) -> None:
-        self._connection, self._number, self._tell = connection, number, tell
+    def __init__(self, connection: Any, name: str, tell: Tell) -> None:
+        self._connection, self._name, self._tell = connection, name, tell
         self._events = queue.Queue[str | None](MOST_WAITING)
         self._is_slow = False
         self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
 
     def offer(self, text: str) -> None:
+        """Let a text wait to be sent, if there is room."""
         try:
             self._events.put_nowait(text)
         except queue.Full:
             if not self._is_slow:
                 self._is_slow = True
                 self._tell(
-                    f"sender {self._number} does not read its events: those that do not wait for "
+                    f"{self._name} does not read its events: those that do not wait for "
                     "it are lost to it"
                 )
 
@@ -283,7 +286,7 @@ class _Listener:
                 self._connection.send(text)
 
 
-class _Failures(logging.Handler):
+class Failures(logging.Handler):
     """Tells of connections that did not come about, in a line each."""
 
     def __init__(self, tell: Tell) -> None:
@@ -291,6 +294,7 @@ class _Failures(logging.Handler):
         self._tell, self._last = tell, ""
 
     def emit(self, record: logging.LogRecord) -> None:
+        """Tell what a record of the log says of a connection."""
         from websockets.exceptions import InvalidHandshake
 
         # Refusals are logged for those only who trace everything.
@@ -316,9 +320,9 @@ def tell_if_open(bound: str, address: str, tell: Tell) -> None:
         )
 
 
-def describe_place(error: OSError, address: str, port: int) -> str:
+def describe_place(error: OSError, address: str, port: int, option: str = "--port") -> str:
     """What is wrong with a place that cannot be listened to."""
-    remedy = "give another with --port, or 0 for any that is free"
+    remedy = f"give another with {option}, or 0 for any that is free"
     if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
         remedy = "give an address of this computer with --address"
     reason = error.strerror or error

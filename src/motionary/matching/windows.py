@@ -70,12 +70,14 @@ class FeatureWindow:
         return len(self.packed)
 
 
-def thin(corpus: Corpus, *, full: PackedFeatures) -> ThinCorpus:
+def thin(corpus: Corpus, *, full: PackedFeatures, has_gaps: bool = False) -> ThinCorpus:
     """Every third frame of a corpus.
 
     Parameters
     ----------
     full : array, shape (n_integers,): mask in which every feature is known
+    has_gaps : whether it is part of a corpus in which features are unknown, so that its costs
+        are computed as there, to the bit
     """
     lengths = -(-corpus.lengths // THINNING)
     starts = np.cumsum(lengths + LONGEST_STEP) - lengths - LONGEST_STEP
@@ -88,7 +90,7 @@ def thin(corpus: Corpus, *, full: PackedFeatures) -> ThinCorpus:
     packed[:, inside] = corpus.packed[source].T
     seen = corpus.known[source]
     known = None
-    if (~seen & full).any():
+    if has_gaps or (~seen & full).any():
         known = np.zeros_like(packed)
         known[:, inside] = seen.T
     blocked = np.ones(n_frames, dtype=np.bool_)

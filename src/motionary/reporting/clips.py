@@ -29,6 +29,8 @@ PAGE_HZ = 30.0
 _PIECE_S = 60.0
 #: Bytes that a coordinate of a frame takes in a page of people who move: measured.
 _BYTES_OF_VALUE = 0.8
+# Whom one sees crouch first stands up later.
+_LEAST_HEIGHT_M = 1.2
 #: Shorter gaps are not hatched on the time axis: at its full length they could not be seen.
 _LEAST_GAP_S = 0.1
 
@@ -97,6 +99,26 @@ def make_clip(
         "gaps": _gaps(known[:, ever], page_hz),
     }
     return Clip(content, blocks)
+
+
+def describe_body(positions: Floats) -> dict[str, Any]:
+    """What a live page has of a body of which these poses were seen so far.
+
+    Parameters
+    ----------
+    positions : array, shape (frames, 24, 3), of the generic joints, NaN = not seen
+    """
+    ever: Bools = np.asarray(~np.isnan(positions).any(axis=2).all(axis=0))
+    seen = positions[:, ever]
+    return {
+        "joints": list(GENERIC_JOINTS),
+        "sides": [side_of(i) for i in range(len(GENERIC_JOINTS))],
+        "bones": bones_over_missing(positions),
+        "missing": [name for name, one in zip(GENERIC_JOINTS, ever, strict=True) if not one],
+        "height": max(_height(np.nan_to_num(seen)), _LEAST_HEIGHT_M),
+        "reach": max(_reach(np.nan_to_num(seen)), _LEAST_HEIGHT_M),
+        "floor": _floor(seen),
+    }
 
 
 def estimate_bytes(motion: Motion, *, rate_hz: float) -> float:

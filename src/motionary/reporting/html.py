@@ -1,8 +1,9 @@
 """Pages: one file of HTML with its style, its script and its data, and nothing from outside.
 
 A content security policy names the one style and the one script by their hashes and allows
-no other, no connection, no form and no frame. Data stand in elements that no browser
-executes, as JSON without `<` or as base64; names reach the page as text only.
+no other, no connection, no form and no frame; a live page has one connection. Data stand in
+elements that no browser executes, as JSON without `<` or as base64; names reach the page as text
+only.
 
 Conventions: a block is base64 of a zlib stream of variable-length integers (seven bits a byte,
 low ones first); signed ones are folded (0, -1, 1, -2, ... become 0, 1, 2, 3, ...). Over time,
@@ -36,11 +37,12 @@ MOST_BYTES = 400_000_000
 
 _SCRIPTS = (
     "words.js", "decoding.js", "stage.js", "view.js", "timeline.js", "why.js", "labels.js",
-    "clock.js", "player.js", "gallery.js", "start.js",
+    "clock.js", "player.js", "gallery.js",
 )  # fmt: skip
+_LIVE, _START = "live.js", "start.js"
 _POLICY = (
     "default-src 'none'; script-src '{script}'; style-src '{style}'; img-src data: blob:; "
-    "connect-src 'none'; form-action 'none'; base-uri 'none'; "
+    "connect-src {connect}; form-action 'none'; base-uri 'none'; "
     "require-trusted-types-for 'script'"
 )
 # Characters that end an element or, in old browsers, a line of a script.
@@ -96,7 +98,9 @@ class Page:
         )
 
 
-def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: str) -> Page:
+def build_page(
+    content: Mapping[str, Any], blocks: Iterable[Block], *, title: str, live: str = ""
+) -> Page:
     """The whole file.
 
     Parameters
@@ -104,6 +108,7 @@ def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: st
     content : what the page shows, as JSON has it
     blocks : further data, by the names that `content` gives them
     title : of the window
+    live : the address of a websocket, the only one that the page may connect to
 
     Raises
     ------
@@ -111,12 +116,16 @@ def build_page(content: Mapping[str, Any], blocks: Iterable[Block], *, title: st
         If the page would be larger than browsers open.
     """
     style = _style()
-    script = _script()
+    script = _script((_LIVE,) if live else ())
     pieces = [_element("text/plain", block.name, block.text) for block in blocks if block.text]
     shared = {"version": __version__, "unit_m": UNIT_M, "joints": GENERIC_JOINTS}
+    if live:
+        shared["live"] = live
     data = _element("application/json", "content", _to_json({**shared, **content}))
     check_bytes(len(data) + sum(map(len, pieces)))
-    policy = _POLICY.format(script=_hash(script), style=_hash(style))
+    policy = _POLICY.format(
+        script=_hash(script), style=_hash(style), connect=live if live else "'none'"
+    )
     values = {
         "POLICY": policy,
         "TITLE": html.escape(_printable(title)),
@@ -153,8 +162,8 @@ def _style() -> str:
 
 
 @cache
-def _script() -> str:
-    own = "\n".join(_read(name) for name in _SCRIPTS)
+def _script(further: tuple[str, ...] = ()) -> str:
+    own = "\n".join(_read(name) for name in (*_SCRIPTS, *further, _START))
     return f'\n{_read("three.min.js")}\n(() => {{\n"use strict";\n{own}\n}})();\n'
 
 

@@ -280,6 +280,17 @@ def test_rates_grow_faster_below_the_least_scores():
         assert (flat.shift(least, at_most) <= shifted + 1e-9).all()
 
 
+def test_rates_above_the_least_scores_are_fitted_there_alone():
+    rng, slope = np.random.default_rng(2), 0.4
+    above = 6.0 + rng.exponential(1 / slope, 2000)
+    # Below them rates grow by STEEP, so that a unit lower there are e^STEEP times as many.
+    below = rng.uniform(5.0, 6.0, round(2000 * (np.exp(STEEP) - 1)))
+    rates = fit_false_rates([np.concatenate([above, below])], 100.0, lowest=5.0, least=6.0)
+    assert rates.slope == pytest.approx(slope, rel=0.05)
+    for score, expected in ((5.0, 20 * np.exp(STEEP)), (6.0, 20), (8.0, 20 * np.exp(-2 * slope))):
+        assert rates.expected(score) == pytest.approx(expected, rel=0.1)
+
+
 def test_rates_without_a_false_label_are_finite():
     rates = fit_false_rates([[], []], 2.0)
     assert np.isfinite(rates.levels).all()

@@ -60,7 +60,7 @@ def test_what_was_learned_from_hdm05_lies_in_its_folder_under_its_licence():
 
 def test_classes_keep_origin_and_licence_in_other_libraries(tmp_path):
     everyday = load_everyday()
-    assert everyday["throw"].licence == "CC BY-SA 3.0"
+    assert everyday["reach up"].licence == "CC BY-SA 3.0"
     assert everyday["lunge"].licence == "Apache-2.0"
     assert everyday["squat"].licence == "Apache-2.0; CC BY-SA 3.0"
     merge_libraries([everyday]).save(tmp_path / "mine")

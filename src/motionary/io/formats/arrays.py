@@ -313,9 +313,11 @@ def _guess_order(positions: Floats, source: str) -> Joints:
             f"{counts}; save names beside the positions in a .npz file",
             file=source,
         )
-    some = positions[:: 1 + len(positions) // _LOOKED_AT]
-    best = min(fitting, key=lambda mapping: _unsteadiness(some, mapping))
-    found_by = "by their number" if len(fitting) == 1 else "by bones that keep their length"
+    best, found_by = fitting[0], "by their number"
+    if len(fitting) > 1:
+        some = positions[:: 1 + len(positions) // _LOOKED_AT]
+        best = min(fitting, key=lambda mapping: _unsteadiness(some, mapping))
+        found_by = "by bones that keep their length"
     return Joints(list(best.order), best, (f"order of joints guessed: {best.name}, {found_by}",))
 
 

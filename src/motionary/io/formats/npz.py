@@ -24,7 +24,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile, describe_cause
-from motionary.files import most_unpacked, open_regular, write_atomically
+from motionary.files import describe_opening, most_unpacked, open_regular, write_atomically
 from motionary.io.formats.content import FARTHEST, FileContent
 from motionary.io.formats.pickle_machine import PickleRefusedError, plain, run_pickle
 from motionary.io.normalise.units_axes import FileMetadata
@@ -199,7 +199,7 @@ def _unreadable(path: Path, error: Exception) -> UnreadableFile:
     if isinstance(error, UnreadableFile):
         return error
     if isinstance(error, OSError) and error.strerror:
-        return UnreadableFile(f"cannot be read: {error.strerror}", file=path)
+        return UnreadableFile(describe_opening(error), file=path)
     reason = describe_cause(error)
     return UnreadableFile(f"damaged, or no file of arrays: {reason}", file=path.name)
 

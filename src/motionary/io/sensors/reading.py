@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, MotionaryError, UnreadableFile, Where, describe_cause
-from motionary.files import open_regular
+from motionary.files import NO_SUCH_FILE, open_regular
 from motionary.io.formats.mvnx import read_mvnx_sensors
 from motionary.io.formats.numbers import read_table, to_number
 from motionary.io.options import ReadOptions
@@ -48,7 +48,7 @@ def read_sensors(
     """
     place = Path(source)
     if not place.exists():
-        raise UnreadableFile("no such file or folder", file=place)
+        raise UnreadableFile(NO_SUCH_FILE, file=place)
     mapping = read_toml(Path(columns)) if isinstance(columns, str | Path) else columns
     if place.is_file():
         return read_sensor_file(place, columns=mapping)

@@ -172,7 +172,7 @@ def measure_false_rates(library: ClassLibrary, others: Sequence[FeatureSequence]
         for i in choose_candidates(found, library, threshold=lowest).tolist():
             scores[found.place_of(i).class_index].append(float(found.paths.scores[i]))
     minutes = sum(map(len, others)) / _FRAMES_A_MINUTE
-    return _with_rates(library, fit_false_rates(scores, minutes, lowest=lowest))
+    return _with_rates(library, _fit_rates(library, scores, minutes))
 
 
 def calibrate_scores(
@@ -185,7 +185,7 @@ def calibrate_scores(
     library : with scores
     labels : assigned in recordings of people who taught none of the classes, from
         `lowest_scores` on
-    minutes : length of those recordings
+    minutes : length of those recordings, but for what right labels cover
 
     Raises
     ------
@@ -195,7 +195,7 @@ def calibrate_scores(
     check_has_scores(library)
     least = dict(zip(library.names, thresholds_for(library).tolist(), strict=True))
     false = [[x.score for x in labels if x.name == n and not x.is_right] for n in library.names]
-    rated = _with_rates(library, fit_false_rates(false, minutes, lowest=lowest_scores(library)))
+    rated = _with_rates(library, _fit_rates(library, false, minutes))
     margins = [label.score - least[label.name] for label in labels]
     curve = fit_probability(margins, [label.is_right for label in labels])
     rounded = (round(curve[0], 4), round(curve[1], 4))
@@ -205,6 +205,14 @@ def calibrate_scores(
 def lowest_scores(library: ClassLibrary) -> Floats:
     """Of each class, the score from which on labels are looked at to calibrate."""
     return thresholds_for(library) - _BELOW
+
+
+def _fit_rates(
+    library: ClassLibrary, scores: Sequence[Sequence[float]], minutes: float
+) -> FalseRates:
+    return fit_false_rates(
+        scores, minutes, lowest=lowest_scores(library), least=_own_thresholds(library)
+    )
 
 
 def _with_rates(library: ClassLibrary, rates: FalseRates) -> ClassLibrary:
@@ -230,8 +238,8 @@ def thresholds_for(library: ClassLibrary, at_most_false_per_min: float | None = 
 
     Parameters
     ----------
-    at_most_false_per_min : all so much higher or lower that so many false labels a minute
-        are expected; by default the library's
+    at_most_false_per_min : all so much higher or lower that so many false labels are
+        expected in a minute of motion without right ones; by default the library's
 
     Raises
     ------

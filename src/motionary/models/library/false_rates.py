@@ -6,7 +6,8 @@ its level, drawn towards the common one; the slope is common. Below the scores t
 library asks for, rates grow at least by `STEEP`: what is left out there by people who do as
 they are asked is little beside what other motion shows.
 
-Conventions: rates a minute.
+Conventions: rates a minute of motion that no right label covers: where a label is right, no
+other has room, so that rates by the clock would tell how much of a recording is known.
 """
 
 from collections.abc import Sequence
@@ -88,15 +89,21 @@ class FalseRates:
 
 
 def fit_false_rates(
-    scores: Sequence[ArrayLike], minutes: float, *, lowest: ArrayLike = TAIL
+    scores: Sequence[ArrayLike],
+    minutes: float,
+    *,
+    lowest: ArrayLike = TAIL,
+    least: ArrayLike | None = None,
 ) -> FalseRates:
     """Rates from the scores of false labels, by class.
 
     Parameters
     ----------
-    scores : one array a class: its labels in recordings that do not show it
-    minutes : length of those recordings
-    lowest : scores above it are fitted; one number, or one a class
+    scores : one array a class: its labels in motion that does not show it
+    minutes : length of that motion
+    lowest : scores above it are counted; one number, or one a class
+    least : scores that are asked for, above which alone the slope is fitted: below them
+        rates grow faster. By default `lowest`
 
     Raises
     ------
@@ -108,16 +115,20 @@ def fit_false_rates(
             "rates of false labels need a class and recordings without it, got "
             f"{len(scores)} classes and {minutes} minutes"
         )
-    least = np.broadcast_to(np.asarray(lowest, dtype=np.float64), len(scores))
-    above = [np.asarray(s, dtype=np.float64) - x for s, x in zip(scores, least, strict=True)]
-    above = [s[s > 0] for s in above]
-    counts = np.array([len(s) for s in above], dtype=np.float64)
-    excess = sum(float(s.sum()) for s in above)
+    every = [np.asarray(own, dtype=np.float64) for own in scores]
+    from_, asked = (
+        np.broadcast_to(np.asarray(x, dtype=np.float64), len(every))
+        for x in (lowest, lowest if least is None else least)
+    )
+    above = [own[own > x] - x for own, x in zip(every, asked, strict=True)]
+    excess = sum(float(own.sum()) for own in above)
     # Maximum likelihood of an exponential tail; one label at the mean of 1 keeps it finite.
-    slope = (counts.sum() + 1.0) / (excess + 1.0)
-    common = (counts.sum() + 0.5) / (minutes * len(scores))
+    slope = (sum(map(len, above)) + 1.0) / (excess + 1.0)
+    counts = np.array([(own > x).sum() for own, x in zip(every, from_, strict=True)], dtype=float)
+    common = (counts.sum() + 0.5) / (minutes * len(every))
     rates = (counts + _DRAWN) / (minutes + _DRAWN / common)
-    return FalseRates(np.log(rates) + slope * (least - TAIL), float(slope))
+    levels = np.log(rates) - max(STEEP, slope) * (asked - from_) + slope * (asked - TAIL)
+    return FalseRates(levels, float(slope), None if least is None else asked)
 
 
 def fit_probability(margins: ArrayLike, is_right: ArrayLike) -> tuple[float, float]:

@@ -336,7 +336,7 @@ function makeModel(recording) {
   return {
     ...recording, lanes, groups,
     gaps: recording.gaps || [],
-    clips: [new Clip(recording), ...(recording.other ? [new Clip(recording.other.clip)] : [])],
+    clips: [recording.live ? new LiveClip(recording) : new Clip(recording), ...(recording.other ? [new Clip(recording.other.clip)] : [])],
     warpPlaces: recording.other ? recording.other.warp.map(([place]) => place) : [],
     chosenCurves: labelled.length ? labelled : classes.length ? [0] : [],
     showsFeatures: true, features: null, loop: null, selected: null,

@@ -2,4 +2,5 @@
 
 const host = document.getElementById("page");
 if (content.galleries) new Gallery(host);
+else if (content.live) new LivePlayer(host);
 else new Player(host);

@@ -197,7 +197,9 @@ class Timeline {
       ends[label.level] = right;
       const y = row.y + 3 + label.level * LANE_ROW;
       c.fillStyle = fill;
+      c.globalAlpha = lane.isFaint ? 0.6 : 1;
       c.fillRect(left, y, Math.max(right - left - 0.7, 1), LANE_ROW - 3);
+      c.globalAlpha = 1;
       if (label === this.model.selected) {
         c.strokeStyle = this.colours.text;
         c.lineWidth = 2;

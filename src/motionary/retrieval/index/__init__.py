@@ -2,6 +2,7 @@
 
 from motionary.retrieval.index.changes import Changes
 from motionary.retrieval.index.collection import (
+    LARGE_COLLECTION,
     Collection,
     Part,
     Sources,
@@ -10,17 +11,19 @@ from motionary.retrieval.index.collection import (
     read_collection,
 )
 from motionary.retrieval.index.folder import Index
-from motionary.retrieval.index.shard import Shard
+from motionary.retrieval.index.shard import Shard, StoredShard
 from motionary.retrieval.index.storage import CACHE_VARIABLE
 
 __all__ = [
     "CACHE_VARIABLE",
+    "LARGE_COLLECTION",
     "Changes",
     "Collection",
     "Index",
     "Part",
     "Shard",
     "Sources",
+    "StoredShard",
     "collect",
     "join_collections",
     "read_collection",

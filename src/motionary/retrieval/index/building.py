@@ -24,7 +24,7 @@ _FILES = 64
 _BYTES = 1 << 23
 
 #: Shards are joined until they have so many frames; so many smaller ones may stay.
-LARGE = 1 << 20
+LARGE = 1 << 22
 SMALL_ONES = 8
 
 

@@ -27,6 +27,11 @@ from motionary.retrieval.index.shard import Shard, make_shard, select
 
 _MOST_REASONS = 3
 
+#: Collections of more frames, 19 hours, are large: what is derived is derived from a sample.
+LARGE_COLLECTION = 1 << 21
+_SAMPLED_FRAMES = 1 << 20
+_SAMPLED_PARTS = 8
+
 #: What features are collected of.
 Sources = (
     str
@@ -86,6 +91,13 @@ class Collection:
         parts = tuple(Part(shard, part) for shard, part in zip(shards, split, strict=True))
         return cls(_Sequences(parts, order), feature_set, failures)
 
+    @classmethod
+    def of_part(cls, part: Part) -> Self:
+        """The sequences of one part in the order of their numbers."""
+        order = np.argsort(part.numbers, kind="stable")
+        ranked = Part(part.shard, np.argsort(order))
+        return cls(_Sequences((ranked,), order), part.shard.feature_set)
+
     def __len__(self) -> int:
         return len(self.sequences)
 
@@ -125,13 +137,31 @@ class Collection:
         if not isinstance(self.sequences, _Sequences):
             sequences = tuple(s.leading(FULL_BODY) for s in self.sequences)
             return Collection(sequences, FULL_BODY, self.failures)
-        shards = [part.shard.leading(FULL_BODY) for part in self.sequences.parts]
-        return Collection.of_shards(shards, FULL_BODY, self.failures)
+        parts = tuple(p._replace(shard=p.shard.leading(FULL_BODY)) for p in self.sequences.parts)
+        return Collection(_Sequences(parts, self.sequences.order), FULL_BODY, self.failures)
+
+    @cached_property
+    def sample(self) -> "Collection":
+        """All recordings of a small collection; of a large one some, spread evenly over it.
+
+        What is found in it stands for the whole where settings are derived.
+        """
+        if len(self) == 0 or self.n_frames <= LARGE_COLLECTION:
+            return self
+        step = max(len(self.parts) // _SAMPLED_PARTS, 1)
+        parts = self.parts[step // 2 :: step]
+        shards = [part.shard for part in parts]
+        each = _SAMPLED_FRAMES // len(shards)
+        chosen = [
+            np.arange(max(np.searchsorted(np.cumsum(shard.lengths), each, side="right"), 1))
+            for shard in shards
+        ]
+        return Collection.of_shards([select(shards, chosen)], self.feature_set)
 
     @cached_property
     def feature_prior(self) -> NDArray[np.float64]:
         """Fraction of known frames in which each feature holds; see `matching.self_information`."""
-        counts = np.sum([part.shard.posting_index.counts for part in self.parts], axis=0)
+        counts = np.sum([part.shard.feature_counts for part in self.parts], axis=0)
         return prior_of_counts(counts[1:-1:2], counts[0:-1:2] + counts[1:-1:2])
 
 
@@ -140,11 +170,11 @@ class _Sequences(Sequence[FeatureSequence]):
 
     def __init__(self, parts: tuple[Part, ...], order: NDArray[np.int64]) -> None:
         self.parts = parts
-        self._order = order
+        self.order = order
         self._ends = np.cumsum([len(part.shard) for part in parts])
 
     def __len__(self) -> int:
-        return len(self._order)
+        return len(self.order)
 
     @overload
     def __getitem__(self, index: int) -> FeatureSequence: ...
@@ -157,7 +187,7 @@ class _Sequences(Sequence[FeatureSequence]):
         return self.parts[part].shard.sequence(place)
 
     def locate(self, index: int) -> tuple[int, int]:
-        place = int(self._order[index])
+        place = int(self.order[index])
         part = int(np.searchsorted(self._ends, place, side="right"))
         return part, place - int(self._ends[part]) + len(self.parts[part].shard)
 

@@ -135,6 +135,13 @@ class Shard:
         """What windows are looked for in."""
         return thin(self.corpus, full=full_mask(1, len(self.feature_set))[0])
 
+    def thin_one(self, number: int) -> ThinCorpus:
+        """The same of one sequence."""
+        full = full_mask(1, len(self.feature_set))[0]
+        packed, known = self.features_of(number)
+        has_gaps = bool((~self.masks[:, 1:] & full).any())
+        return thin(concatenate([packed], [known], full=full), full=full, has_gaps=has_gaps)
+
     def leading(self, feature_set: FeatureSet) -> "Shard":
         """The same recordings over the set of the first features; see `FeatureSequence.leading`.
 
@@ -167,6 +174,11 @@ class Shard:
             feature_set=name,
             feature_ids=ids,
         )
+
+    @property
+    def feature_counts(self) -> tuple[int, ...]:
+        """Frames of each bitmap of the posting index, which need not be read for it."""
+        return self.posting_index.counts if self.counts is None else self.counts
 
     def cut(self, ranges: HitRanges) -> Corpus:
         """Some segments of sequences, at least one, as sequences of their own."""

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.batch import Workers
 from motionary.features import FULL_BODY, FeatureSequence
 from motionary.matching import distance_function
 from motionary.models.templates import MotionTemplate
@@ -47,6 +48,7 @@ def search_by_windows(
     *,
     threshold: float,
     limit: int | None,
+    jobs: Workers = 1,
 ) -> SearchResult:
     """Ranked hits of an example over the everyday set, or of one with relevance feedback.
 
@@ -56,8 +58,9 @@ def search_by_windows(
     collection : over the everyday set
     expansion : how the published features of the example become a template
     threshold, limit : largest cost, and most hits; None for all
+    jobs : who compares windows with all recordings
     """
-    matches = ExampleMatches(feedback, collection, expansion)
+    matches = ExampleMatches(feedback, collection, expansion, jobs=jobs)
     hits = tuple(matches.rank(threshold=threshold, limit=limit))
     nearest = ""
     if not hits:
@@ -89,12 +92,14 @@ class ExampleMatches:
     ----------
     feedback, collection, expansion : as of `search_by_windows`
     settings : how windows are compared
+    jobs : who compares them with all recordings
     """
 
     feedback: RelevanceFeedback
     collection: Collection
     expansion: QueryExpansion
     settings: WindowSettings = field(default_factory=WindowSettings)
+    jobs: Workers = 1
 
     @property
     def template(self) -> MotionTemplate:
@@ -119,7 +124,9 @@ class ExampleMatches:
         examples = [example, *(f for f in found if isinstance(f, FeatureSequence))]
         windows = windows_of(examples, travelling=travels(example), settings=self.settings)
         n_frames = max(len(one) for one in examples)
-        return WindowMatches(windows, self.collection, n_frames=n_frames, settings=self.settings)
+        return WindowMatches(
+            windows, self.collection, n_frames=n_frames, settings=self.settings, jobs=self.jobs
+        )
 
     @cached_property
     def smallest(self) -> Floats:

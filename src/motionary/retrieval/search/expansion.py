@@ -20,7 +20,8 @@ from motionary.models.templates import MotionTemplate, learn_template, pattern_o
 from motionary.packing import unpack
 from motionary.retrieval.index import Collection
 from motionary.retrieval.search.keyframes import Preselection, preselect_by
-from motionary.retrieval.search.ranking import Hit, SearchPattern, match
+from motionary.retrieval.search.parts import rank_patterns
+from motionary.retrieval.search.ranking import Hit, SearchPattern
 
 Floats = NDArray[np.float64]
 
@@ -107,8 +108,9 @@ def expand(
     template, most, is_first = _learn(example, []), expansion.most_cost, True
     for n_hits in _steps(expansion.hits):
         pattern = _to_pattern(example, template, expansion, ones)
-        pattern = preselect_by(preselect, pattern, template, collection)
-        nearest = match([pattern], collection).rank(threshold=most, limit=n_hits + 1)
+        pattern = preselect_by(preselect, pattern, template, collection.sample)
+        # Of a large collection the nearest in an evenly spread part of it.
+        nearest = rank_patterns([pattern], collection.sample, threshold=most, limit=n_hits + 1).hits
         others = [hit for hit in nearest if not _is_example(hit, example)][:n_hits]
         if not others:
             break

@@ -13,11 +13,13 @@ do cannot be read from one example: several loose queries keep more of them than
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.batch import Workers
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSet
 from motionary.matching import Alignment, self_information
@@ -34,7 +36,8 @@ from motionary.models.templates import MotionTemplate, QuantisedTemplate, patter
 from motionary.packing import pack, unpack
 from motionary.recording import find_runs
 from motionary.retrieval.explanation import Evidence
-from motionary.retrieval.index import Collection, Part
+from motionary.retrieval.index import LARGE_COLLECTION, Collection, Part
+from motionary.retrieval.search.parts import PartRows, PartTask, Row, merge_parts
 from motionary.retrieval.search.ranking import Hit, SearchPattern, hit_of
 
 Integers = NDArray[np.int64]
@@ -49,6 +52,8 @@ NAME = "keyframes"
 _LEAST_WORTH = 0.05
 #: From so many columns on, a longer segment is worth no more.
 _FULL_WORTH_AT = 5
+#: Of a large collection a query is to leave so many frames, which are matched in a second.
+_LARGE_LEFT = 1 << 18
 #: A query that no segment completes is of use if it leaves at most so many times as much.
 _STILL_OF_USE = 2.0
 # Fractions of the frames that keyframes may leave: in a small collection of a few classes,
@@ -81,6 +86,13 @@ class Deriving:
     shortest: int = 3
     tolerance: float = 0.1
 
+    @classmethod
+    def of(cls, n_frames: int) -> "Deriving":
+        """Settings for a collection: in a large one queries fix more, and leave less."""
+        if n_frames <= LARGE_COLLECTION:
+            return cls()
+        return cls(frames_left=_LARGE_LEFT / n_frames, keyframes=4, features=8)
+
 
 def queries_of(given: object) -> tuple[KeyframeQuery, ...]:
     """Keyframe queries, one or several; none if something else is given."""
@@ -102,14 +114,19 @@ def preselect_by(
     if preselect is None or (preselect is True and pattern.queries):
         return pattern
     if preselect is True:
-        queries = derive_queries(template, collection, Deriving())
+        queries = derive_queries(template, collection, Deriving.of(collection.n_frames))
     else:
         queries = queries_of(preselect)
     return replace(pattern, queries=queries, votes=1)
 
 
 def rank_queries(
-    queries: Sequence[KeyframeQuery], collection: Collection, *, threshold: float, limit: int | None
+    queries: Sequence[KeyframeQuery],
+    collection: Collection,
+    *,
+    threshold: float,
+    limit: int | None,
+    jobs: Workers = 1,
 ) -> list[Hit]:
     """Hits of any query of which none overlap, best first; of equal ones the earlier first.
 
@@ -122,24 +139,46 @@ def rank_queries(
         raise InvalidInput("the query fixes no feature, so that it would find everything")
     templates = [template_of_query(query) for query in queries]
     patterns = [pattern_of(template) for template in templates]
-    pieces = [
-        piece
-        for number, query in enumerate(queries)
-        for part in collection.parts
-        if (piece := _find(query, number, part)) is not None
-    ]
+    merged = merge_parts(
+        partial(_rank_part, queries=tuple(queries), limit=limit),
+        collection,
+        threshold=threshold,
+        limit=limit,
+        jobs=jobs,
+    )
     hits = []
-    for piece, row in _apart(pieces, threshold, limit):
-        query, frames = piece.query, piece.frames[row]
+    for cost, number, _, (query, frames) in merged.rows:
         columns = columns_of_query(queries[query])
         if len(columns) == 1:
             frames = np.arange(frames[0], frames[-1] + 1)
         path = np.column_stack([np.broadcast_to(columns, frames.shape), frames])
-        gap_cost = float(piece.gap_costs[row])
-        alignment = Alignment(int(frames[0]), int(frames[-1]), gap_cost, path)
-        sequence = collection.sequences[int(piece.numbers[row])]
+        alignment = Alignment(int(frames[0]), int(frames[-1]), cost, path)
+        sequence = collection.sequences[number]
         hits.append(hit_of(Evidence(NAME, templates[query], patterns[query], sequence, alignment)))
     return hits
+
+
+def _rank_part(
+    task: PartTask, *, queries: Sequence[KeyframeQuery], limit: int | None
+) -> PartRows[tuple[int, Integers]]:
+    """Hits in one part: by the number of the query, and the frames of its keyframes."""
+    (part,) = task.open().parts
+    pieces = [
+        piece
+        for number, query in enumerate(queries)
+        if (piece := _find(query, number, part)) is not None
+    ]
+    return PartRows(
+        [
+            Row(
+                float(piece.gap_costs[row]),
+                int(piece.numbers[row]),
+                int(piece.frames[row, 0]),
+                (piece.query, piece.frames[row]),
+            )
+            for piece, row in _apart(pieces, task.most, limit)
+        ]
+    )
 
 
 def explain_absence(queries: Sequence[KeyframeQuery], collection: Collection) -> str:
@@ -181,10 +220,13 @@ def derive_queries(
                 continue
             used.add(run)
             query = draft.query(quantised, deriving.stiffness)
-            fraction = _fraction_left(query, template.n_columns, collection)
+            fraction = _fraction_left(query, template.n_columns, collection.sample)
             if fraction <= deriving.frames_left:
                 break
-        if query is None or fraction > _STILL_OF_USE * deriving.frames_left:
+        # To match a large collection everywhere takes minutes: one query there is in any case.
+        is_needed = not queries and collection.n_frames > LARGE_COLLECTION
+        is_of_use = is_needed or fraction <= _STILL_OF_USE * deriving.frames_left
+        if query is None or not is_of_use:
             break
         queries.append(query)
         left = [run for run in left if run not in used]

@@ -25,14 +25,14 @@ from motionary.packing import PackedFeatures
 from motionary.recording import Recording
 from motionary.retrieval.explanation import Evidence
 from motionary.retrieval.gains import Comparison
-from motionary.retrieval.index import Collection, Part
+from motionary.retrieval.index import Collection, Part, Shard
 from motionary.tables import Table, Tabular
 
 Integers = NDArray[np.int64]
 Single = NDArray[np.float32]
 
-# Costs of the distance function are single, those of paths double.
-_ROUNDING = 1e-6
+#: Costs of the distance function are single, those of paths double.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +154,10 @@ class SearchPattern:
         """Where it is matched, if it has queries."""
         return select_in_index(self.queries, self.template.n_columns, index, votes=self.votes)
 
+    def count_matched(self, shard: Shard) -> int:
+        """Frames of a shard in which it is matched."""
+        return self.windows(shard.posting_index).n_frames if self.queries else shard.n_frames
+
 
 class Window(NamedTuple):
     """A segment of a sequence in which a template was matched.
@@ -219,10 +223,9 @@ class Matches:
     parts: Sequence[Mapping[int, MatchedPart]]
 
     @property
-    def fraction(self) -> float:
-        """Fraction of the frames in which templates were matched, the mean over them."""
-        n_matched = sum(int(m.corpus.lengths.sum()) for ms in self.parts for m in ms.values())
-        return n_matched / max(len(self.patterns) * self.collection.n_frames, 1)
+    def n_matched(self) -> int:
+        """Frames in which templates were matched, the sum over them."""
+        return sum(int(m.corpus.lengths.sum()) for ms in self.parts for m in ms.values())
 
     @cached_property
     def smallest(self) -> NDArray[np.float64]:
@@ -235,16 +238,22 @@ class Matches:
 
     def rank(self, *, threshold: float, limit: int | None) -> list[Hit]:
         """Hits over all recordings, best first; of equal ones the earlier recording's first."""
+        return [row[3] for row in self.rank_numbered(threshold=threshold, limit=limit)]
+
+    def rank_numbered(
+        self, *, threshold: float, limit: int | None
+    ) -> list[tuple[float, int, int, Hit]]:
+        """The same, each with its cost, the number of its recording, and its first frame."""
         least = np.sort(self.smallest[np.isfinite(self.smallest)])
         if limit is not None and limit <= len(least):
             # So many recordings have a hit of at most this cost, unless too little was seen.
-            bound = min(threshold, float(least[limit - 1]) * (1 + _ROUNDING) + _ROUNDING)
+            bound = min(threshold, float(least[limit - 1]) * (1 + ROUNDING) + ROUNDING)
             hits = self._collect(bound, limit)
             if len(hits) == limit or bound == threshold:
                 return hits
         return self._collect(threshold, limit)
 
-    def _collect(self, threshold: float, limit: int | None) -> list[Hit]:
+    def _collect(self, threshold: float, limit: int | None) -> list[tuple[float, int, int, Hit]]:
         """Hits of the recordings by their smallest cost, until no other can count."""
         found: list[tuple[float, int, int, Hit]] = []
         for number in np.argsort(self.smallest, kind="stable").tolist():
@@ -253,12 +262,12 @@ class Matches:
                 break
             if limit is not None and len(found) >= limit:
                 last = heapq.nsmallest(limit, (f[:2] for f in found))[-1]
-                if (least * (1 - _ROUNDING), number) > last:
+                if (least * (1 - ROUNDING), number) > last:
                     break
             for hit in self._hits_in(number, threshold, limit):
                 found.append((hit.cost, number, hit.evidence.alignment.start, hit))
         found.sort(key=lambda f: f[:3])
-        return [f[3] for f in found[:limit]]
+        return found[:limit]
 
     def _hits_in(self, number: int, threshold: float, limit: int | None) -> list[Hit]:
         """Hits in one recording; where templates of one class overlap the cheaper one stays."""

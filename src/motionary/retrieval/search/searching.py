@@ -9,11 +9,13 @@ published, by the template of query expansion, see `expansion`.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 
+from motionary.batch import Workers
 from motionary.errors import InvalidInput, check_kind
 from motionary.features import (
     FULL_BODY,
@@ -39,7 +41,8 @@ from motionary.retrieval.search.keyframes import (
     queries_of,
     rank_queries,
 )
-from motionary.retrieval.search.ranking import Matches, SearchPattern, SearchResult, match
+from motionary.retrieval.search.parts import rank_patterns
+from motionary.retrieval.search.ranking import Hit, SearchPattern, SearchResult
 
 #: What a person searches for.
 Query = (
@@ -67,7 +70,7 @@ def search(
     expansion: QueryExpansion | None = None,
     preselect: Preselection = None,
     reading: ReadOptions | None = None,
-    jobs: int = 1,
+    jobs: Workers = 1,
 ) -> SearchResult:
     """Ranked hits of an example, a template, a class or keyframes.
 
@@ -86,7 +89,7 @@ def search(
         otherwise everywhere; False: everywhere; True: around keyframes, derived from the
         template where none are given, which is faster and misses some hits; or around hits
         of the given queries
-    reading, jobs : how files are read
+    reading, jobs : how files are read, and by whom; shards of an index are searched by them, too
 
     Raises
     ------
@@ -113,7 +116,7 @@ def search(
     collection = _open(recordings, feature_set, reading, jobs)
     found = _find(
         query, collection, expansion, preselect,
-        most=np.inf if threshold is None else threshold, limit=limit,
+        most=np.inf if threshold is None else threshold, limit=limit, jobs=jobs,
     )  # fmt: skip
     return replace(found, query=query, searched=recordings)
 
@@ -126,25 +129,42 @@ def _find(
     *,
     most: float,
     limit: int | None,
+    jobs: Workers,
 ) -> SearchResult:
     as_published = bool(expansion.published or preselect)
     if not as_published and _is_everyday_example(query, collection):
         example = _as_feedback(query, load_everyday_set())
-        return search_by_windows(example, collection, expansion, threshold=most, limit=limit)
+        return search_by_windows(
+            example, collection, expansion, threshold=most, limit=limit, jobs=jobs
+        )
     collection, asked = collection.published, _as_published(query)
     queries = queries_of(asked)
     if queries:
-        hits = rank_queries(queries, collection, threshold=most, limit=limit)
+        hits = rank_queries(queries, collection, threshold=most, limit=limit, jobs=jobs)
         why = "" if hits else explain_absence(queries, collection)
         return SearchResult(tuple(hits), (), collection.failures, why, queries)
     patterns, templates = _patterns_of(asked, collection, expansion, preselect)
     for pattern in patterns:
         _check_pattern(pattern, collection)
-    return _result(match(patterns, collection), templates, threshold=most, limit=limit)
+    search = partial(rank_patterns, patterns, collection, jobs=jobs)
+    hits, fraction = search(threshold=most, limit=limit)
+    keyframes = tuple(dict.fromkeys(q for pattern in patterns for q in pattern.queries))
+    why = ""
+    if not hits:
+        nearest = search(threshold=np.inf, limit=1).hits
+        why = _nearest(nearest, patterns, keyframes, collection, threshold=most)
+    return SearchResult(
+        tuple(hits),
+        tuple(templates),
+        collection.failures,
+        why,
+        keyframes,
+        fraction if keyframes else 1.0,
+    )
 
 
 def _open(
-    recordings: Recordings, feature_set: FeatureSet, reading: ReadOptions | None, jobs: int
+    recordings: Recordings, feature_set: FeatureSet, reading: ReadOptions | None, jobs: Workers
 ) -> Collection:
     if isinstance(recordings, Index):
         return recordings.collection()
@@ -259,30 +279,21 @@ def _check_pattern(item: SearchPattern, collection: Collection) -> None:
         )
 
 
-def _result(
-    matches: Matches, templates: Sequence[MotionTemplate], *, threshold: float, limit: int | None
-) -> SearchResult:
-    hits = tuple(matches.rank(threshold=threshold, limit=limit))
-    queries = tuple(dict.fromkeys(q for pattern in matches.patterns for q in pattern.queries))
-    return SearchResult(
-        hits,
-        tuple(templates),
-        matches.collection.failures,
-        "" if hits else _nearest(matches, queries, threshold),
-        queries,
-        matches.fraction if queries else 1.0,
-    )
-
-
-def _nearest(matches: Matches, queries: Sequence[KeyframeQuery], threshold: float) -> str:
+def _nearest(
+    best: Sequence[Hit],
+    patterns: Sequence[SearchPattern],
+    queries: Sequence[KeyframeQuery],
+    collection: Collection,
+    *,
+    threshold: float,
+) -> str:
     """What came closest, for a search without hits."""
-    best = matches.rank(threshold=np.inf, limit=1)
     if best:
         return describe_nearest(best[0].evidence, what=best[0].recording.name, threshold=threshold)
     if queries:
-        return f"nothing to match: {explain_absence(queries, matches.collection)}"
+        return f"nothing to match: {explain_absence(queries, collection)}"
     # Two columns go through one frame, but for the first.
-    least_s = min(p.template.n_columns // 2 + 1 for p in matches.patterns) / SEQUENCE_HZ
+    least_s = min(p.template.n_columns // 2 + 1 for p in patterns) / SEQUENCE_HZ
     return (
         f"no recording is long enough for the query (at least {least_s:.1f} s), "
         "or too little of it was seen"

@@ -14,13 +14,14 @@ Conventions: windows are compared at 10 Hz (`matching.windows`), hits are given 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
+from motionary.batch import Failure, Workers, map_ordered
 from motionary.features import SEQUENCE_HZ, FeatureSequence, load_everyday_set
 from motionary.features.everyday import TRAVEL
 from motionary.matching import Alignment, Pattern, align, distance_function
@@ -33,13 +34,15 @@ from motionary.matching.windows import (
     window_path,
 )
 from motionary.packing import PackedFeatures, pack
-from motionary.retrieval.index import Collection
+from motionary.retrieval.index import Collection, Shard, StoredShard
 
 Floats = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 #: Of the frames of an example that goes throughout, so many go faster than most everyday motion.
 _TRAVELS_FROM = 0.85
+# Distances of the windows of more frames than that would fill the memory.
+_KEPT_FRAMES = 1 << 26
 _TRAVELS_BY = "body goes along the floor over 0.5 s>60"
 
 
@@ -150,6 +153,59 @@ def _least(distance: Single, thin: ThinCorpus, *, most: float) -> Single:
     return np.minimum.reduceat(padded, thin.starts)
 
 
+class _Curves(NamedTuple):
+    """Distances of windows in some sequences.
+
+    Attributes
+    ----------
+    thin : the sequences
+    distances : of each window, at most what one costs that fits nowhere
+    """
+
+    thin: ThinCorpus
+    distances: Sequence[Single]
+
+    @classmethod
+    def of(cls, windows: Sequence[FeatureWindow], thin: ThinCorpus, most: float) -> "_Curves":
+        return cls(thin, [np.minimum(window_distance(w, thin), most) for w in windows])
+
+    def curve(self, place: int, reach: int, most: float) -> Floats:
+        """Cost by the frame at which a place ends, in one sequence."""
+        inside = slice(self.thin.starts[place], self.thin.starts[place] + self.thin.lengths[place])
+        total = np.zeros(int(self.thin.lengths[place]))
+        for distance in self.distances:
+            total += _before(distance[inside], reach, most)
+        return total / len(self.distances)
+
+    def smallest(self, reach: int, most: float) -> Floats:
+        """Cost of the best place of every sequence."""
+        least = np.zeros(len(self.thin.starts))
+        for distance in self.distances:
+            least += _least(distance, self.thin, most=most)
+        least /= len(self.distances)
+        # Where windows may lie too far apart, the place has to be looked for.
+        for i in np.flatnonzero((self.thin.lengths > reach) & (len(self.distances) > 1)):
+            least[i] = self.curve(int(i), reach, most).min(initial=least.max())
+        return least
+
+
+def _before(distance: Single, reach: int, most: float) -> Single:
+    """Smallest distance at a frame or within reach before it."""
+    size = min(reach, len(distance))
+    if size <= 1:
+        return distance
+    result: Single = minimum_filter1d(
+        distance, size, origin=(size - 1) // 2, mode="constant", cval=most
+    )
+    return result
+
+
+def _smallest_in(
+    shard: Shard | StoredShard, *, windows: Sequence[FeatureWindow], reach: int, most: float
+) -> Floats:
+    return _Curves.of(windows, shard.open().thinned, most).smallest(reach, most)
+
+
 class WindowMatches:
     """Costs of windows in a collection, computed once for any ranking.
 
@@ -159,6 +215,8 @@ class WindowMatches:
     collection : over the everyday set
     n_frames : of the example, at 30 Hz
     settings : of the comparison
+    jobs : who compares; only where this process does, and the collection is not too large for
+        that, all distances are kept, and otherwise computed again where they are needed
     """
 
     def __init__(
@@ -168,34 +226,50 @@ class WindowMatches:
         *,
         n_frames: int,
         settings: WindowSettings,
+        jobs: Workers = 1,
     ) -> None:
         self._windows, self._collection, self._settings = windows, collection, settings
         self._example = -(-n_frames // THINNING)
-        self._most = np.float32(settings.most_cost)
+        self._most = settings.most_cost
         self._reach = 1 if len(windows) == 1 else max(1, round(settings.reach * self._example))
-        self._distances: list[list[Single]] = [
-            [
-                np.minimum(window_distance(w, part.shard.thinned), settings.most_cost)
-                for w in windows
-            ]
-            for part in collection.parts
-        ]
+        self._jobs = jobs
+        self._keeps = jobs == 1 and collection.n_frames <= _KEPT_FRAMES
+        # By the number of a part where distances are kept, otherwise of a recording.
+        self._curves: dict[int, _Curves] = {}
 
     @cached_property
     def smallest(self) -> Floats:
         """Cost of the best place of every recording, shape (recordings,); at most `most_cost`."""
-        smallest = np.full(len(self._collection), self._settings.most_cost)
-        for part, distances in zip(self._collection.parts, self._distances, strict=True):
-            thin = part.shard.thinned
-            least = np.zeros(len(thin.starts))
-            for distance in distances:
-                least += _least(distance, thin, most=self._settings.most_cost)
-            least /= len(distances)
-            # Where windows may lie too far apart, the place has to be looked for.
-            for i in np.flatnonzero((thin.lengths > self._reach) & (len(distances) > 1)):
-                least[i] = self._curve(thin, distances, int(i)).min(initial=least.max())
-            smallest[part.numbers] = least
+        smallest = np.full(len(self._collection), self._most)
+        parts = self._collection.parts
+        if self._keeps:
+            for number, part in enumerate(parts):
+                curves = self._curves_of_part(number)
+                smallest[part.numbers] = curves.smallest(self._reach, self._most)
+            return smallest
+        work = partial(_smallest_in, windows=self._windows, reach=self._reach, most=self._most)
+        shards = [part.shard.handle() for part in parts]
+        for part, found in zip(parts, map_ordered(work, shards, jobs=self._jobs), strict=True):
+            if isinstance(found, Failure):
+                raise found.error
+            smallest[part.numbers] = found
         return smallest
+
+    def _curves_of_part(self, number: int) -> _Curves:
+        if number not in self._curves:
+            thin = self._collection.parts[number].shard.thinned
+            self._curves[number] = _Curves.of(self._windows, thin, self._most)
+        return self._curves[number]
+
+    def _curves_at(self, number: int) -> tuple[_Curves, int]:
+        """Distances in a recording, and its place among their sequences."""
+        part, place = self._collection.locate(number)
+        if self._keeps:
+            return self._curves_of_part(part), place
+        if number not in self._curves:
+            thin = self._collection.parts[part].shard.thin_one(place)
+            self._curves[number] = _Curves.of(self._windows, thin, self._most)
+        return self._curves[number], 0
 
     def region(self, number: int) -> tuple[int, int]:
         """Frames at 30 Hz, half-open, around the best place of a recording."""
@@ -219,38 +293,19 @@ class WindowMatches:
 
     def curve(self, number: int) -> Floats:
         """Cost by the frame at 10 Hz at which a place ends."""
-        part, place = self._collection.locate(number)
-        thin = self._collection.parts[part].shard.thinned
-        return self._curve(thin, self._distances[part], place)
-
-    def _curve(self, thin: ThinCorpus, distances: Sequence[Single], place: int) -> Floats:
-        inside = slice(thin.starts[place], thin.starts[place] + thin.lengths[place])
-        total = np.zeros(int(thin.lengths[place]))
-        for distance in distances:
-            total += self._before(distance[inside])
-        return total / len(distances)
-
-    def _before(self, distance: Single) -> Single:
-        """Smallest distance at a frame or within reach before it."""
-        size = min(self._reach, len(distance))
-        if size <= 1:
-            return distance
-        result: Single = minimum_filter1d(
-            distance, size, origin=(size - 1) // 2, mode="constant", cval=self._settings.most_cost
-        )
-        return result
+        curves, place = self._curves_at(number)
+        return curves.curve(place, self._reach, self._most)
 
     def _region(self, end: int, n_frames: int) -> tuple[int, int]:
         first = end - self._reach - 3 * max(len(window) for window in self._windows)
         return max(THINNING * first, 0), min(THINNING * (end + self._example), n_frames)
 
     def _place(self, number: int, end: int, cost: float) -> Place:
-        part, place = self._collection.locate(number)
-        thin = self._collection.parts[part].shard.thinned
+        (thin, distances), place = self._curves_at(number)
         begin = int(thin.starts[place])
         earliest = max(begin, begin + end - self._reach + 1)
         first, last = begin + end, begin
-        for window, distance in zip(self._windows, self._distances[part], strict=True):
+        for window, distance in zip(self._windows, distances, strict=True):
             at = earliest + int(np.argmin(distance[earliest : begin + end + 1]))
             if distance[at] < self._settings.most_cost:
                 # A path is at most so long.
