@@ -119,3 +119,9 @@ def test_what_a_killed_worker_did_is_done_again(cluster, tmp_path):
 def test_a_scheduler_that_does_not_answer_is_told():
     with pytest.raises(Unreachable, match=r"no scheduler answers at tcp://127\.0\.0\.1:1 within"):
         Cluster("tcp://127.0.0.1:1", timeout_s=0.2)
+
+
+def test_a_worker_of_another_version_is_told(scheduler, monkeypatch):
+    monkeypatch.setattr("motionary.__version__", "0.0.0")
+    with pytest.raises(Unreachable, match=r"has version .*, here is 0\.0\.0; install the same"):
+        Cluster(scheduler)

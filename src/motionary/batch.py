@@ -125,31 +125,46 @@ class Cluster:
     @property
     def n_ahead(self) -> int:
         """Items handed out ahead of the one whose result is awaited."""
-        threads: dict[str, int] = self._client.nthreads()
+        with self._reaching():
+            threads: dict[str, int] = self._client.nthreads()
         return _AHEAD * max(sum(threads.values()), 1)
 
     def submit(self, function: Callable[[Item], Result], item: Item) -> Any:
         """What `wait_for` takes, at once."""
         # The same item may be asked for again after something that it reads has changed.
-        return self._client.submit(_attempt, function, item, pure=False)
+        with self._reaching():
+            return self._client.submit(_attempt, function, item, pure=False)
 
     def wait_for(self, item: Item, future: Any) -> tuple[Item, Any]:
         """An item and its result."""
         from concurrent.futures import CancelledError
 
-        while True:
-            try:
-                return item, future.result(timeout=self._timeout_s)
-            except TimeoutError as error:
-                if not self._client.scheduler_info()["workers"]:
-                    raise self._lacks_workers() from error
-            except (CancelledError, OSError) as error:
-                raise Unreachable(
-                    f"the scheduler at {self.address} is gone; what is ready is kept, start it "
-                    "again and give the same command"
-                ) from error
-            except Exception as error:
-                return item, _fault(item, error)
+        with self._reaching():
+            while True:
+                try:
+                    return item, future.result(timeout=self._timeout_s)
+                except TimeoutError as error:
+                    if not self._client.scheduler_info()["workers"]:
+                        raise self._lacks_workers() from error
+                except (CancelledError, OSError):
+                    raise
+                except Exception as error:
+                    return item, _fault(item, error)
+
+    @contextmanager
+    def _reaching(self) -> Iterator[None]:
+        """Turn what is raised where the scheduler is gone into an error that says so."""
+        from concurrent.futures import CancelledError
+
+        try:
+            yield
+        except Unreachable:
+            raise
+        except (CancelledError, OSError) as error:
+            raise Unreachable(
+                f"the scheduler at {self.address} is gone; what is ready is kept, start it "
+                "again and give the same command"
+            ) from error
 
     def cancel(self, futures: "list[Any]") -> None:
         """Let go of what was handed out."""
