@@ -180,6 +180,17 @@ def test_documents_of_shards_stand_in_the_order_of_their_names():
         collection.sequences[5]
 
 
+def test_a_large_collection_is_sampled_from_all_its_shards(monkeypatch):
+    shards = [make_shard(documents(i, [20, 5, 30]), FULL_BODY) for i in range(3)]
+    collection = Collection.of_shards(shards, FULL_BODY)
+    assert collection.sample is collection
+    monkeypatch.setattr("motionary.retrieval.index.collection.LARGE_COLLECTION", 100)
+    monkeypatch.setattr("motionary.retrieval.index.collection._SAMPLED_FRAMES", 80)
+    sample = Collection.of_shards(shards, FULL_BODY).sample
+    assert sorted(len(s) for s in sample.sequences) == [5, 5, 5, 20, 20, 20]
+    assert len(sample.parts) == 1
+
+
 def test_an_empty_collection_says_so():
     collection = Collection.of_shards([], FULL_BODY)
     assert len(collection) == 0

@@ -153,7 +153,7 @@ class Collection:
         shards = [part.shard for part in parts]
         each = _SAMPLED_FRAMES // len(shards)
         chosen = [
-            np.arange(max(np.searchsorted(np.cumsum(shard.lengths), each, side="right"), 1))
+            np.arange(max(int(np.searchsorted(np.cumsum(shard.lengths), each, side="right")), 1))
             for shard in shards
         ]
         return Collection.of_shards([select(shards, chosen)], self.feature_set)
