@@ -1,4 +1,4 @@
-"""A day of poses, and senders that go wrong: memory, what is lost, and what is told."""
+"""Hours of poses, and senders that go wrong: memory, what is lost, and what is told."""
 
 import contextlib
 import json
@@ -24,15 +24,15 @@ from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.retrieval.annotation import annotate
 from motionary.samples import synthetic_motion, synthetic_stream
 
-TITLE = "A day of poses, and senders that go wrong"
+TITLE = "Hours of poses, and senders that go wrong"
 SPLIT = "nothing is chosen; classes are learned from synthetic examples"
 SEED = 27
 SYNTHETIC = True
 DATA = (("synthetic streams of the package", (2, 1.5)),)
 
-HOURS = 24
+HOURS = 4
 DAY_HZ, LIVE_HZ, CHUNK = 5.0, 30.0, 25
-#: Features of the day: a few, so that a day takes less than an hour.
+#: Features of the day: a few, so that hours take minutes.
 FEATURES = ("F3", "F4", "F20", "F21", "F31")
 ACTIONS = ("bow", "squat", "wave_right", "squat", "kick_left")
 GARBAGE = ('{"positions": [[1, 2]]}', "x" * 100_001, "[1", '{"time_s": "now", "positions": [[]]}')

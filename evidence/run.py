@@ -19,10 +19,10 @@ SCRIPTS = (
     "query_learning_generations", "query_learning_speed", "exercises", "everyday",
     "everyday_classes", "inertial", "simulated_sensors", "figures_2012",
     "body", "depth", "stream_decisions", "corrections", "styles", "elsewhere", "kills",
-    "multiview", "multiview_priors", "real_views", "regions", "live", "archives",
+    "multiview", "multiview_priors", "real_views", "regions", "live", "live_day", "archives",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
-FURTHER: tuple[str, ...] = ("live_day",)
+FURTHER: tuple[str, ...] = ()
 
 
 def main(arguments: list[str]) -> int:
