@@ -160,7 +160,11 @@ def _build(portion: list[ToRead], *, building: Building, on_done: OnDone = None)
     name = ""
     if read:
         shard = make_shard(read, building.feature_set, states=np.array(rows, dtype=ROW))
-        name = write_shard(shard, building.place)
+        try:
+            name = write_shard(shard, building.place)
+        except KeyboardInterrupt:
+            # What is written twice is there once.
+            name, is_stopped = write_shard(shard, building.place), True
     return Built(name, tuple(failures), len(read) + len(failures), is_stopped)
 
 

@@ -257,7 +257,11 @@ class Index:
         committed_at = time.monotonic()
         try:
             for built in building.read(files, jobs=jobs, on_done=on_done):
-                self._add(built, ready)
+                try:
+                    self._add(built, ready)
+                except KeyboardInterrupt:
+                    self._add(built, ready)
+                    raise
                 # Of hundreds of thousands of files, not after each portion.
                 if time.monotonic() - committed_at > _COMMIT_EVERY_S:
                     self._commit(replace(self._manifest, failures=ready.failures), ready.shards)
