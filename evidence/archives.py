@@ -37,7 +37,7 @@ from motionary.retrieval.search import search
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TITLE = "Archives of thousands of hours on one machine"
+TITLE = "Large archives on one machine"
 SPLIT = "nothing is learned or chosen; no archive holds the recordings of the examples"
 SEED = 26
 DATA = EVERYTHING
@@ -57,10 +57,10 @@ KEYFRAMES = {
     "frequent": "right hand fast, then within 0.5 s right hand low",
     "rare": "right hand above neck, then within 0.3 s left hand above neck, then within 0.3 s "
     "right knee bent",
-    "nowhere": "right hand above neck, then within 0.1 s right hand low, then within 0.1 s right "
+    "row": "right hand above neck, then within 0.1 s right hand low, then within 0.1 s right "
     "hand above neck, then within 0.1 s right hand low",
 }
-LABELS = {"nowhere": "four in a row"}
+LABELS = {"row": "four in a row"}
 #: Two seconds from the middle of recordings that no archive is made of.
 EXAMPLES = {"jump": "02_04", "dance": "05_06"}
 
