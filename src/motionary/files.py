@@ -73,8 +73,9 @@ def open_regular(path: str | Path) -> BinaryIO:
 
 
 def describe_opening(error: OSError, tried: str = "cannot be read") -> str:
-    """Why something cannot be opened; of what is missing the same everywhere."""
-    return NO_SUCH_FILE if isinstance(error, FileNotFoundError) else f"{tried}: {_reason(error)}"
+    """Why something cannot be opened; of what is missing the same on every system."""
+    missing = isinstance(error, FileNotFoundError)
+    return f"{tried}: {NO_SUCH_FILE if missing else _reason(error)}"
 
 
 def _reason(error: OSError) -> str:

@@ -352,7 +352,7 @@ def test_options_of_thresholds_that_do_not_go_together(
         (("edit", "{lib}", "squat", "--rename", "kick_left"), 1, "has a class 'kick_left' already"),
         (("edit", "{lib}", "squat", "--join", "squat"), 1, "two classes, got 'squat' twice"),
         (("edit", "{lib}", "squat", "--restrict", "hand quick"), 1, "did you mean"),
-        (("edit", "{lib}", "squat", "--text", "{tmp}/none.txt"), 1, "none.txt: no such file"),
+        (("edit", "{lib}", "squat", "--text", "{tmp}/none.txt"), 1, "none.txt: cannot be read"),
         (("edit", "{lib}", "squat", "--text", "{tmp}/odd.txt"), 1,
          "odd.txt: line 2: 'not right hand fast' contradicts 'right hand fast' of line 1"),
         (("edit", "{lib}", "sweep", "--text", "{tmp}/odd.txt"), 1, "--new makes it from the text"),
