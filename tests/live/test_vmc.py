@@ -131,6 +131,7 @@ def test_times_are_the_senders_and_come_from_arrival_where_it_has_none():
         (ROOT, [], "needs 7 numbers"),
         ("/VMC/Ext/T", [], "needs 1 numbers"),
         ("/VMC/Ext/T", ["late"], "needs 1 numbers"),
+        ("/VMC/Ext/T", [math.nan], "needs a time in seconds, got nan"),
     ],
 )
 def test_messages_that_are_not_as_the_protocol_has_them_are_refused(address, values, what):
@@ -148,6 +149,8 @@ def test_numbers_that_are_none_are_joints_that_are_not_seen():
     # What nobody asked for is passed over; bones without length are told.
     assert VmcReader().push("/VMC/Ext/Blend/Val", ["A", 1.0], arrived_s=0.0) == []
     assert VmcReader().push(BONE, ["Jaw"], arrived_s=0.0) == []
+    # OSC has arrays, too.
+    assert VmcReader().push(BONE, [["Hips"], 0, 1, 0, 0, 0, 0, 1], arrived_s=0.0) == []
     reader = VmcReader()
     short = [(BONE, [name, 0, 0, 0, 0, 0, 0, 1]) for name in ("Hips", "Spine", "Hips")]
     with pytest.raises(InvalidInput, match="no length"):

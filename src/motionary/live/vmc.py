@@ -93,13 +93,16 @@ class VmcReader:
             If a bone or a time is not as the protocol has it, or bones have no length.
         """
         if address == TIME:
-            self._told_s = _numbers(address, values, 1)[0]
+            told_s = _numbers(address, values, 1)[0]
+            if not math.isfinite(told_s):
+                raise InvalidInput(f"{address} needs a time in seconds, got {told_s}")
+            self._told_s = told_s
         elif address == ROOT:
             self._root = _placed(address, values)
             if math.isnan(self._root.rotation[0]):
                 # Some programs do not turn the whole, and send no rotation.
                 self._root = _Placed(self._root.position, _ORIGIN.rotation)
-        elif address == BONE and values and values[0] in _ABOVE:
+        elif address == BONE and values and str(values[0]) in _ABOVE:
             return self._push_bone(str(values[0]), _placed(address, values), arrived_s)
         return []
 
