@@ -13,6 +13,7 @@ from motionary.features import (
     MotionFeatures,
     compute_batch,
     compute_features,
+    match_names,
     read_features,
     write_features,
 )
@@ -84,6 +85,9 @@ def test_people_are_split_whole_and_alike_in_any_order():
     backward = FeatureBatch((item,) * 200).with_persons(persons[::-1]).split_by_person(seed=3)
     assert backward.splits == split.splits[::-1]
     assert batch.split_by_person(seed=4).splits != split.splits
+    # Names of files may hold bytes that are no text.
+    odd = FeatureBatch((item,) * 3).with_persons(["\udcff", "b", "c"]).split_by_person()
+    assert sorted(odd.splits) == ["test", "train", "validation"]
     halves = batch.split_by_person(parts={"a": 1, "b": 1})
     assert halves.splits.count("a") == 100
 
@@ -180,6 +184,13 @@ def test_bad_input_is_told(array, batch):
         FeatureBatch((*legs, *batch))
     with pytest.raises(InvalidInput, match="5 recordings need as many splits, got 1"):
         FeatureBatch(batch.sequences, ("train",))
+
+
+def test_an_optional_part_that_a_name_lacks_is_no_person():
+    named = {"each": "recording", "has": "person"}
+    assert match_names(["s1_a", "s2_b"], "^(s[0-9])?", **named) == ["s1", "s2"]
+    with pytest.raises(InvalidInput, match=r"matches nothing in 'a_s1'; each recording needs a p"):
+        match_names(["s1_a", "a_s1"], "^(s[0-9])?", **named)
 
 
 def test_files_give_what_arrays_give(array, tmp_path):

@@ -141,8 +141,8 @@ class FeatureBatch(Tabular):
     def split_by_person(self, *, parts: Mapping[str, float] | None = None, seed: int = 0) -> Self:
         """The batch with each person in one part, all of its recordings with it.
 
-        Who goes where depends on the names of the people and the seed only. People are dealt one
-        after the other to the part that lacks most of its own size.
+        Who goes where depends on the people, how many recordings each has, the parts and the seed
+        only. People are dealt one after the other to the part that lacks most of its own size.
 
         Parameters
         ----------
@@ -179,13 +179,18 @@ def _deal_people(people: dict[str, int], parts: Mapping[str, float], seed: int) 
     total = sum(people.values()) / sum(parts.values())
     wanted = {part: fraction * total for part, fraction in parts.items()}
     held = dict.fromkeys(parts, 0)
-    order = sorted(people, key=lambda who: hashlib.blake2b(f"{seed} {who}".encode()).digest())
+    order = sorted(people, key=partial(_hash_person, seed=seed))
     part_of = {}
     for person in order:
         part = max(parts, key=lambda part: (wanted[part] - held[part]) / wanted[part])
         part_of[person] = part
         held[part] += people[person]
     return part_of
+
+
+def _hash_person(person: str, *, seed: int) -> bytes:
+    # Names of files may hold bytes that are no text.
+    return hashlib.blake2b(f"{seed} {person}".encode("utf-8", "surrogateescape")).digest()
 
 
 def match_names(names: Iterable[str], pattern: str, *, each: str, has: str) -> list[str]:
@@ -207,11 +212,13 @@ def match_names(names: Iterable[str], pattern: str, *, each: str, has: str) -> l
     keys = []
     for name in names:
         found = compiled.search(name)
-        if found is None:
+        # Parentheses that are optional may have no part in a match.
+        key = found[1 if compiled.groups else 0] if found else None
+        if not key:
             raise InvalidInput(
                 f"{has}s {pattern!r} matches nothing in {name!r}; each {each} needs a {has}"
             )
-        keys.append(str(found[1 if compiled.groups else 0]))
+        keys.append(str(key))
     return keys
 
 
