@@ -421,6 +421,21 @@ def test_a_page_is_served_to_this_computer_and_told_of_what_was(monkeypatch, lin
     page.close()
 
 
+def test_a_page_shows_a_body_from_when_it_is_seen(monkeypatch, lines, library):
+    client = pytest.importorskip("websockets.sync.client")
+    monkeypatch.setattr("motionary.live.sources._CLOSING_S", 0.2)
+    page, people = PageServer(0, tell=pytest.fail), LivePeople(mo.ClassLibrary.load(library))
+    people.push(lines[0])
+    with client.connect(f"ws://127.0.0.1:{page.port}/watch") as connection:
+        assert len(json.loads(connection.recv(timeout=5))) == 1
+        for line in (json.dumps({"positions": [None] * 24, "time_s": 0.0}), *lines[2:4]):
+            people.push(line)
+            page.show(people.pose)
+        assert json.loads(connection.recv(timeout=5))["recording"]["missing"] == []
+        assert None not in json.loads(connection.recv(timeout=5))["pose"][2]
+    page.close()
+
+
 def test_the_command_serves_the_page(capsys, monkeypatch, lines, library):
     pytest.importorskip("websockets")
     feed(monkeypatch, "\n".join(lines[:3]))

@@ -89,15 +89,20 @@ class PageServer:
         """Give a pose to all pages, at most so many a second as they draw."""
         body = self._bodies.get(pose.recording)
         if body is None:
-            if len(self._bodies) >= _MOST_BODIES:
-                del self._bodies[next(iter(self._bodies))]
-            body = self._bodies[pose.recording] = _Body()
+            body = _Body()
+            # Pages that connect meanwhile read them in a thread of their own.
+            with self._lock:
+                if len(self._bodies) >= _MOST_BODIES:
+                    del self._bodies[next(iter(self._bodies))]
+                self._bodies[pose.recording] = body
         elif pose.time_s - body.shown_s < 1 / PAGE_HZ - _SLACK_S:
             return
         body.shown_s = pose.time_s
         if body.sees_more(pose.positions):
             body.description = _describe(pose, body.first)
             self._send(body.description)
+        if not body.description:
+            return
         known = np.asarray(np.isfinite(pose.positions).all(axis=1)).tolist()
         rows = np.rint(np.nan_to_num(pose.positions) / UNIT_M).astype(int).tolist()
         seen = [row if one else None for row, one in zip(rows, known, strict=True)]
@@ -107,9 +112,7 @@ class PageServer:
         """Give an event to all pages, as `motionary live` prints it."""
         text = _text({"event": event})
         # Lengths of time that were not seen are of the past, too.
-        if event["event"] in ("final", "unassessed"):
-            self._past.append(text)
-        self._send(text)
+        self._send(text, is_kept=event["event"] in ("final", "unassessed"))
 
     def close(self) -> None:
         """Serve the page no more."""
@@ -119,8 +122,11 @@ class PageServer:
             listener.end()
         threading.Thread(target=self._server.shutdown, daemon=True).start()
 
-    def _send(self, text: str) -> None:
+    def _send(self, text: str, *, is_kept: bool = False) -> None:
+        # At once: who connects meanwhile gets it from the past or now, not twice.
         with self._lock:
+            if is_kept:
+                self._past.append(text)
             listeners = list(self._listeners.values())
         for listener in listeners:
             listener.offer(text)
@@ -174,8 +180,7 @@ class _Body:
     def sees_more(self, positions: Floats) -> bool:
         """Whether a pose shows joints that were not seen before."""
         if not len(self.first):
-            self.first = positions.copy()
-            return True
+            self.first = np.full_like(positions, np.nan)
         new = np.isnan(self.first).any(axis=1) & ~np.isnan(positions).any(axis=1)
         self.first[new] = positions[new]
         return bool(new.any())
