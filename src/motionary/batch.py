@@ -71,6 +71,10 @@ class Cluster:
                 "a scheduler needs Dask: pip install 'motionary[cluster]', here and where the "
                 "workers run"
             ) from error
+        if not address.rpartition(":")[2].isdecimal():
+            raise InvalidInput(
+                f"a scheduler's address ends in its port, as tcp://host:8786, got {address!r}"
+            )
         self.address, self._timeout_s = address, timeout_s
         try:
             # Half of its functions have no types.

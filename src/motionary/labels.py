@@ -112,6 +112,10 @@ class LabelTrack(Tabular):
             f"{len(self.unassessed)} unassessed segments)"
         )
 
+    def renamed(self, name: str) -> "LabelTrack":
+        """The labels under another name of their recording."""
+        return replace(self, recording=self.recording.renamed(name))
+
     def list_rows(self) -> Table:
         """A row for each label and for each segment that was not assessed, by time."""
         further = dict.fromkeys(column for label in self for column in label.extra)

@@ -460,3 +460,27 @@ def test_indexing_tells_what_it_did(motionary, world, tmp_path):
     ran = motionary("index", folder)
     assert ran.code == 0
     assert ran.out.startswith("2 recordings, 0.00 hours; read 0, 2 gone, 0 could not be read\n")
+
+
+def test_another_folder_does_not_empty_an_index(motionary, tmp_path):
+    one, other, place = tmp_path / "one", tmp_path / "other", tmp_path / "kept"
+    write_bvh(synthetic_motion("squat", seed=0, rate_hz=30), one / "a.bvh")
+    write_bvh(synthetic_motion("squat", seed=0, rate_hz=30), other / "b.bvh")
+    assert motionary("index", one, "--index", place).code == 0
+    refused = motionary("index", other, "--index", place)
+    assert refused.code == 1
+    assert "none of the 1 recordings of the index" in " ".join(refused.err.split())
+    assert len(Index.open(one, at=place)) == 1
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_folder_that_is_empty_now_does_not_empty_its_index(motionary, tmp_path, named):
+    folder = tmp_path / "disk"
+    write_bvh(synthetic_motion("squat", seed=0, rate_hz=30), folder / "a.bvh")
+    at = ("--index", tmp_path / "kept") if named else ()
+    assert motionary("index", folder, *at).code == 0
+    (folder / "a.bvh").unlink()
+    ran = motionary("index", folder, *at)
+    assert ran.code == 1
+    assert "or another place by --index" in " ".join(ran.err.split())
+    assert len(Index.open(folder, at=at[1] if named else None)) == 1

@@ -72,7 +72,18 @@ def test_the_command_writes_clean_files_to_the_byte(session, tmp_path, capsys, m
         assert copy.read_bytes() == path.read_bytes()
     table = (tmp_path / "fixed.exchanges.csv").read_text().splitlines()
     assert len(table) == 4
-    assert "legs exchanged" in table[1]
+    assert table[1].startswith("fixed,legs exchanged")
+
+
+def test_a_folder_of_images_that_is_missing_is_told_before_any_work(
+    session, tmp_path, capsys, monkeypatch
+):
+    given = ("--cameras", session / "calib.toml", "--rate", "60", "-o", tmp_path / "x.trc")
+    pages = ("--report", tmp_path / "x.html", "--images", tmp_path / "none")
+    done = run(capsys, monkeypatch, "track", session / "pose", *given, *pages)
+    assert done.code == 1
+    assert "none: no folder there" in done.err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_points_are_where_they_were(session):

@@ -9,7 +9,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.options import Excel, Force, check_page, check_target
-from motionary.errors import InvalidInput, UnwritableFile
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
     from motionary.models.library import ClassLibrary
@@ -114,7 +114,7 @@ def untangle(
         synchronise=options.synchronise,
     )  # fmt: skip
     changed = write_exchanged(views, found.sources, target)
-    write_labels([found.track], table, excel=excel)
+    write_labels([found.track.renamed(target.name)], table, excel=excel)
     for one in found.exchanges:
         rows = [
             (camera, f"{100 * share.mean():.1f} %", f"{100 * doubt.mean():.1f} %")
@@ -157,23 +157,28 @@ def track(
         raise InvalidInput("--labels needs --library: the classes to be recognised")
     if options.images is not None and options.report is None:
         raise InvalidInput("--images goes with --report HTML")
+    if options.images is not None and not Path(options.images).is_dir():
+        raise UnreadableFile(
+            "no folder there; give the one with a folder of images of each camera",
+            file=options.images,
+        )
     views = read_keypoints(keypoints, layout=options.layout, person=options.person)
     known, memory, named = _read_library(options.library)
     found = find(
         views, options.cameras, rate_hz=options.rate, library=known, memory=memory, named=named,
         unit=options.unit, synchronise=options.synchronise,
     )  # fmt: skip
-    rigged = Path(output).suffix.lower() == ".bvh"
-    write((found.rig if rigged else found.motion).renamed(Path(output).stem), output)
+    name, is_rig = Path(output).stem, Path(output).suffix.lower() == ".bvh"
+    write((found.rig if is_rig else found.motion).renamed(name), output)
     _show(found)
     if options.labels is not None and found.labels is not None:
-        write_labels([found.labels], options.labels)
+        write_labels([found.labels.renamed(name)], options.labels)
     if options.confidence is not None:
         _write_confidence(found, options.confidence)
     if options.report is not None:
         from motionary.reporting import report_tracking
 
-        report_tracking(found, options.report, images=options.images, title=Path(output).stem)
+        report_tracking(found, options.report, images=options.images, title=name)
         screen.say_size(options.report)
     for note in found.notes:
         screen.warn(note)

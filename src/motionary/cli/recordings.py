@@ -368,7 +368,20 @@ def list_missing(index: "Index") -> list[UnreadableFile]:
 
 
 def update_index(index: "Index", changes: "Changes", *, jobs: "Workers") -> bool:
-    """Read what changed; whether that was stopped from the keyboard."""
+    """Read what changed; whether that was stopped from the keyboard.
+
+    Raises
+    ------
+    UnreadableFile
+        If nothing that the index holds is in the folder, and it was named, or the folder is empty.
+    """
+    if changes.leaves_nothing and (index.is_named or not changes.states):
+        raise UnreadableFile(
+            f"none of the {len(changes.gone)} recordings of the index in {index.place} is there; "
+            "name the folder that it was made of, or another place by --index; to have it made "
+            "anew, remove it",
+            file=index.folder,
+        )
     for reason in (*index.damage, *changes.skipped):
         screen.warn(reason)
     try:

@@ -33,6 +33,11 @@ class Changes(NamedTuple):
         """New and changed recordings, sorted."""
         return sorted(self.new + self.changed)
 
+    @property
+    def leaves_nothing(self) -> bool:
+        """Whether nothing of what was read is there: another folder, or a disk that is missing."""
+        return bool(self.gone) and len(self.new) == len(self.states)
+
 
 class Seen(NamedTuple):
     """State in which a recording was last read, or could not be read."""

@@ -74,6 +74,7 @@ class Index:
     place : the folder of the index
     feature_set : what the bits of the features mean
     damage : what was not as it had been written, and is read again, a line each
+    is_named : whether somebody named its place; else it lies in the user's cache
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Index:
         self._manifest = Manifest(Recipe.of(feature_set, reading))
         self._shards: dict[str, Shard] = {}
         self.damage: tuple[str, ...] = ()
+        self.is_named = False
 
     def __repr__(self) -> str:
         return f"Index({str(self.folder)!r}, {len(self)} recordings, kept in {str(self.place)!r})"
@@ -124,6 +126,7 @@ class Index:
         recipe = Recipe.of(chosen, reading)
         place = cache_place(path, recipe) if at is None else Path(at)
         index = cls(path, place, feature_set=chosen, reading=reading)
+        index.is_named = at is not None
         try:
             index._load()
         except DamagedIndex as error:
