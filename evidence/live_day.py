@@ -30,7 +30,7 @@ SEED = 27
 SYNTHETIC = True
 DATA = (("synthetic streams of the package", (2, 1.5)),)
 
-HOURS = 4
+HOURS = 24
 DAY_HZ, LIVE_HZ, CHUNK = 5.0, 30.0, 25
 #: Features of the day: a few, so that hours take minutes.
 FEATURES = ("F3", "F4", "F20", "F21", "F31")
