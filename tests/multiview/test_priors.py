@@ -20,7 +20,14 @@ from motionary.multiview.poses import (
     keep_essential,
     own_axes,
 )
-from motionary.multiview.priors import MARKED, NamedPrior, named_priors, shape_limb
+from motionary.multiview.priors import (
+    MARKED,
+    Claims,
+    NamedPrior,
+    mark,
+    named_priors,
+    shape_limb,
+)
 from motionary.multiview.solving import Pull, SolverSettings
 from motionary.recording import Recording
 from motionary.skeletons import named_mapping
@@ -171,6 +178,24 @@ def test_hidden_points_take_the_shape_of_a_prior(known, name):
     a, b = (0.3, 0.26) if "elbow" in name else (0.43, 0.42)
     limit = np.sqrt(a * a + b * b + a * b)
     assert (far >= limit - 0.03).all() if "straight" in name else (far <= limit + 0.03).all()
+
+
+def test_what_one_frame_or_one_foot_cannot_tell_is_left_out(known):
+    library, _, whole = known
+    match = find_matches(mo.compute_features(whole, feature_set=library.feature_set), library)[0]
+    points = whole.positions[:20]
+    frame = own_axes({one: points[:, k] for k, one in enumerate(NAMES)})[1]
+    zeros = np.zeros(points.shape[:2])
+    pull = Pull(np.ones((*zeros.shape, 3, 3)), points.copy())
+    columns = np.full(20, -1)
+    columns[5] = 1
+    claims = Claims(match, [NamedPrior("left foot rests", ((0, 3),))], columns, 1.0)
+    assert mark(claims, Track(NAMES, points, zeros + 1, 10.0), pull, frame, None) == []
+    own = [k for k, name in enumerate(NAMES) if name != "RAnkle"]
+    names = tuple(NAMES[k] for k in own)
+    one_foot = Track(names, points[:, own], zeros[:, own], 60.0)
+    pull = Pull(pull.matrices[:, own], pull.places[:, own])
+    assert not shape_limb("left foot ahead", one_foot, slice(5, 15), pull, frame)
 
 
 def test_poses_count_by_how_they_agree_with_the_rest_of_the_body():

@@ -9,7 +9,9 @@ import motionary as mo
 from cli_cases import run
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.keypoints import Views
+from motionary.multiview import see
 from motionary.multiview.chain import linearise, measure_chain, move, points_of, pose_points
+from motionary.multiview.tracking import track_points
 from motionary.reporting import report_tracking
 from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
 from view_cases import (
@@ -166,3 +168,39 @@ def test_a_turn_of_the_root_turns_all_points():
     root = pose.centres[:, :1]
     expected = (points_of(chain, pose) - root) @ turn.T + root
     assert points_of(chain, move(chain, pose, twists)) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("lost", [("LAnkle",), ("Knee", "Ankle", "Toe", "Heel")])
+def test_people_are_tracked_whose_legs_no_camera_shows_whole(lost):
+    pixels, scores = detect(walker(6), ring())
+    unseen = [k for k, name in enumerate(NAMES) if name.endswith(lost)]
+    scores[:, :, unseen] = 0
+    found = track_points(see_ring(pixels, scores), rate_hz=60)
+    names = [name for name in NAMES if not name.endswith(lost)]
+    own = [found.chain.points.index(name) for name in names]
+    truth = walker(6)[:, [NAMES.index(name) for name in names]]
+    assert np.linalg.norm(found.points[:, own] - to_y_up(truth), axis=-1).mean() < 0.02
+
+
+def test_few_images_are_tracked_and_one_or_no_hip_is_refused(tmp_path):
+    write_toml(tmp_path / "calib.toml", ring())
+    for n in (2, 3):
+        write_openpose(tmp_path / f"pose{n}", *detect(walker(n), ring()))
+        found = mo.track(tmp_path / f"pose{n}", tmp_path / "calib.toml", rate_hz=60)
+        assert found.motion.n_frames == n
+        assert np.isfinite(found.motion.positions).all()
+    pixels, scores = detect(walker(4), ring())
+    with pytest.raises(InvalidInput, match=r"two images or more with both hips.*got 1"):
+        track_points(see_ring(pixels[:, :1], scores[:, :1]), rate_hz=60)
+    scores[:, :, NAMES.index("LHip")] = 0
+    with pytest.raises(InvalidInput, match=r"both hips.*got 4 with"):
+        track_points(see_ring(pixels, scores), rate_hz=60)
+
+
+def see_ring(pixels, scores):
+    """What the ring of cameras sees, y up, without the points that it never sees."""
+    views = Views(tuple(f"cam_{k + 1:02d}" for k in range(4)), NAMES, pixels, scores)
+    sight = see(views, as_calibrated(ring()))
+    turn = np.array([[0, 1.0, 0], [0, 0, 1], [1, 0, 0]])
+    sight = sight._replace(directions=sight.directions @ turn.T, origins=sight.origins @ turn.T)
+    return sight.of_points(np.flatnonzero(scores.any(axis=(0, 1))).tolist())

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.errors import InvalidInput
 from motionary.motion import Skeleton, forward_kinematics
 from motionary.rotations import (
     matrices_to_quaternions,
@@ -162,6 +163,11 @@ def measure_chain(names: tuple[str, ...], points: Floats) -> Chain:
     names : of the points
     points : array, shape (frames, points, 3), metres; NaN = not seen
     """
+    if len(points) < 2 or not {"LHip", "RHip"} <= set(names):
+        raise InvalidInput(
+            "tracking needs two images or more with both hips, which two cameras see; got "
+            f"{len(points)} with {', '.join(names)}"
+        )
     joints, fixed = _tables(names)
     at = {name: points[:, k] for k, name in enumerate(names)}
     _add_middles(at)

@@ -9,6 +9,7 @@ middle of the hips, in lengths of the leg; times are those of templates, 30 Hz.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -222,18 +223,21 @@ class BodyFrame(NamedTuple):
 
 
 def own_axes(at: Mapping[str, Floats]) -> tuple[Floats, BodyFrame]:
-    """Points of `LENT` in body axes, and these axes; NaN for points that are not there."""
-    across = at["LHip"] - at["RHip"]
-    across = unit_vectors(across * [1.0, 0.0, 1.0])
+    """Points of `LENT` in body axes, and these axes; NaN for points that are not there.
+
+    Without a hip, or without a whole leg, the axes are unknown, and all is NaN.
+    """
+    lost = np.full_like(next(iter(at.values())), np.nan)
+    left, right = at.get("LHip", lost), at.get("RHip", lost)
+    across = unit_vectors((left - right) * [1.0, 0.0, 1.0])
     up = np.broadcast_to([0.0, 1.0, 0.0], across.shape)
     turns = np.stack([across, up, np.cross(across, up)], axis=-1)
+    legs = [[at[side + joint] for joint in ("Hip", "Knee", "Ankle")] for side in "LR"
+            if {side + "Hip", side + "Knee", side + "Ankle"} <= set(at)]  # fmt: skip
     lengths = [
-        np.nanmedian(np.linalg.norm(at[f"{s}Hip"] - at[f"{s}Knee"], axis=1))
-        + np.nanmedian(np.linalg.norm(at[f"{s}Knee"] - at[f"{s}Ankle"], axis=1))
-        for s in "LR"
+        sum(np.nanmedian(np.linalg.norm(a - b, axis=1)) for a, b in pairwise(leg)) for leg in legs
     ]
-    frame = BodyFrame((at["LHip"] + at["RHip"]) / 2, turns, float(np.mean(lengths)))
-    lost = np.full_like(across, np.nan)
+    frame = BodyFrame((left + right) / 2, turns, float(np.mean(lengths)) if lengths else np.nan)
     points = np.stack([at.get(name, lost) for name in LENT], axis=1)
     return frame.to_own(points), frame
 

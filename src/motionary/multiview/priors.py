@@ -156,11 +156,7 @@ def read_priors(path: str | Path, library: ClassLibrary) -> dict[tuple[str, str]
         If it is no such file, or names what the library does not have.
     """
     path = Path(path)
-    columns = {
-        (one.name, prototype.name): prototype.template.n_columns
-        for one in library
-        for prototype in one.prototypes
-    }
+    columns = _count_columns(library)
     result: dict[tuple[str, str], list[NamedPrior]] = {key: [] for key in columns}
     for number, table in enumerate(read_toml(path, {"priors": list})["priors"]):
         place = ("priors", number)
@@ -181,6 +177,14 @@ def read_priors(path: str | Path, library: ClassLibrary) -> dict[tuple[str, str]
     return result
 
 
+def _count_columns(library: ClassLibrary) -> dict[tuple[str, str], int]:
+    return {
+        (one.name, prototype.name): prototype.template.n_columns
+        for one in library
+        for prototype in one.prototypes
+    }
+
+
 def _is_span(span: object, n_columns: int) -> bool:
     return (
         isinstance(span, list)
@@ -192,11 +196,7 @@ def _is_span(span: object, n_columns: int) -> bool:
 
 def check_priors(priors: PriorTable, library: ClassLibrary) -> None:
     """Raise InvalidInput unless priors are of the library's templates."""
-    known = {
-        (one.name, prototype.name): prototype.template.n_columns
-        for one in library
-        for prototype in one.prototypes
-    }
+    known = _count_columns(library)
     for key, every in priors.items():
         for one in every:
             if key not in known or any(stop > known[key] for _, stop in one.spans):
@@ -245,7 +245,7 @@ def shape_limb(name: str, track: Track, span: slice, pull: Pull, frame: BodyFram
     """
     side, part = name[0].upper(), name.split()[1]
     limb = [f"{side}{one}" for one in _LIMBS[part]]
-    if not set(limb) <= set(track.names):
+    if not {*limb, _other(limb[2])} <= set(track.names):
         return False
     end = track.names.index(limb[2])
     wanted = np.zeros(len(track.points), dtype=bool)
@@ -264,9 +264,14 @@ def shape_limb(name: str, track: Track, span: slice, pull: Pull, frame: BodyFram
     return True
 
 
+def _other(name: str) -> str:
+    """The same point of the other side."""
+    return ("R" if name[0] == "L" else "L") + name[1:]
+
+
 def _move_ahead(track: Track, places: Floats, name: str, wanted: Bools, frame: BodyFrame) -> Floats:
     """Places of a foot not behind the other one, or of a hand that goes ahead in time."""
-    other = track.names.index(("R" if name[0] == "L" else "L") + name[1:])
+    other = track.names.index(_other(name))
     own = frame.to_own(places[:, [track.names.index(name), other]])
     if name.endswith("Ankle"):
         own[:, 0, 2] = np.maximum(own[:, 0, 2], own[:, 1, 2])
@@ -346,7 +351,8 @@ def mark(
         marked = prior.columns(len(match.template.values))
         mask = (columns >= 0) & marked[np.maximum(columns, 0)]
         for first, stop in find_runs(mask).tolist():
-            if stop - first < _LEAST_REST_S * track.rate_hz:
+            # One frame, as at 10 Hz, has no speed.
+            if stop - first < max(2.0, _LEAST_REST_S * track.rate_hz):
                 continue
             span = slice(first, stop)
             kept = claims.held >= _HOLDS

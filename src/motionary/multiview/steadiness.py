@@ -61,7 +61,8 @@ def floor_of(names: tuple[str, ...], points: Floats) -> float | None:
 def stances(names: tuple[str, ...], points: Floats, rate_hz: float) -> dict[str, Bools]:
     """Frames in which each foot stands, "L" and "R"."""
     result = {}
-    width = max(1, round(_SMOOTHED_S * rate_hz))
+    # A longer kernel would make the result longer than the motion.
+    width = max(1, min(round(_SMOOTHED_S * rate_hz), len(points)))
     for side in "LR":
         own = sole_points(names, side)
         if not own:
