@@ -85,6 +85,9 @@ def test_what_cannot_be_followed_is_refused(known):
     body, cameras, truth, images = known
     with pytest.raises(InvalidInput, match=r"images of shapes \[\(200, 200, 3\)"):
         fit_regions(body, truth, images[:1], cameras)
+    for wrong in (np.uint8(255 * images[0]), np.full_like(images[0], np.nan)):
+        with pytest.raises(InvalidInput, match="from 0 to 1, got"):
+            fit_regions(body, truth, [wrong, images[1]], cameras)
     with pytest.raises(InvalidInput, match="start nearer"):
         fit_regions(body, turned(body, step=(9.0, 0, 0)), images, cameras)
     with pytest.raises(InvalidInput, match="one pose"):

@@ -126,6 +126,12 @@ def fit_regions(
     shapes, wanted = [one.shape for one in images], [(c.height, c.width, 3) for c in cameras]
     if shapes != wanted:
         raise InvalidInput(f"these cameras need images of shapes {wanted}, got {shapes}")
+    for one in images:
+        if not (one.min() >= 0 and one.max() <= 1):
+            raise InvalidInput(
+                f"colours need to be from 0 to 1, got {one.min():g} to {one.max():g}; divide those "
+                "of 8 bits by 255"
+            )
     pose = start
     for _ in range(settings.most_steps):
         contours = find_contours(body, pose, images, cameras, settings=settings)
