@@ -247,6 +247,14 @@ def test_the_lookup_is_asked_every_few_images(database):
     assert max(pose.cost for pose in found) < 0.05
 
 
+@pytest.mark.parametrize(
+    "wrong", [{"every": 0}, {"every": 4, "published": True}, {"every": 4, "hypotheses": "lookup"}]
+)
+def test_images_without_any_hypothesis_are_refused(wrong):
+    with pytest.raises(InvalidInput, match="every needs to be 1"):
+        TrackerSettings(**wrong)
+
+
 def test_a_start_that_stays_undecided_stays_unsure(database, monkeypatch):
     settings = TrackerSettings(ranked=2, duel=2)
     assert track(database, settings, 6)[-1].status == "tracked"

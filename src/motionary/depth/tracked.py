@@ -73,6 +73,13 @@ class TrackerSettings:
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     preparation: PreparationSettings = field(default_factory=PreparationSettings)
 
+    def __post_init__(self) -> None:
+        if self.every < 1 or (self.every > 1 and (self.published or self.hypotheses == "lookup")):
+            raise InvalidInput(
+                f"every needs to be 1 or more, and 1 where the lookup is asked in all images "
+                f"(published, hypotheses='lookup'), got {self.every}"
+            )
+
 
 class TrackedPose(NamedTuple):
     """The pose in one image.
