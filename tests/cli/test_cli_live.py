@@ -372,6 +372,27 @@ def test_what_the_system_ends_is_kept(capsys, monkeypatch, tmp_path, lines, libr
     assert durations(people) == {"": pytest.approx(4 / 30)}
 
 
+@pytest.mark.parametrize(("sent", "n_poses"), [("INT", 3), ("TERM", 3), ("INT INT", 2)])
+def test_a_line_is_done_before_the_end_unless_asked_twice(
+    capsys, monkeypatch, tmp_path, lines, library, sent, n_poses
+):
+    state, push = tmp_path / "state.npz", LivePeople.push
+
+    def push_interrupted(people, line, *, sender=""):
+        for name in sent.split() if line.strip() == lines[3] else ():
+            signal.raise_signal(signal.Signals[f"SIG{name}"])
+        return push(people, line, sender=sender)
+
+    monkeypatch.setattr(LivePeople, "push", push_interrupted)
+    feed(monkeypatch, "\n".join(lines[:5]) + "\n")
+    ran = run(capsys, monkeypatch, "live", "--library", library, "--state", state)
+    assert (ran.code, ran.out) == (0, "")
+    assert f"what is left is kept in {state}" in ran.err
+    people = LivePeople(mo.ClassLibrary.load(library))
+    people.resume(state)
+    assert durations(people) == {"": pytest.approx(n_poses / 30)}
+
+
 def test_states_of_something_else_are_refused(capsys, monkeypatch, tmp_path, lines, library):
     feed(monkeypatch, "")
     path = tmp_path / "one.npz"

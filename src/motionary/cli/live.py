@@ -234,21 +234,46 @@ def _paced(things: "Iterable[Sent]", hz: float, *, n_before: int = 0) -> "Iterat
         yield one
 
 
-@contextmanager
-def _ended_by_system(is_kept: bool) -> Iterator[None]:
-    """Make what ends a service end it as Ctrl-C does, where something is to be kept."""
-    if not is_kept:
-        yield
-        return
+class _Interrupts:
+    """Ctrl-C between lines: what is half done can neither be kept nor become final.
 
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
+    A second one waits for nothing.
+    """
 
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    def __init__(self) -> None:
+        self._is_busy = self._is_due = False
+
+    @contextmanager
+    def taken(self, *, by_system: bool) -> Iterator[None]:
+        """Take Ctrl-C, and what ends a service in the same way, where something is to be kept."""
+        signals = [signal.SIGINT, signal.SIGTERM] if by_system else [signal.SIGINT]
+        before = {
+            # Ignored, as by `nohup`, they stay so.
+            one: signal.signal(one, self._stop)
+            for one in signals
+            if signal.getsignal(one) is not signal.SIG_IGN
+        }
+        try:
+            yield
+        finally:
+            for one, handler in before.items():
+                signal.signal(one, handler)
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Let what is done here be done before the end."""
+        self._is_busy = True
+        try:
+            yield
+        finally:
+            self._is_busy = False
+        if self._is_due:
+            raise KeyboardInterrupt
+
+    def _stop(self, *_: object) -> None:
+        if not self._is_busy or self._is_due:
+            raise KeyboardInterrupt
+        self._is_due = True
 
 
 class _Labelling:
@@ -284,10 +309,12 @@ class _Labelling:
         """Label until no more comes; 1 if some lines were of no use."""
         # Where it cannot be written one learns so before the work.
         self._save()
+        interrupts = _Interrupts()
         try:
-            with _ended_by_system(self._state is not None):
+            with interrupts.taken(by_system=self._state is not None):
                 for sender, line in self._source.lines(self._people.senders):
-                    self._take(sender, line)
+                    with interrupts.held():
+                        self._take(sender, line)
                     if time.monotonic() - self._saved_s > _SAVED_EACH_S:
                         self._save()
         except KeyboardInterrupt:
