@@ -433,6 +433,7 @@ def test_features_of_a_folder_split_by_person(motionary, tmp_path):
         (("--split-by", "person"), "--persons"),
         (("--plot", tmp_path / "x.png"), "draws one recording, got"),
         (("--persons", "x(.)"), "persons 'x(.)' matches nothing in"),
+        (("--persons", "^s", "--split-by", "person"), "needs 3 people or more, got s"),
     ):
         ran = motionary("features", folder, "-o", tmp_path / "y.npz", *arguments)
         assert ran.code in (1, 2)

@@ -36,6 +36,7 @@ from motionary.cli.recordings import (
 )
 from motionary.errors import UnwritableFile
 from motionary.io.options import ReadOptions
+from motionary.tables import enumerate_names
 
 if TYPE_CHECKING:
     from motionary.features import FeatureBatch, NamedFile
@@ -309,10 +310,16 @@ class People:
     def find(self, names: Iterable[str]) -> list[str]:
         """Who moves in each recording; nobody where it is not given."""
         from motionary.features import match_names
+        from motionary.features.batches import SPLITS
 
         if not self.persons:
             return []
-        return match_names(names, self.persons, each="recording", has="person")
+        found = match_names(names, self.persons, each="recording", has="person")
+        people = sorted(set(found))
+        if self.split_by and 0 < len(people) < len(SPLITS):
+            what = f"person needs {len(SPLITS)} people or more, got {enumerate_names(people)}"
+            raise wrong("--split-by", what)
+        return found
 
     def place(self, batch: "FeatureBatch") -> "FeatureBatch":
         """Features with who moves, and in which part they are, as far as it is given."""
