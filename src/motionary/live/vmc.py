@@ -72,7 +72,7 @@ class VmcReader:
         self._bones: tuple[str, ...] = ()
         self._placed: dict[str, _Placed] = {}
         self._root = _ORIGIN
-        self._told_s: float | None = None
+        self._given_s: float | None = None
         # Of the pose that is coming: what its sender's clock said, and when it began to come.
         self._began: tuple[float | None, float] = (None, 0.0)
         self._last_s: float | None = None
@@ -93,10 +93,10 @@ class VmcReader:
             If a bone or a time is not as the protocol has it, or bones have no length.
         """
         if address == TIME:
-            told_s = _numbers(address, values, 1)[0]
-            if not math.isfinite(told_s):
-                raise InvalidInput(f"{address} needs a time in seconds, got {told_s}")
-            self._told_s = told_s
+            given_s = _numbers(address, values, 1)[0]
+            if not math.isfinite(given_s):
+                raise InvalidInput(f"{address} needs a time in seconds, got {given_s}")
+            self._given_s = given_s
         elif address == ROOT:
             self._root = _placed(address, values)
             if math.isnan(self._root.rotation[0]):
@@ -109,7 +109,7 @@ class VmcReader:
     def _push_bone(self, bone: str, placed: _Placed, arrived_s: float) -> list[str]:
         lines = self._end() if bone in self._placed else []
         if not self._placed:
-            self._began, self._told_s = (self._told_s, arrived_s), None
+            self._began, self._given_s = (self._given_s, arrived_s), None
         self._placed[bone] = placed
         # Of the first pose it is not known which bones there are.
         if len(self._placed) == len(self._bones):
@@ -141,15 +141,15 @@ class VmcReader:
 
     def _clock(self) -> float:
         """When the pose was, by the sender's clock as far as it tells it."""
-        told_s, arrived_s = self._began
+        given_s, arrived_s = self._began
         last_s, self._last_s = self._last_s, 0.0
         guess = 0.0 if last_s is None else last_s + arrived_s - self._last_arrived_s
-        time_s = guess if told_s is None else told_s
-        if told_s is not None:
+        time_s = guess if given_s is None else given_s
+        if given_s is not None:
             # A float of 32 bits tells no milliseconds after a few hours.
-            step = float(np.spacing(np.float32(abs(told_s))))
+            step = float(np.spacing(np.float32(abs(given_s))))
             if step > _LEAST_STEP_S and last_s is not None:
-                time_s = min(max(guess, told_s - step), told_s + step)
+                time_s = min(max(guess, given_s - step), given_s + step)
         if last_s is not None and last_s - _BEHIND_S < time_s <= last_s:
             time_s = last_s + _LEAST_STEP_S
         self._last_s, self._last_arrived_s = time_s, arrived_s

@@ -101,7 +101,7 @@ def plot_template(
     _name_grids(stacks, rows, parts)
     handles = _legend() if tolerance is not None else []
     if marks:
-        handles.append(page.swatch("marked: told to tracks", style.GREEN))
+        handles.append(page.swatch("marked: given to tracks", style.GREEN))
     page.add_legend(figure, handles + _legend_of_unmeasured(template))
     page.add_ramp(figure, _ramp(), ("none of the examples", "all"))
     return figure

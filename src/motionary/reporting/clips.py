@@ -71,11 +71,11 @@ def make_clip(
     """
     page_hz = min(rate_hz, motion.rate_hz)
     body = _body_of(motion)
-    positions, told = (
+    positions, shown = (
         resample(one.positions, rate_hz=motion.rate_hz, to_hz=page_hz)
         for one in (body, body if seen is None else _body_of(seen))
     )
-    known: Bools = np.asarray(~np.isnan(told).any(axis=2))
+    known: Bools = np.asarray(~np.isnan(shown).any(axis=2))
     ever: Bools = np.asarray(known.any(axis=0))
     filled = _fill(positions, np.asarray(~np.isnan(positions).any(axis=2)), body.bones)
     piece = max(1, round(_PIECE_S * page_hz))

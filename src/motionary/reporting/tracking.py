@@ -27,7 +27,7 @@ _IMAGES = (".jpg", ".jpeg", ".png")
 # Images of a page: so many a second, so wide, and so good.
 _IMAGE_HZ, _WIDTH, _QUALITY = 10.0, 480, 60
 # A point of which views tell less is drawn as unseen.
-_TOLD = 0.05
+_SEEN_FROM = 0.05
 
 
 def report_tracking(
@@ -56,8 +56,8 @@ def report_tracking(
     """
     check_rate(rate_hz)
     motion = tracking.motion
-    told = tracking.confidence > _TOLD
-    seen = replace(motion, positions=np.where(told[..., None], motion.positions, np.nan))
+    is_seen = tracking.confidence > _SEEN_FROM
+    seen = replace(motion, positions=np.where(is_seen[..., None], motion.positions, np.nan))
     content, blocks = make_clip(motion, key="r0", rate_hz=rate_hz, seen=seen)
     content["strip"], strip = make_strip(compute_features(seen), key="r0")
     content["lanes"], whys = make_lanes(_lanes(tracking), key="r0")

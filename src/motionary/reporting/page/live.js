@@ -138,8 +138,8 @@ class LivePlayer extends Player {
     timeline.length = Math.max(model.duration_s, WINDOW_S);
     timeline.dirty = true;
     const at = Math.floor(model.duration_s);
-    if (this.told_s === at) return;
-    this.told_s = at;
+    if (this.measured_s === at) return;
+    this.measured_s = at;
     timeline.canvas.setAttribute("aria-valuemax", timeline.length.toFixed(2));
     this.facts.textContent = model.number === undefined ? "" : `${formatTime(at, 0)} ${at >= 60 ? "min" : "s"}, ${Number(model.rate_hz.toFixed(2))} Hz`;
   }
@@ -185,7 +185,7 @@ class LivePlayer extends Player {
     super.open(index);
     this.why.clear("Choose a label on the time axis or in the list.");
     if (this.choice) this.choice.value = String(index);
-    this.told_s = null;
+    this.measured_s = null;
     this.measure();
     this.timeline.setRange(this.length - WINDOW_S, Math.max(this.length, WINDOW_S));
     this.seek(this.length);
