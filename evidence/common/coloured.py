@@ -139,8 +139,8 @@ def draw_contours(
     """Images with outlines of a body, and where colours want them; a row for each step."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 3.3 * len(rows)))
-    axes = figure.subplots(len(rows), len(images), gridspec_kw={"wspace": 0.02, "hspace": 0.02})
+    figure = Figure(figsize=(7, 2.7 * len(rows)), layout="constrained")
+    axes = figure.subplots(len(rows), len(images))
     for row, contours in zip(axes, rows, strict=True):
         for one, image, contour in zip(row, images, contours, strict=True):
             moved = contour.shifts * (contour.contrast > 0)
