@@ -40,6 +40,18 @@ def test_a_folder_of_images_is_read_in_metres(tmp_path):
     assert images[0][5, 5] == 2.0
 
 
+def test_images_come_in_the_sequence_of_their_numbers_or_times(tmp_path):
+    images = np.arange(1000, 1012, dtype=np.uint16)[:, None, None] + np.zeros((24, 32), np.uint16)
+    recording = read_depth(write_folder(tmp_path / "a", images, names="take_{}.png"))
+    assert [round(1000 * one[5, 5]) for one in recording.images()] == list(range(1000, 1012))
+    timed = write_folder(tmp_path / "b", images[:2], names="7.{}.png")
+    (timed / "7.0.png").rename(timed / "7.5.png")
+    (timed / "7.1.png").rename(timed / "7.45.png")
+    recording = read_depth(timed)
+    assert [round(1000 * one[5, 5]) for one in recording.images()] == [1001, 1000]
+    assert recording.rate_hz == pytest.approx(20)
+
+
 def test_intrinsics_may_have_other_names_and_come_with_the_call(tmp_path):
     folder = write_folder(tmp_path / "a", ramp(), told=None)
     with pytest.raises(InvalidInput, match="intrinsics are missing"):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 from motionary.files import NO_SUCH_FILE
+from motionary.io.cameras import natural
 from motionary.io.depth_videos import VIDEOS, StoredImages
 from motionary.io.text import read_json
 
@@ -270,7 +271,8 @@ def _read_times(told: Mapping[str, Any], n: int) -> tuple[float, tuple[int, ...]
 
 
 def _read_folder(path: Path) -> tuple[tuple[Path, ...], dict[str, Any]]:
-    files = tuple(sorted(one for one in path.iterdir() if one.suffix.lower() == ".png"))
+    found = (one for one in path.iterdir() if one.suffix.lower() == ".png")
+    files = tuple(sorted(found, key=lambda one: natural(one.stem)))
     if not files:
         raise UnreadableFile("holds no PNG images of depth", file=path)
     told: dict[str, Any] = {}
@@ -281,6 +283,7 @@ def _read_folder(path: Path) -> tuple[tuple[Path, ...], dict[str, Any]]:
     if "times_s" not in told and all(one.stem.count(".") == 1 for one in files):
         # As the TUM benchmark names them: 1305031102.160407.png.
         with suppress(ValueError):
+            files = tuple(sorted(files, key=lambda one: float(one.stem)))
             told = {**told, "times_s": [float(one.stem) for one in files]}
     return files, told
 

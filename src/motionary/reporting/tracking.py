@@ -15,7 +15,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import FULL_BODY, compute_features
-from motionary.io.cameras import CalibratedCamera
+from motionary.io.cameras import CalibratedCamera, natural
 from motionary.labels import Label, LabelTrack
 from motionary.multiview import Tracking
 from motionary.reporting.clips import PAGE_HZ, make_clip
@@ -116,16 +116,16 @@ def _describe(camera: CalibratedCamera, images: Sequence[Block]) -> dict[str, An
 
 def _find_images(folder: Path, n_frames: int) -> list[Path]:
     try:
-        files = sorted(one for one in folder.iterdir() if one.suffix.lower() in _IMAGES)
+        found = [one for one in folder.iterdir() if one.suffix.lower() in _IMAGES]
     except OSError as error:
         raise UnreadableFile(
             "no folder of images there; give one for each camera, of its name", file=folder
         ) from error
-    if len(files) != n_frames:
+    if len(found) != n_frames:
         raise InvalidInput(
-            f"needs an image for each of {n_frames} frames, got {len(files)}", file=folder
+            f"needs an image for each of {n_frames} frames, got {len(found)}", file=folder
         )
-    return files
+    return sorted(found, key=lambda one: natural(one.stem))
 
 
 def _embed(files: Sequence[Path], rate_hz: float, late: int, *, key: str) -> list[Block]:
