@@ -54,3 +54,16 @@ def test_what_does_not_fit_is_told():
     tracker = ViewTracker(cameras, NAMES, rate_hz=60)
     with pytest.raises(InvalidInput, match=r"got \(1, 26, 2\) and \(2, 26\)"):
         tracker.track(np.zeros((1, 26, 2)), np.zeros((2, 26)))
+
+
+def test_a_start_that_does_not_fit_begins_anew():
+    pixels, scores = detect(walker(22), ring(3), noise_px=2.0)
+    scores[:, :11, NAMES.index("LHip")] = 0
+    pixels[0, 20] = np.inf
+    tracker = ViewTracker(as_calibrated(ring(3)), NAMES, rate_hz=RATE_HZ, start_s=11 / RATE_HZ)
+    told = [tracker.track(pixels[:, k], scores[:, k]) for k in range(10)]
+    with pytest.raises(InvalidInput, match="both hips"):
+        tracker.track(pixels[:, 10], scores[:, 10])
+    told += [tracker.track(pixels[:, k], scores[:, k]) for k in range(11, 22)]
+    assert told[10].reason == "1 of 11 images"
+    assert told[-1].status == "tracked"

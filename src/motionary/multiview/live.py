@@ -119,6 +119,12 @@ class ViewTracker:
         ----------
         pixels : array, shape (cameras, points, 2), NaN where nothing is detected
         scores : array, shape (cameras, points), in [0, 1]
+
+        Raises
+        ------
+        InvalidInput
+            If shapes are others, or what was seen at first does not fit the cameras, or lacks a
+            hip; tracking then starts anew.
         """
         places, certain = self._check(pixels, scores)
         enough = int(((certain > 0).sum(axis=0) >= 2).sum())
@@ -134,7 +140,12 @@ class ViewTracker:
         if self._known is None:
             if len(self._pixels) < self._n_start:
                 return self._nothing("starting", f"{len(self._pixels)} of {self._n_start} images")
-            return self._begin()
+            try:
+                return self._begin()
+            except InvalidInput:
+                # What does not fit would be looked at again with each image, and grow.
+                self.forget()
+                raise
         self._pixels, self._scores = self._pixels[-_WINDOW:], self._scores[-_WINDOW:]
         return self._follow(self._known)
 
@@ -146,7 +157,7 @@ class ViewTracker:
                 f"needs pixels {(*shape, 2)} and scores {shape} (cameras, points), got "
                 f"{places.shape} and {certain.shape}"
             )
-        lost = np.isnan(places).any(axis=2) | ~(certain > 0)
+        lost = ~np.isfinite(places).all(axis=2) | ~(certain > 0)
         places[lost], certain[lost] = np.nan, 0.0
         return places, certain
 
