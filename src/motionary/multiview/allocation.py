@@ -2,7 +2,7 @@
 
 After Baak (2012), sections 6.4.1 to 6.4.3, whose open problem is a wrong label. Here each match
 must prove what it tells on what views see: what it says of feet, hands and elbows must hold
-there, and its poses must bridge stretches that were seen better than a straight way does.
+there, and its poses must bridge segments that were seen better than a straight way does.
 """
 
 import warnings
@@ -55,7 +55,7 @@ _TOLD = 0.15
 _HOLES_S = 0.1
 # How far a limb is off a straight way over a gap, about.
 _STRAIGHT_M = 0.1
-# Priors are tried on seen stretches of so long, held out; a prior must be better by so much.
+# Priors are tried on seen segments of so long, left out; a prior must be better by so much.
 _TRIED_S, _EDGE = 0.5, 4
 _BETTER, _LEAST_TRIES, _LEAST_TOLD = 0.9, 2, 0.5
 # Errors of lent poses last: neighbouring frames are no further evidence.
@@ -234,7 +234,7 @@ def _lend_limb(
 
 
 class _Tried(NamedTuple):
-    """Whether lent poses bridge seen stretches better than a straight way; their error."""
+    """Whether lent poses bridge seen segments better than a straight way; their error."""
 
     better: bool
     error_m: float
@@ -246,7 +246,7 @@ def _try(
     """A match held against what is seen of both sides of a limb.
 
     The other side counts, for in a gap it is the only one seen. The error is infinite without two
-    stretches.
+    segments.
     """
     length = round(_TRIED_S * track.rate_hz)
     tries: list[Floats] = []

@@ -248,17 +248,17 @@ def own_axes(at: Mapping[str, Floats]) -> tuple[Floats, BodyFrame]:
 class Candidates(NamedTuple):
     """Poses that a match offers.
 
-    `frames` (n,) of the track; `poses` (n, candidates, points, 3); `misfits` (n, candidates,
+    `frames` (n,) of the track; `poses` (n, candidates, points, 3); `distances` (n, candidates,
     points), squared, NaN where a point is not seen.
     """
 
     frames: NDArray[np.intp]
     poses: Floats
-    misfits: Floats
+    distances: Floats
 
     def without(self, limb: Sequence[int]) -> Floats:
-        """Mean misfits (n, candidates) of the points that are not of a limb; 0 if none is seen."""
-        others = np.delete(self.misfits, list(limb), axis=2)
+        """Mean distances (n, candidates) of points that are not of a limb; 0 if none is seen."""
+        others = np.delete(self.distances, list(limb), axis=2)
         known = ~np.isnan(others)
         mean: Floats = np.nansum(others, axis=2) / np.maximum(known.sum(axis=2), 1)
         lost = np.isnan(self.poses[:, :, list(limb), 0]).any(axis=2)
@@ -286,13 +286,13 @@ def find_candidates(
     step = max(1, round(_MOVED_COLUMNS * rate_hz / SEQUENCE_HZ))
     own_moved = _movement(own, step, rate_hz, axis=0)[frames]
     offered = np.moveaxis(poses[:, near], 0, 1)
-    misfits = ((offered - own[frames][:, None, None]) ** 2).sum(axis=-1)
+    distances = ((offered - own[frames][:, None, None]) ** 2).sum(axis=-1)
     off = np.moveaxis(moved[:, near], 0, 1) - own_moved[:, None, None]
-    misfits += _MOVED_S**2 * (off**2).sum(axis=-1)
-    misfits = np.where(seen[frames][:, None, None], misfits, np.nan)
+    distances += _MOVED_S**2 * (off**2).sum(axis=-1)
+    distances = np.where(seen[frames][:, None, None], distances, np.nan)
     lost = np.where(inside, 0.0, np.nan)[:, None, :, None, None]
     shape = (len(frames), -1, poses.shape[2])
-    return Candidates(frames, (offered + lost).reshape(*shape, 3), misfits.reshape(shape))
+    return Candidates(frames, (offered + lost).reshape(*shape, 3), distances.reshape(shape))
 
 
 def _movement(values: Floats, step: int, rate_hz: float, *, axis: int) -> Floats:
@@ -309,14 +309,14 @@ def _movement(values: Floats, step: int, rate_hz: float, *, axis: int) -> Floats
 def blend(offers: Sequence[Candidates], limb: Sequence[int], n_frames: int) -> Floats:
     """Poses of a limb (frames, points of the limb, 3) by the rest of the body; NaN without any."""
     own = list(limb)
-    misfits = [one.without(own) for one in offers]
+    distances = [one.without(own) for one in offers]
     least = np.full(n_frames, np.inf)
-    for one, misfit in zip(offers, misfits, strict=True):
-        least[one.frames] = np.minimum(least[one.frames], misfit.min(axis=1))
+    for one, distance in zip(offers, distances, strict=True):
+        least[one.frames] = np.minimum(least[one.frames], distance.min(axis=1))
     total, whole = np.zeros((n_frames, len(own), 3)), np.zeros(n_frames)
-    for one, misfit in zip(offers, misfits, strict=True):
+    for one, distance in zip(offers, distances, strict=True):
         floor = np.where(np.isfinite(least), least, 0.0)[one.frames, None]
-        weights = np.exp((floor - misfit) / (2 * _AGREES**2))
+        weights = np.exp((floor - distance) / (2 * _AGREES**2))
         total[one.frames] += np.einsum("nc,ncpi->npi", weights, np.nan_to_num(one.poses[:, :, own]))
         whole[one.frames] += weights.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -129,7 +129,7 @@ def fit_views(
         sight = shift(sight, offsets)
         cost = _cost(sight)
     if cost > _FITS:
-        raise InvalidInput(_explain_misfit(views, cameras, cost))
+        raise InvalidInput(_explain_misses(views, cameras, cost))
     unit_m = UNITS[unit] if unit is not None else _find_unit(sight, notes)
     sight = sight._replace(origins=sight.origins * unit_m)
     return FittedViews(sight, unit_m, offsets, cameras, tuple(notes))
@@ -276,7 +276,7 @@ def move_frames(
     return result
 
 
-def _explain_misfit(views: Views, cameras: Sequence[CalibratedCamera], cost: float) -> str:
+def _explain_misses(views: Views, cameras: Sequence[CalibratedCamera], cost: float) -> str:
     """What is wrong with cameras that do not fit: their sequence, the resolution, or all."""
     told = (
         f"the cameras do not fit the images: rays of two cameras to one point miss each other "
