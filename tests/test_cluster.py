@@ -84,6 +84,14 @@ def test_an_index_is_the_same_to_the_byte_whoever_makes_it(folder, cluster, tmp_
         assert {hit.recording.name for hit in here} >= {"a.bvh", "e.bvh"}
 
 
+def test_a_folder_may_be_named_from_where_one_is(cluster, tmp_path, monkeypatch):
+    write_bvh(synthetic_motion("squat", seed=1, rate_hz=30).cut(0, 12), tmp_path / "here" / "a.bvh")
+    monkeypatch.chdir(tmp_path)
+    index = Index.open("here", at="index")
+    index.update(jobs=cluster)
+    assert (index.failures, len(index)) == ((), 1)
+
+
 def hits_of(result):
     return [(hit, hit.evidence.alignment.path.tolist()) for hit in result]
 

@@ -251,9 +251,10 @@ class Index:
         changes = self.changes() if changes is None else changes
         self._forget(changes)
         states, sidecars = changes.states, changes.sidecars
+        # Workers of a cluster run elsewhere.
+        folder = self.folder.absolute()
         files = [
-            ToRead(name, self.folder / name, states[name], sidecars[name])
-            for name in changes.to_read
+            ToRead(name, folder / name, states[name], sidecars[name]) for name in changes.to_read
         ]
         building = Building(self.place.absolute(), self.feature_set, self.reading)
         ready = _Ready(dict(self._manifest.failures), dict(self._shards))
