@@ -14,7 +14,7 @@ import pytest
 
 import motionary as mo
 from cli_cases import documented_example, run, write_bvh
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, UnwritableFile
 from motionary.live import LivePeople, PageServer, PoseLines, WebSocketSource, write_lines
 from motionary.samples import synthetic_motion, synthetic_stream
 
@@ -391,6 +391,27 @@ def test_a_line_is_done_before_the_end_unless_asked_twice(
     people = LivePeople(mo.ClassLibrary.load(library))
     people.resume(state)
     assert durations(people) == {"": pytest.approx(n_poses / 30)}
+
+
+def test_labels_go_on_while_their_state_cannot_be_written(
+    capsys, monkeypatch, tmp_path, lines, library
+):
+    state, save = tmp_path / "state.npz", LivePeople.save
+    calls = []
+
+    def fill_the_disk_once(people, path):
+        calls.append(path)
+        if len(calls) == 2:
+            raise UnwritableFile("no space left", file=path)
+        save(people, path)
+
+    monkeypatch.setattr(LivePeople, "save", fill_the_disk_once)
+    monkeypatch.setattr("motionary.cli.live._SAVED_EACH_S", -1)
+    feed(monkeypatch, "\n".join(lines[:8]) + "\n")
+    ran = run(capsys, monkeypatch, "live", "--library", library, "--state", state)
+    assert ran.code == 0
+    assert "no space left; labels go on" in " ".join(ran.err.split())
+    assert len(calls) > 3
 
 
 def test_states_of_something_else_are_refused(capsys, monkeypatch, tmp_path, lines, library):

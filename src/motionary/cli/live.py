@@ -16,7 +16,7 @@ import typer
 from motionary.cli import screen
 from motionary.cli.options import wrong
 from motionary.cli.recordings import read_recording
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, UnwritableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -316,7 +316,7 @@ class _Labelling:
                     with interrupts.held():
                         self._take(sender, line)
                     if time.monotonic() - self._saved_s > _SAVED_EACH_S:
-                        self._save()
+                        self._save_or_warn()
         except KeyboardInterrupt:
             what = "becomes final" if self._state is None else f"is kept in {self._state}"
             screen.warn(f"stopped; what is left {what}")
@@ -334,6 +334,14 @@ class _Labelling:
     def _save(self) -> None:
         if self._state is not None:
             self._people.save(self._state)
+            self._saved_s = time.monotonic()
+
+    def _save_or_warn(self) -> None:
+        """Labels go on while a disk is full; the state is written again when it is due again."""
+        try:
+            self._save()
+        except UnwritableFile as error:
+            screen.warn(f"{error}; labels go on, the state is written again later")
             self._saved_s = time.monotonic()
 
     def _take(self, sender: str, line: "str | bytes | None") -> None:
