@@ -435,11 +435,11 @@ def test_a_named_place_that_cannot_be_written_is_an_error(motionary, world, squa
     assert "holds files but no index" in ran.err
 
 
-def test_one_index_is_of_one_folder(motionary, world, squat, tmp_path):
-    ran = motionary("search", world / "examples", world / "takes", "--like", squat, "--index",
+def test_keeping_and_not_keeping_exclude_each_other(motionary, world, squat, tmp_path):
+    ran = motionary("search", world / "examples", "--like", squat, "--no-index", "--index",
                     tmp_path / "words")  # fmt: skip
     assert ran.code == 2
-    assert "keeps the features of one folder" in ran.err
+    assert "goes without --index" in ran.err
 
 
 def test_indexing_tells_what_it_did(motionary, world, tmp_path):

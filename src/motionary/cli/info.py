@@ -1,4 +1,4 @@
-"""`motionary info`, `motionary index`: what recordings hold, and what is kept of a folder."""
+"""`motionary info`, `motionary index`: what recordings hold, and what is kept of them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -258,8 +258,13 @@ def _where(names: Sequence[str], n_all: int) -> str:
 
 
 def index(
-    folder: Annotated[
-        str, typer.Argument(metavar="FOLDER", help="Recordings, searched to the bottom.")
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOURCE",
+            help="Folders, searched to the bottom, files, URLs, and @LIST: a text file with one of "
+            "them a line.",
+        ),
     ],
     place: Annotated[
         str | None,
@@ -274,18 +279,19 @@ def index(
     work: WorkOptions,
     reading: ReadOptions,
 ) -> int:
-    """Read what is new or changed in a folder, and say what could not be read.
+    """Read what is new or changed in folders, and say what could not be read.
 
     `motionary search` does the same by itself. An interrupted run is taken up where it
     ended. What could not be read is tried again when it has changed.
 
     motionary index recordings/ --jobs 4
     motionary index //server/recordings --index recordings-index
+    motionary index /archive @more.txt s3://bucket/takes --index /archive-index
     motionary index /archive --index /archive-index --scheduler tcp://host:8786
     """
     from motionary.features import SEQUENCE_HZ, load_everyday_set
 
-    opened = open_index(folder, load_everyday_set(), at=place, reading=reading)
+    opened = open_index(sources, load_everyday_set(), at=place, reading=reading)
     changes = opened.changes()
     with work.open() as workers:
         is_stopped = update_index(opened, changes, jobs=workers)

@@ -238,28 +238,31 @@ class Opener:
         Raises
         ------
         BadParameter
-            If one index is named for several folders.
+            If an index is named and refused.
         """
+        from motionary.retrieval.index.sources import is_list, is_url
+
         folders = [path for path in paths if Path(path).is_dir()]
-        if options.index is not None and (len(paths) != 1 or not folders or options.no_index):
+        needs_index = options.index is not None or any(is_url(p) or is_list(p) for p in paths)
+        if needs_index and options.no_index:
             raise typer.BadParameter(
-                "keeps the features of one folder that exists", param_hint="--index"
+                "goes without --index, URLs and lists", param_hint="--no-index"
             )
-        if options.no_index or not folders:
+        if options.no_index or not (folders or needs_index):
             return self._read(paths)
-        if len(paths) > 1:
+        if len(paths) > 1 and not needs_index:
             return self._open_several(paths, folders)
-        index, is_stopped = self._update(folders[0], options.index)
+        index, is_stopped = self._update(paths, options.index)
         if index is None:
             return self._read(paths)
         collection = self._features_in(index)
         failed = warn_of_all(list_missing(index), collection.failures)
-        files = _FilesOf(index.folder, collection)
+        files = _FilesOf(index, collection)
         return Opened(collection, files, not (failed or is_stopped), is_stopped)
 
-    def _update(self, folder: str, at: str | None) -> "tuple[Index | None, bool]":
-        """The index of a folder, up to date; None where the cache cannot be written."""
-        index = open_index(folder, self.feature_set, at=at, reading=self.reading)
+    def _update(self, paths: Sequence[str], at: str | None) -> "tuple[Index | None, bool]":
+        """The index of recordings, up to date; None where the cache cannot be written."""
+        index = open_index(paths, self.feature_set, at=at, reading=self.reading)
         try:
             return index, update_index(index, index.changes(), jobs=self.jobs)
         except UnwritableFile as error:
@@ -302,7 +305,7 @@ class Opener:
         for folder in folders:
             if folder in found.missing or is_stopped:
                 continue
-            index, is_stopped = self._update(folder, None)
+            index, is_stopped = self._update([folder], None)
             if index is None:
                 return self._read(paths)
             collection = self._features_in(index)
@@ -322,14 +325,14 @@ class Opener:
 
 
 class _FilesOf(Mapping[str, Path]):
-    """Files of the recordings of a folder, without making thousands of paths."""
+    """Files of the recordings of an index, without making thousands of paths."""
 
-    def __init__(self, folder: Path, collection: "Features") -> None:
-        self._folder = folder
+    def __init__(self, index: "Index", collection: "Features") -> None:
+        self._index = index
         self._collection = collection
 
     def __getitem__(self, name: str) -> Path:
-        return self._folder / name
+        return Path(self._index.address(name))
 
     def __iter__(self) -> Iterator[str]:
         return (sequence.source for sequence in self._collection.sequences)
@@ -345,25 +348,28 @@ def _names(collection: "Features") -> list[str]:
 
 
 def open_index(
-    folder: str, feature_set: "FeatureSet", *, at: str | None, reading: ReadOptions
+    paths: Sequence[str], feature_set: "FeatureSet", *, at: str | None, reading: ReadOptions
 ) -> "Index":
     """The index that answers over a feature set; warns of one that holds too few features."""
     from motionary.retrieval.index import Index
 
-    chosen = Index.choose_set(folder, feature_set, at=at, reading=reading)
+    chosen = Index.choose_set(paths, feature_set, at=at, reading=reading)
     if len(chosen) < len(feature_set):
         screen.warn(
             f"{at}: an index of the {len(chosen)} published features, so examples are compared "
             "as published; to compare them between people and styles, remove it or name another "
             "place: it is then made anew"
         )
-    return Index.open(folder, at=at, reading=reading, feature_set=chosen)
+    return Index.open(paths, at=at, reading=reading, feature_set=chosen)
 
 
 def list_missing(index: "Index") -> list[UnreadableFile]:
-    """Why a folder has no recordings, if it has none."""
+    """Why sources have no recordings, if they have none."""
     if len(index) or index.failures:
         return []
+    if len(index.sources) > 1 or index.sources[0].is_remote:
+        folders = ", ".join(source.folder for source in index.sources)
+        return [UnreadableFile("no recordings there", file=folders)]
     return list(find_files([str(index.folder)]).missing.values())
 
 

@@ -8,16 +8,18 @@ the files alone, so that an index is the same to the byte whoever makes it.
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
 
 from motionary.batch import Failure, Workers, map_ordered
-from motionary.errors import UnwritableFile
+from motionary.errors import MotionaryError, UnwritableFile
 from motionary.features import FeatureSequence, FeatureSet, NamedFile, read_features
 from motionary.io import FileState, ReadOptions, file_of
 from motionary.retrieval.index.shard import ROW, StoredShard, join_shards, make_shard
 from motionary.retrieval.index.shard_files import write_shard
+from motionary.retrieval.index.sources import fetch
 
 # Most files of a portion, and from so many bytes on it is full.
 _FILES = 64
@@ -29,12 +31,18 @@ SMALL_ONES = 8
 
 
 class ToRead(NamedTuple):
-    """A file to be read, and the state that tells it from its later self."""
+    """A file to be read, and the state that tells it from its later self.
+
+    Attributes
+    ----------
+    url : where it is fetched from, before it is read; empty for a file that is here
+    """
 
     name: str
     path: Path
     state: FileState
     sidecar: int
+    url: str = ""
 
     @property
     def file(self) -> NamedFile:
@@ -137,6 +145,29 @@ def _divide(files: Sequence[ToRead]) -> Iterator[list[ToRead]]:
 
 
 def _build(portion: list[ToRead], *, building: Building, on_done: OnDone = None) -> Built:
+    """Read a portion, fetched first where it lies elsewhere, and write its shard."""
+    if not any(file.url for file in portion):
+        return _build_here(portion, building=building, on_done=on_done)
+    here: list[ToRead] = []
+    failures = []
+    numbers: dict[str, int] = {}
+    with TemporaryDirectory(prefix="motionary-") as folder:
+        for file in portion:
+            try:
+                # Files of one folder lie in one, each once.
+                number = numbers.setdefault(file.url.rpartition("/")[0], len(numbers))
+                place = Path(folder, str(number))
+                here.append(file._replace(path=fetch(file.url, place)) if file.url else file)
+            except MotionaryError as error:
+                failures.append(Failure(file, error))
+                if on_done is not None:
+                    on_done(file.file)
+        built = _build_here(here, building=building, on_done=on_done)
+    n_done = built.n_done + len(failures)
+    return built._replace(failures=(*failures, *built.failures), n_done=n_done)
+
+
+def _build_here(portion: list[ToRead], *, building: Building, on_done: OnDone) -> Built:
     """Read a portion and write its shard."""
     read: list[FeatureSequence] = []
     rows, failures = [], []

@@ -1,10 +1,12 @@
-"""What is new, changed or gone in a folder of recordings, by the state of its files."""
+"""What is new, changed or gone in sources of recordings, by the state of its files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar, scan_folder, split_files
+from motionary.io import FileState, ReadOptions, Sidecars, has_sidecar
+from motionary.io.finding import NO_SIDECAR
+from motionary.retrieval.index.sources import Source
 
 
 class Changes(NamedTuple):
@@ -49,19 +51,51 @@ class Seen(NamedTuple):
 
 
 def find_changes(
-    folder: Path,
+    sources: Sequence[Source],
     seen: Mapping[str, Seen],
     dependency_digest: Mapping[str, int],
     reading: ReadOptions,
 ) -> Changes:
-    """Recordings of a folder that differ from what was seen of them."""
-    skipped: list[str] = []
-    files = scan_folder(folder, on_skip=skipped.append)
-    states = files if reading.take is not None else _split(folder, files, seen)
+    """Recordings of sources that differ from what was seen of them."""
+    found = Changes((), (), (), {}, {}, {})
+    for source in sources:
+        prefix = source.prefix
+        inside = {n.removeprefix(prefix): s for n, s in seen.items() if n.startswith(prefix)}
+        around = {
+            f"{place}/".removeprefix(prefix).rstrip("/"): state
+            for place, state in dependency_digest.items()
+            if f"{place}/".startswith(prefix)
+        }
+        one = _find_in(source, inside, around, reading)
+        found = Changes(
+            found.new + tuple(prefix + name for name in one.new),
+            found.changed + tuple(prefix + name for name in one.changed),
+            (),
+            found.states | {prefix + name: state for name, state in one.states.items()},
+            found.sidecars | {prefix + name: state for name, state in one.sidecars.items()},
+            found.dependency_digest
+            | {(prefix + n).rstrip("/"): state for n, state in one.dependency_digest.items()},
+            found.skipped + one.skipped,
+        )
+    return found._replace(gone=tuple(sorted(seen.keys() - found.states.keys())))
+
+
+def _find_in(
+    source: Source,
+    seen: Mapping[str, Seen],
+    dependency_digest: Mapping[str, int],
+    reading: ReadOptions,
+) -> Changes:
+    """Changes of one source, by names in it; without what is gone."""
+    folder, skipped = Path(source.folder), list[str]()
+    files = source.scan(on_skip=skipped.append)
+    states = files if reading.take is not None else _split(source, files, seen)
     sidecars = Sidecars(reading.acclaim_skeleton)
+    # Skeletons that are fetched are part of the state of a file.
+    has_here = not source.is_remote or reading.acclaim_skeleton is not None
     around = {
         place: sidecars.dependency_digest(folder / place)
-        for place in {_place(name) for name in states if has_sidecar(name)}
+        for place in {_place(name) for name in states if has_here and has_sidecar(name)}
     }
     moved = {place for place, state in around.items() if dependency_digest.get(place) != state}
     new, changed, read_with = [], [], {}
@@ -75,15 +109,12 @@ def find_changes(
             changed.append(name)
         else:
             continue
-        read_with[name] = sidecars.state(folder / name)
-    gone = sorted(seen.keys() - states.keys())
-    return Changes(
-        tuple(new), tuple(changed), tuple(gone), states, read_with, around, tuple(skipped)
-    )
+        read_with[name] = sidecars.state(folder / name) if has_here else NO_SIDECAR
+    return Changes(tuple(new), tuple(changed), (), states, read_with, around, tuple(skipped))
 
 
 def _split(
-    folder: Path, files: Mapping[str, FileState], seen: Mapping[str, Seen]
+    source: Source, files: Mapping[str, FileState], seen: Mapping[str, Seen]
 ) -> dict[str, FileState]:
     """States of recordings; files that were read as one and have not changed are not opened."""
     states: dict[str, FileState] = {}
@@ -92,7 +123,7 @@ def _split(
         if before is not None and not _is_other(state, before):
             states[name] = state
             continue
-        states |= dict.fromkeys(split_files({name: folder / name}), state)
+        states |= dict.fromkeys(source.split(name), state)
     return states
 
 

@@ -1,4 +1,4 @@
-"""Index of a folder of recordings, kept on disk: only what changed is read again.
+"""Index of recordings, kept on disk: only what changed is read again.
 
 An index lies in the user's cache, or where the caller says. Recordings are read in portions;
 each is kept when it is complete, so that an interrupted run is taken up where it ended. Files
@@ -7,7 +7,7 @@ from its earlier self by the time and the size of its file, and of its sidecar.
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -23,7 +23,6 @@ from motionary.errors import (
     NotAMotion,
     NotHuman,
     UnreadableFile,
-    check_path,
 )
 from motionary.features import FULL_BODY, FeatureSet, NamedFile, load_everyday_set
 from motionary.files import LEFT_ALONE_S
@@ -40,6 +39,7 @@ from motionary.retrieval.index.shard_files import (
     size_of_shard,
     write_shard,
 )
+from motionary.retrieval.index.sources import Source, cache_key, find_address, find_sources, is_url
 from motionary.retrieval.index.storage import (
     DamagedIndex,
     FailedFile,
@@ -66,11 +66,11 @@ _ATTEMPTS = 3
 
 
 class Index:
-    """Features of the recordings below a folder, kept on disk: open, update, collection.
+    """Features of the recordings of sources, kept on disk: open, update, collection.
 
     Attributes
     ----------
-    folder : the recordings
+    sources : folders, chosen files and URLs; `folder` is that of the first
     place : the folder of the index
     feature_set : what the bits of the features mean
     damage : what was not as it had been written, and is read again, a line each
@@ -78,9 +78,16 @@ class Index:
     """
 
     def __init__(
-        self, folder: Path, place: Path, *, feature_set: FeatureSet, reading: ReadOptions
+        self,
+        sources: tuple[Source, ...],
+        place: Path,
+        *,
+        feature_set: FeatureSet,
+        reading: ReadOptions,
     ) -> None:
-        self.folder = folder
+        self.sources = sources
+        self.folder = Path(sources[0].folder)
+        self._by_label = {source.label: source for source in sources}
         self.place = place
         self.feature_set = feature_set
         self.reading = reading
@@ -90,22 +97,28 @@ class Index:
         self.is_named = False
 
     def __repr__(self) -> str:
-        return f"Index({str(self.folder)!r}, {len(self)} recordings, kept in {str(self.place)!r})"
+        folders = ", ".join(repr(source.folder) for source in self.sources)
+        return f"Index({folders}, {len(self)} recordings, kept in {str(self.place)!r})"
+
+    def address(self, name: str) -> str:
+        """Path or URL of a recording."""
+        return find_address(name, self._by_label)
 
     @classmethod
     def open(
         cls,
-        folder: str | Path,
+        sources: str | Path | Sequence[str | Path],
         *,
         at: str | Path | None = None,
         reading: ReadOptions | None = None,
         feature_set: FeatureSet | None = None,
     ) -> Self:
-        """The index of a folder as it is; nothing is read from the recordings yet.
+        """The index of recordings as it is; nothing is read from them yet.
 
         Parameters
         ----------
-        folder : the recordings
+        sources : folders, files, URLs, and lists of them (`@list.txt`, one a line); where there
+            are several, recordings are called by the end of their source's address, too
         at : folder of the index; by default one in the user's cache for this folder,
             feature set and reading
         reading : what the files do not say themselves
@@ -121,11 +134,11 @@ class Index:
             If the index at `at` has another feature set, or its files were read otherwise.
         """
         reading = reading or ReadOptions()
-        path = check_path(folder, remedy="give the name of a folder")
-        chosen = feature_set or cls.choose_set(path, load_everyday_set(), at=at, reading=reading)
+        found = find_sources(sources)
+        chosen = feature_set or cls.choose_set(sources, load_everyday_set(), at=at, reading=reading)
         recipe = Recipe.of(chosen, reading)
-        place = cache_place(path, recipe) if at is None else Path(at)
-        index = cls(path, place, feature_set=chosen, reading=reading)
+        place = cache_place(cache_key(found), recipe) if at is None else Path(at)
+        index = cls(found, place, feature_set=chosen, reading=reading)
         index.is_named = at is not None
         try:
             index._load()
@@ -138,7 +151,7 @@ class Index:
 
     @staticmethod
     def choose_set(
-        folder: str | Path,
+        sources: str | Path | Sequence[str | Path],
         wanted: FeatureSet,
         *,
         at: str | Path | None = None,
@@ -152,13 +165,15 @@ class Index:
         Parameters
         ----------
         wanted : set that is asked for
-        folder, at, reading : as of `open`
+        sources, at, reading : as of `open`
         """
         if wanted not in (FULL_BODY, load_everyday_set()):
             return wanted
         for feature_set in (load_everyday_set(), FULL_BODY)[: 1 if at is None else 2]:
             recipe = Recipe.of(feature_set, reading or ReadOptions())
-            place = cache_place(Path(folder), recipe) if at is None else Path(at)
+            place = (
+                cache_place(cache_key(find_sources(sources)), recipe) if at is None else Path(at)
+            )
             try:
                 manifest = read_manifest(place)
             except (UnreadableFile, InvalidInput):
@@ -184,7 +199,7 @@ class Index:
     def failures(self) -> tuple[Failure[NamedFile], ...]:
         """Files that could not be read, and why."""
         return tuple(
-            Failure((name, self.folder / name), _error(Path(name).name, f))
+            Failure((name, Path(self.address(name))), _error(Path(name).name, f))
             for name, f in sorted(self._manifest.failures.items())
         )
 
@@ -199,12 +214,14 @@ class Index:
         return Collection.of_shards(tuple(self._shards.values()), self.feature_set, self.failures)
 
     def changes(self) -> Changes:
-        """What is new, changed or gone in the folder; reads no recording.
+        """What is new, changed or gone in the sources; reads no recording.
 
         Raises
         ------
+        InvalidInput
+            If no package reads a URL.
         UnreadableFile
-            If the folder is missing, or may not be read.
+            If a source is missing, or may not be read.
         """
         seen = {
             name: Seen(f.state.mtime_ns, f.state.size, f.sidecar, f.state.ctime_ns)
@@ -219,7 +236,7 @@ class Index:
         if self._manifest.written_by != __version__:
             # Another version may read files otherwise.
             seen = dict.fromkeys(seen, Seen(-1, -1, 0))
-        return find_changes(self.folder, seen, self._manifest.dependency_digest, self.reading)
+        return find_changes(self.sources, seen, self._manifest.dependency_digest, self.reading)
 
     def update(
         self,
@@ -252,9 +269,9 @@ class Index:
         self._forget(changes)
         states, sidecars = changes.states, changes.sidecars
         # Workers of a cluster run elsewhere.
-        folder = self.folder.absolute()
         files = [
-            ToRead(name, folder / name, states[name], sidecars[name]) for name in changes.to_read
+            ToRead(n, Path(at).absolute(), states[n], sidecars[n], at * is_url(at))
+            for n, at in ((name, self.address(name)) for name in changes.to_read)
         ]
         building = Building(self.place.absolute(), self.feature_set, self.reading)
         ready = _Ready(dict(self._manifest.failures), dict(self._shards))
