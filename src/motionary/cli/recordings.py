@@ -66,8 +66,7 @@ def read_motions(
 
 
 def _read_named(file: "NamedFile", *, reading: ReadOptions) -> "Motion":
-    name, path = file
-    return read_recording(path, reading).renamed(name)
+    return read_recording(file[1], reading).renamed(file[0])
 
 
 def map_files(
@@ -256,9 +255,8 @@ class Opener:
         if index is None:
             return self._read(paths)
         collection = self._features_in(index)
-        failed = warn_of_all(list_missing(index), collection.failures)
-        files = _FilesOf(index, collection)
-        return Opened(collection, files, not (failed or is_stopped), is_stopped)
+        is_complete = not (warn_of_all(list_missing(index), collection.failures) or is_stopped)
+        return Opened(collection, _FilesOf(index, collection), is_complete, is_stopped)
 
     def _update(self, paths: Sequence[str], at: str | None) -> "tuple[Index | None, bool]":
         """The index of recordings, up to date; None where the cache cannot be written."""
@@ -342,9 +340,8 @@ class _FilesOf(Mapping[str, Path]):
 
 
 def _names(collection: "Features") -> list[str]:
-    failed = [failure.item[0] for failure in collection.failures]
     read = [name for part in collection.parts for name in part.shard.names] if collection else []
-    return read + failed
+    return read + [failure.item[0] for failure in collection.failures]
 
 
 def open_index(
@@ -368,8 +365,7 @@ def list_missing(index: "Index") -> list[UnreadableFile]:
     if len(index) or index.failures:
         return []
     if len(index.sources) > 1 or index.sources[0].is_remote:
-        folders = ", ".join(source.folder for source in index.sources)
-        return [UnreadableFile("no recordings there", file=folders)]
+        return [UnreadableFile("no recordings there", file=s.folder) for s in index.sources]
     return list(find_files([str(index.folder)]).missing.values())
 
 
