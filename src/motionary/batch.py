@@ -76,6 +76,7 @@ class Cluster:
                 f"a scheduler's address ends in its port, as tcp://host:8786, got {address!r}"
             )
         self.address, self._timeout_s = address, timeout_s
+        self._is_gone = False
         try:
             # Half of its functions have no types.
             connect: Any = distributed.Client
@@ -165,6 +166,7 @@ class Cluster:
         except Unreachable:
             raise
         except (CancelledError, OSError) as error:
+            self._is_gone = True
             raise Unreachable(
                 f"the scheduler at {self.address} is gone; what is ready is kept, start it "
                 "again and give the same command"
@@ -172,8 +174,10 @@ class Cluster:
 
     def cancel(self, futures: "list[Any]") -> None:
         """Let go of what was handed out."""
-        with suppress(Exception):
-            self._client.cancel(futures)
+        # One that is gone would be waited for.
+        if not self._is_gone:
+            with suppress(Exception):
+                self._client.cancel(futures)
 
 
 #: Who does the work: so many processes, or a cluster.
