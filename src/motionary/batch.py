@@ -72,6 +72,7 @@ class Cluster:
                 "workers run"
             ) from error
         self.address, self._timeout_s = address, timeout_s
+        self._is_gone = False
         try:
             # Half of its functions have no types.
             connect: Any = distributed.Client
@@ -161,6 +162,7 @@ class Cluster:
         except Unreachable:
             raise
         except (CancelledError, OSError) as error:
+            self._is_gone = True
             raise Unreachable(
                 f"the scheduler at {self.address} is gone; what is ready is kept, start it "
                 "again and give the same command"
@@ -168,8 +170,10 @@ class Cluster:
 
     def cancel(self, futures: "list[Any]") -> None:
         """Let go of what was handed out."""
-        with suppress(Exception):
-            self._client.cancel(futures)
+        # One that is gone would be waited for.
+        if not self._is_gone:
+            with suppress(Exception):
+                self._client.cancel(futures)
 
 
 #: Who does the work: so many processes, or a cluster.
