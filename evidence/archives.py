@@ -13,7 +13,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -83,12 +83,12 @@ def source_of(recordings: Recordings) -> Source:
 # -- archives -----------------------------------------------------------------------------
 
 
-def make_archives(place: Path, source: Source) -> float:
+def make_archives(place: Path, source: Source, sizes: Sequence[int]) -> float:
     """Write shards and an index of each size, what is not there yet; seconds of one core."""
     shards = place / "shards"
     borders: list[int] = []
     frames: list[int] = []
-    for size in SIZES:
+    for size in sizes:
         left = size - sum(frames)
         frames += [min(SHARD, left - at) for at in range(0, left, SHARD)]
         borders.append(len(frames))
@@ -105,7 +105,7 @@ def make_archives(place: Path, source: Source) -> float:
             seconds += done[1]
             log.write(f"{done[0]} {done[1]:.3f}\n")
             log.flush()
-    for size, border in zip(SIZES, borders, strict=True):
+    for size, border in zip(sizes, borders, strict=True):
         index = index_of(place, size)
         recipe = Recipe.of(FULL_BODY, ReadOptions())
         write_manifest(Manifest(recipe, tuple(names[:border])), index)
@@ -181,7 +181,7 @@ def drop_cache(folder: Path) -> None:
         os.close(handle)
 
 
-def _timed(work: Callable[[], Any]) -> tuple[Any, dict[str, float]]:
+def timed(work: Callable[[], Any]) -> tuple[Any, dict[str, float]]:
     wall, core = time.perf_counter(), time.process_time()
     result = work()
     return result, {"s": time.perf_counter() - wall, "core_s": time.process_time() - core}
@@ -195,12 +195,12 @@ def _search_all(size: int, *, place: Path, examples: dict[str, FeatureSequence])
     }
     queries |= {name: (example, True) for name, example in examples.items()}
     with Memory() as memory:
-        collection, opened = _timed(lambda: _open(place, size))
+        collection, opened = timed(lambda: open_archive(place, size))
         rows = {}
         for name, (query, preselect) in queries.items():
             ask = partial(search, query, collection, preselect=preselect)
-            result, first = _timed(ask)
-            again = [_timed(ask)[1] for _ in range(2 if preselect is None else 1)]
+            result, first = timed(ask)
+            again = [timed(ask)[1] for _ in range(2 if preselect is None else 1)]
             rows[name] = {
                 "first": first,
                 "again": min(again, key=lambda one: one["s"]),
@@ -224,7 +224,7 @@ def _example(folder: Path, name: str) -> FeatureSequence:
     return features.part(max(middle - EXAMPLE // 2, 0), middle + EXAMPLE // 2)
 
 
-def _open(place: Path, size: int) -> Any:
+def open_archive(place: Path, size: int) -> Any:
     index = Index.open(place, at=index_of(place, size), feature_set=FULL_BODY)
     collection = index.collection()
     _ = collection.parts
@@ -240,7 +240,7 @@ def measure(recordings: Recordings) -> Results:
         place = Path(named or temporary)
         place.mkdir(parents=True, exist_ok=True)
         source = source_of(recordings)
-        core_s = make_archives(place, source)
+        core_s = make_archives(place, source, SIZES)
         examples = {name: _example(recordings.folder, file) for name, file in EXAMPLES.items()}
         work = partial(_search_all, place=place, examples=examples)
         sizes = {}
