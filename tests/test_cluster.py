@@ -140,3 +140,13 @@ def test_a_worker_of_another_version_is_told(scheduler, monkeypatch):
 
 def other_version(_):
     return "0.0.0"
+
+
+def test_labels_and_counts_are_the_same_whoever_reads(folder, scheduler, motionary, monkeypatch):
+    write_bvh(synthetic_motion("squat", seed=97, rate_hz=30), folder / "whole.bvh")
+    monkeypatch.chdir(folder)
+    for command in ("annotate", "count"):
+        given = (command, "whole.bvh", "d.bvh", "--json")
+        here, there = motionary(*given), motionary(*given, "--scheduler", scheduler)
+        assert (there.code, there.out) == (here.code, here.out) == (1, here.out)
+        assert '"recording": "whole.bvh"' in there.out

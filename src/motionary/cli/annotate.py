@@ -11,7 +11,6 @@ import typer
 from motionary.cli import screen
 from motionary.cli.options import (
     AsJson,
-    Jobs,
     LabelFile,
     TableFile,
     TableOptions,
@@ -20,6 +19,7 @@ from motionary.cli.options import (
     wrong,
 )
 from motionary.cli.recordings import find_files, measure_files, warn_of_all
+from motionary.cli.workers import WorkOptions
 from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
@@ -137,7 +137,7 @@ def annotate(
     options: LabelOptions,
     as_json: AsJson = False,
     *,
-    jobs: Jobs,
+    work: WorkOptions,
     reading: ReadOptions,
 ) -> int:
     """Label recordings with the classes of a library, by default that of everyday motion.
@@ -158,16 +158,17 @@ def annotate(
     if options.output and not options.count:
         check_label_file(options.output, several=len(found.files) > 1)
     failures, tracks = [], []
-    for sequence in measure_files(
-        found.files, "labelling", reading=reading, feature_set=library.feature_set,
-        jobs=jobs,
-    ):  # fmt: skip
-        if isinstance(sequence, Failure):
-            failures.append(sequence)
-            continue
-        tracks.append(_label(sequence, library, options))
-        if as_json and not options.count:
-            screen.print_json(_to_json(tracks[-1], explained=options.explain))
+    with work.open() as workers:
+        for sequence in measure_files(
+            work.find(found.files), "labelling", reading=reading,
+            feature_set=library.feature_set, jobs=workers,
+        ):  # fmt: skip
+            if isinstance(sequence, Failure):
+                failures.append(sequence)
+                continue
+            tracks.append(_label(sequence, library, options))
+            if as_json and not options.count:
+                screen.print_json(_to_json(tracks[-1], explained=options.explain))
     if options.count:
         _show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
     elif options.output:
@@ -312,7 +313,7 @@ def count(
     options: CountOptions,
     as_json: AsJson = False,
     *,
-    jobs: Jobs,
+    work: WorkOptions,
     reading: ReadOptions,
 ) -> int:
     """Count repetitions by recording, class and side; options are those of annotate.
@@ -322,7 +323,7 @@ def count(
 
     motionary count training.c3d --library exercises -o counts.csv
     """
-    return annotate(files, options, as_json, jobs=jobs, reading=reading)
+    return annotate(files, options, as_json, work=work, reading=reading)
 
 
 def _show_counts(

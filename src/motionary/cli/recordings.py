@@ -85,7 +85,7 @@ def measure_files(
     *,
     reading: ReadOptions,
     feature_set: "FeatureSet",
-    jobs: int,
+    jobs: "Workers",
 ) -> "Iterator[FeatureSequence | Failure[NamedFile]]":
     """Features of each file, with a bar that says `what` is done."""
     from motionary.features import read_features
