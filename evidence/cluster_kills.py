@@ -24,7 +24,8 @@ from motionary.cli.app import run_app
 from motionary.errors import MotionaryError
 from motionary.io import write
 from motionary.retrieval.index import Index, building
-from motionary.retrieval.index.storage import FILE, read_manifest
+from motionary.retrieval.index.shard_files import FILE
+from motionary.retrieval.index.storage import read_manifest
 from motionary.samples import synthetic_motion
 
 TITLE = "Indexing by a cluster, of which a process is killed"
