@@ -84,6 +84,20 @@ def parse_moment(text: str) -> Moment:
     return Moment(seconds)
 
 
+#: Part of a recording that a command is about.
+Start = Annotated[
+    Moment | None,
+    typer.Option(
+        "--from", metavar="TIME", parser=parse_moment,
+        help="Where to start: seconds, 0:01.5, or a frame as in 45f.",
+    ),
+]  # fmt: skip
+Stop = Annotated[
+    Moment | None,
+    typer.Option("--to", metavar="TIME", parser=parse_moment, help="Where to end."),
+]
+
+
 @dataclass(frozen=True, kw_only=True)
 class QueryOptions:
     """What is looked for."""

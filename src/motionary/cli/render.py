@@ -8,7 +8,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.options import Force, check_target, wrong
-from motionary.cli.query import Moment, check_part, parse_moment
+from motionary.cli.query import Start, Stop, check_part
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
@@ -30,17 +30,8 @@ class RenderOptions:
     labels: Annotated[
         str | None, typer.Option(metavar="LABELS", help="Labels to show below, in any format.")
     ] = None
-    start: Annotated[
-        Moment | None,
-        typer.Option(
-            "--from", metavar="TIME", parser=parse_moment,
-            help="Where to start: seconds, 0:01.5, or a frame as in 45f.",
-        ),
-    ] = None  # fmt: skip
-    stop: Annotated[
-        Moment | None,
-        typer.Option("--to", metavar="TIME", parser=parse_moment, help="Where to end."),
-    ] = None
+    start: Start = None
+    stop: Stop = None
     pictures: Annotated[
         float, typer.Option(min=1.0, max=120.0, metavar="HZ", help="Pictures a second.")
     ] = 12.5

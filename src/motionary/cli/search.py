@@ -153,13 +153,10 @@ def search(
         opener = Opener(reading=reading, feature_set=query.feature_set, jobs=workers)
         opened = opener.open(folder, index)
         find = partial(
-            search_for,
-            recordings=opened.collection,
-            threshold=which.threshold,
-            expansion=expansion,
-            preselect=query.keyframes or which.fast,
+            search_for, recordings=opened.collection, threshold=which.threshold,
+            expansion=expansion, preselect=query.keyframes or which.fast,
             jobs=work.searching(workers),
-        )
+        )  # fmt: skip
         first, result = _find(find, query, ranks, limit=which.limit or None)
     tracks = _to_tracks(result, query.name)
     if results.output:

@@ -9,7 +9,7 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.options import Force, LibraryDefault, check_target
-from motionary.cli.query import Moment, check_part, parse_moment
+from motionary.cli.query import Start, Stop, check_part
 from motionary.cli.recordings import read_recording
 from motionary.errors import UnwritableFile
 from motionary.io.options import ReadOptions
@@ -121,17 +121,8 @@ class DepthOptions:
             help="Images a second.",
         ),
     ]
-    start: Annotated[
-        Moment | None,
-        typer.Option(
-            "--from", metavar="TIME", parser=parse_moment,
-            help="Where to start: seconds, 0:01.5, or a frame as in 45f.",
-        ),
-    ] = None  # fmt: skip
-    stop: Annotated[
-        Moment | None,
-        typer.Option("--to", metavar="TIME", parser=parse_moment, help="Where to end."),
-    ] = None
+    start: Start = None
+    stop: Stop = None
     fine: Annotated[bool, typer.Option(help="Use the finer mesh.")] = False
 
 

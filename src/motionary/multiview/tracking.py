@@ -5,7 +5,7 @@ exchanges are decided anew against the chain and all frames are solved together.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -305,15 +305,7 @@ def track(
         _rig(found, recording),
         found.confidence,
         label_exchanges(exchanges, views.cameras, recording),
-        tuple(
-            replace(
-                one,
-                name=name,
-                rotation=one.rotation @ upright.T,
-                translation=one.translation * fitted.unit_m,
-            )
-            for name, one in zip(views.cameras, fitted.cameras, strict=True)
-        ),
+        fitted.place_cameras(views.cameras, upright),
         tuple(fitted.offsets.tolist()),
         before,
         after,

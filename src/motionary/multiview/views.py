@@ -53,6 +53,20 @@ class FittedViews(NamedTuple):
     cameras: tuple[CalibratedCamera, ...]
     notes: tuple[str, ...]
 
+    def place_cameras(
+        self, names: Sequence[str], upright: NDArray[np.float64]
+    ) -> tuple[CalibratedCamera, ...]:
+        """The cameras in metres under the names of their views, in the world turned upright."""
+        return tuple(
+            replace(
+                one,
+                name=name,
+                rotation=one.rotation @ upright.T,
+                translation=one.translation * self.unit_m,
+            )
+            for name, one in zip(names, self.cameras, strict=True)
+        )
+
 
 def open_views(
     keypoints: str | Path | Views,
