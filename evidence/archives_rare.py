@@ -88,6 +88,8 @@ def _draw(sizes: Results) -> "Figure":
     ax.plot(frames, line, color=RULE, linestyle="--", linewidth=0.8, zorder=0)
     ax.set(xscale="log", yscale="log", xlabel="million frames", ylabel="seconds of one core, warm")
     ax.set_xticks(frames, [f"{size / 1e6:g}" for size in frames], minor=False)
+    ax.set(ylim=(0.001, 1.0))
+    ax.set_yticks([0.001, 0.01, 0.1, 1.0], ["0.001", "0.01", "0.1", "1"], minor=False)
     ax.minorticks_off()
     ax.legend(frameon=False, fontsize=6)
     return figure
