@@ -37,7 +37,6 @@ class Panel(NamedTuple):
     x_label: str = ""
     y_label: str = ""
     y_limits: tuple[float, float] | None = None
-    log_x: bool = False
 
 
 def new_figure(
@@ -104,7 +103,5 @@ def _draw_panel(axes: "Axes", panel: Panel, handles: dict[str, Any]) -> None:
     axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
     if panel.y_limits:
         axes.set_ylim(*panel.y_limits)
-    if panel.log_x:
-        axes.set_xscale("log")
     axes.tick_params(color=RULE, length=2.5, width=0.6)
     axes.spines[["top", "right"]].set_visible(False)
