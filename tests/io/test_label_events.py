@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from cli_cases import run, write_bvh
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.io import read, read_labels, write, write_labels
-from motionary.io.labels.events import list_moments, pair_moments
+from motionary.io.labels.lines import list_moments, pair_moments
 from motionary.labels import Label, LabelTrack
 from motionary.motion import Event, Motion
 from motionary.recording import Recording, Segment

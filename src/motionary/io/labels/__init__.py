@@ -6,7 +6,7 @@ file, and writing needs the format's name.
 """
 
 import importlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,12 +30,13 @@ class LabelFormat(NamedTuple):
     name : as `to=` takes it
     suffixes : in lower case; the first one is written
     title : what it is, for people
-    read : function of (path, rate_hz=)
-    write : function of (tracks, path, excel=)
+    read : function of (path, rate_hz=), of tables also of frames=
+    write : function of (tracks, path), where `is_single` of (track, path)
     resolution_s : to which times are rounded; 0 where they are not
     is_single : whether a file holds one recording
     keeps_all : whether costs, scores and further columns are kept
     needs_recording : whether `write` takes recording=, the file of what is labelled
+    for_excel : whether `write` takes excel=
     """
 
     name: str
@@ -47,50 +48,58 @@ class LabelFormat(NamedTuple):
     is_single: bool = False
     keeps_all: bool = False
     needs_recording: bool = False
+    for_excel: bool = False
 
 
 _TABLES = "table:read_any"
-_WORKBOOKS = "spreadsheet:read_spreadsheet"
+_WORKBOOKS = "table:read_spreadsheet"
 _JSON = "json_files:read_json"
 
 #: The first one of a suffix is what writing takes; "" are names without a suffix.
 FORMATS = (
     LabelFormat(
         "csv", (".csv", ".txt", ""), "table of separated values", _TABLES, "table:write_table",
-        keeps_all=True,
+        keeps_all=True, for_excel=True,
     ),
-    LabelFormat("tsv", (".tsv",), "table with tabs", _TABLES, "table:write_table", keeps_all=True),
     LabelFormat(
-        "xlsx", (".xlsx",), "Excel", _WORKBOOKS,
-        "spreadsheet:write_spreadsheet", resolution_s=1e-9, keeps_all=True,
+        "tsv", (".tsv",), "table with tabs", _TABLES, "table:write_table", keeps_all=True,
+        for_excel=True,
+    ),
+    LabelFormat(
+        "xlsx", (".xlsx",), "Excel", _WORKBOOKS, "table:write_spreadsheet", resolution_s=1e-9,
+        keeps_all=True,
     ),
     LabelFormat(
         "jsonl", (".jsonl",), "JSON lines", "json_files:read_lines", "json_files:write_lines",
         keeps_all=True,
     ),
     LabelFormat(
-        "elan", (".eaf",), "ELAN", "elan:read_elan", "elan:write_elan", resolution_s=1e-3,
+        "elan", (".eaf",), "ELAN", "tiers:read_elan", "tiers:write_elan", resolution_s=1e-3,
         is_single=True,
     ),
     LabelFormat(
-        "praat", (".textgrid",), "Praat", "praat:read_text_grid", "praat:write_text_grid",
+        "praat", (".textgrid",), "Praat", "tiers:read_text_grid", "tiers:write_text_grid",
         is_single=True,
     ),
     LabelFormat(
-        "srt", (".srt",), "SubRip", "subtitles:read_subtitles", "subtitles:write_srt",
+        "srt", (".srt",), "SubRip", "lines:read_subtitles", "lines:write_srt",
         resolution_s=1e-3, is_single=True,
     ),
     LabelFormat(
-        "vtt", (".vtt",), "WebVTT", "subtitles:read_subtitles", "subtitles:write_vtt",
+        "vtt", (".vtt",), "WebVTT", "lines:read_subtitles", "lines:write_vtt",
         resolution_s=1e-3, is_single=True,
     ),
     LabelFormat(
-        "audacity", (".txt",), "Audacity", _TABLES, "subtitles:write_audacity",
+        "audacity", (".txt",), "Audacity", _TABLES, "lines:write_audacity",
         resolution_s=1e-6, is_single=True,
     ),
-    LabelFormat("boris", (".csv", ".tsv"), "BORIS, aggregated", _TABLES, "boris:write_aggregated"),
     LabelFormat(
-        "boris-tabular", (".csv", ".tsv"), "BORIS, tabular", _TABLES, "boris:write_tabular"
+        "boris", (".csv", ".tsv"), "BORIS, aggregated", _TABLES, "boris:write_aggregated",
+        for_excel=True,
+    ),
+    LabelFormat(
+        "boris-tabular", (".csv", ".tsv"), "BORIS, tabular", _TABLES, "boris:write_tabular",
+        for_excel=True,
     ),
     LabelFormat(
         "label-studio", (".json",), "Label Studio, time series", _JSON, "json_files:write_series"
@@ -100,11 +109,11 @@ FORMATS = (
     ),
     LabelFormat("babel", (".json",), "BABEL", _JSON, "json_files:write_babel"),
     LabelFormat(
-        "blender", (".json",), "Blender", _JSON, "events:write_markers", is_single=True,
+        "blender", (".json",), "Blender", _JSON, "lines:write_markers", is_single=True,
         needs_recording=True,
     ),
     LabelFormat(
-        "c3d", (".c3d",), "C3D", "events:read_c3d_events", "events:write_c3d_events",
+        "c3d", (".c3d",), "C3D", "lines:read_c3d_events", "lines:write_c3d_events",
         resolution_s=1e-5, is_single=True, needs_recording=True,
     ),
 )  # fmt: skip
@@ -145,10 +154,11 @@ def read_labels(
         sense; the message names the line.
     """
     form = _find(check_path(path))
-    if in_frames and form.read not in (_TABLES, _WORKBOOKS):
+    is_table = form.read in (_TABLES, _WORKBOOKS)
+    if in_frames and not is_table:
         raise InvalidInput(f"times of {form.title} are no frames; tables may have them", file=path)
     try:
-        if form.read not in (_TABLES, _WORKBOOKS):
+        if not is_table:
             return _read(form, Path(path), rate_hz)
         from motionary.io.labels.table import FrameTimes
 
@@ -223,16 +233,31 @@ def write_labels(
     for track in tracks:
         check_kind(track, (LabelTrack,), name="a track", remedy=_REMEDY)
     form = find_label_format(check_path(path), to=to)
-    if not form.needs_recording:
-        _load(form.write)(tracks, Path(path), excel=excel)
-        return
-    if recording is None:
+    if form.needs_recording and recording is None:
         raise InvalidInput(
             f"{form.title} needs the recording that is labelled; say recording=... "
             "(--recordings PATH)",
             file=path,
         )
-    _load(form.write)(tracks, Path(path), recording=Path(recording))
+    further: dict[str, Any] = {"excel": excel} if form.for_excel else {}
+    if form.needs_recording:
+        further["recording"] = Path(str(recording))
+    path = Path(path)
+    _load(form.write)(_only_one(tracks, path) if form.is_single else tracks, path, **further)
+
+
+def _only_one(tracks: Sequence[LabelTrack], path: Path) -> LabelTrack:
+    """The only track, for formats that hold one recording."""
+    if len(tracks) > 1:
+        names = [track.recording.name for track in tracks]
+        some = ", ".join([*names[:3], *["..."][: len(names) > 3]])
+        raise InvalidInput(
+            f"holds one recording, got {len(tracks)} ({some}); "
+            "write a file of each into a folder: motionary labels convert LABELS -o FOLDER --to "
+            f"{path.suffix or 'FORMAT'}",
+            file=path.name,
+        )
+    return tracks[0] if tracks else LabelTrack(Recording(path.stem))
 
 
 def find_label_format(path: str | Path, *, to: str | None = None) -> LabelFormat:
@@ -277,7 +302,7 @@ def check_label_file(path: str | Path, *, excel: bool = False, several: bool = F
     InvalidInput
     """
     form = find_label_format(path)
-    if excel and "table" not in form.write:
+    if excel and not form.for_excel:
         raise InvalidInput(f"only tables are written for Excel so, got {path}; leave --excel out")
     if form.needs_recording:
         raise InvalidInput(

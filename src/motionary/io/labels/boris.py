@@ -16,18 +16,17 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from motionary.errors import UnreadableFile, Where
-from motionary.io import text
 from motionary.io.formats.numbers import parse_number
 from motionary.io.labels.lanes import (
     UNASSESSED,
-    build_tracks,
-    make_label,
+    Found,
+    list_unassessed,
     plain_line,
     split_lanes,
     track_of_lane,
     with_track,
 )
-from motionary.io.text import Cell, read_text, stem_of
+from motionary.io.text import Cell, read_text, stem_of, write_table
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording, Segment
 
@@ -53,6 +52,8 @@ _NOBODY = "No focal subject"
 _FOLLOWING = ("Behavior", "Subject")
 
 Row = dict[str, str]
+#: Place, row, subject and time of labels.
+Events = list[tuple[Where, Row, str, Segment]]
 
 
 def is_boris(content: str) -> bool:
@@ -79,19 +80,14 @@ def read_boris(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTr
             row.setdefault("Observation id", above.get("Observation id") or stem_of(path))
             rows.append((Where(file=path.name, place=f"row {number}"), row))
     is_aggregated = "Start (s)" in cells[header]
-    found = _read_aggregated(rows) if is_aggregated else _pair_events(rows)
-    subjects = {subject for _, _, subject, *_ in found}
-    labels, unassessed = [], []
-    for where, row, subject, start, end in found:
-        recording = row["Observation id"]
-        if row.get("Behavioral category") == UNASSESSED:
-            unassessed.append((recording, Segment(start, end)))
-            continue
+    events = _read_aggregated(rows) if is_aggregated else _pair_events(rows)
+    subjects = {subject for _, _, subject, _ in events}
+    found = Found(*_recordings(row for _, row in rows))
+    for where, row, subject, segment in events:
+        name = None if row.get("Behavioral category") == UNASSESSED else row["Behavior"]
         track = track_of_lane(subject, subjects)
-        labels.append(
-            (recording, make_label(row["Behavior"], start, end, where=where, track=track))
-        )
-    return build_tracks(labels, unassessed, _recordings(row for _, row in rows))
+        found.add(row["Observation id"], name, segment, where=where, track=track)
+    return found.tracks()
 
 
 def _cells(content: str) -> list[list[str]]:
@@ -114,22 +110,20 @@ def _find_header(cells: list[list[str]]) -> int | None:
     return None
 
 
-Found = list[tuple[Where, Row, str, float, float]]
-
-
-def _read_aggregated(rows: Iterable[tuple[Where, Row]]) -> Found:
-    found = []
+def _read_aggregated(rows: Iterable[tuple[Where, Row]]) -> Events:
+    events = []
     for where, row in rows:
         start = _seconds(row, "Start (s)", where)
         # Points may be without one.
-        end = _seconds(row, "Stop (s)", where) if _says(row, "Stop (s)") else start
-        found.append((where, row, _subject(row), start, end))
-    return found
+        has_end = row.get("Stop (s)", "").lower() not in ("", "na", "nan")
+        end = _seconds(row, "Stop (s)", where) if has_end else start
+        events.append((where, row, _subject(row), Segment(start, end)))
+    return events
 
 
-def _pair_events(rows: Iterable[tuple[Where, Row]]) -> Found:
+def _pair_events(rows: Iterable[tuple[Where, Row]]) -> Events:
     """Each start with the next stop of its subject and behaviour."""
-    found: Found = []
+    events: Events = []
     running: dict[tuple[str, ...], tuple[Where, Row, float]] = {}
     for where, row in rows:
         kind = (row.get("Behavior type") or row.get("Status") or _POINT).upper()
@@ -140,9 +134,9 @@ def _pair_events(rows: Iterable[tuple[Where, Row]]) -> Found:
             running[key] = (where, row, time)
         elif kind == _STOP and key in running:
             _, begun, start = running.pop(key)
-            found.append((where, begun, subject, start, time))
+            events.append((where, begun, subject, Segment(start, time)))
         elif kind == _POINT:
-            found.append((where, row, subject, time, time))
+            events.append((where, row, subject, Segment(time, time)))
         else:
             raise UnreadableFile(
                 f"{row['Behavior'][:40]!r} of {subject or _NOBODY!r} "
@@ -156,16 +150,12 @@ def _pair_events(rows: Iterable[tuple[Where, Row]]) -> Found:
             "(Observations, Fix unpaired events)",
             **where,
         )
-    return found
+    return events
 
 
 def _subject(row: Row) -> str:
     subject = row.get("Subject", "")
     return "" if subject == _NOBODY else subject
-
-
-def _says(row: Row, column: str) -> bool:
-    return row.get(column, "").lower() not in ("", "na", "nan")
 
 
 def _seconds(row: Row, column: str, where: Where) -> float:
@@ -176,8 +166,8 @@ def _seconds(row: Row, column: str, where: Where) -> float:
     return value
 
 
-def _recordings(rows: Iterable[Row]) -> dict[str, Recording]:
-    found = {}
+def _recordings(rows: Iterable[Row]) -> Iterable[Recording]:
+    found: dict[str, Recording] = {}
     for row in rows:
         name = row["Observation id"]
         rate = parse_number(row.get("FPS (frame/s)") or row.get("FPS") or "")
@@ -185,7 +175,7 @@ def _recordings(rows: Iterable[Row]) -> dict[str, Recording]:
         if name not in found and 0 < rate < math.inf:
             n_frames = round(length * rate) if 0 < length < math.inf else 0
             found[name] = Recording(name, rate_hz=rate, n_frames=n_frames)
-    return found
+    return found.values()
 
 
 def write_aggregated(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
@@ -200,7 +190,7 @@ def write_aggregated(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = 
                 "Image index stop": _index(track, label.end_s),
             }  # fmt: skip
             table.append([row.get(column) for column in _AGGREGATED])
-    text.write_table(table, path, excel=excel)
+    write_table(table, path, excel=excel)
 
 
 def write_tabular(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
@@ -218,7 +208,7 @@ def write_tabular(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = Fal
         for time, _, _, row in sorted(events, key=lambda event: event[:3]):
             row = row | {"Time": float(time), "Image index": _index(track, time)}
             table.append([row.get(column) for column in _TABULAR])
-    text.write_table(table, path, excel=excel)
+    write_table(table, path, excel=excel)
 
 
 def _state_rows(track: LabelTrack) -> list[tuple[Label, dict[str, Cell]]]:
@@ -238,10 +228,9 @@ def _state_rows(track: LabelTrack) -> list[tuple[Label, dict[str, Cell]]]:
         for lane, labels in lanes.items()
         for label in labels
     ]
-    unseen = [Label(UNASSESSED, *segment) for segment in track.unassessed]
     rows += [
         (label, shared | _behaviour(label, _NOBODY) | {"Behavioral category": UNASSESSED})
-        for label in unseen
+        for label in list_unassessed(track)
     ]
     return sorted(rows, key=lambda pair: (pair[0].start_s, pair[0].end_s))
 

@@ -13,14 +13,15 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from motionary.errors import InvalidInput, UnreadableFile, Where, describe_cause
-from motionary.io.labels.events import is_markers, read_markers
 from motionary.io.labels.lanes import (
     TRACK,
     UNASSESSED,
-    build_tracks,
+    Found,
+    list_unassessed,
     track_of,
     with_track,
 )
+from motionary.io.labels.lines import is_markers, read_markers
 from motionary.io.text import parse_json, read_text, stem_of, write_text
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording, Segment
@@ -49,8 +50,7 @@ def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
             return _read_tasks(tasks, path, rate_hz)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise UnreadableFile(
-            f"not as Label Studio or BABEL write it: {describe_cause(error)}",
-            file=path.name,
+            f"not as Label Studio or BABEL write it: {describe_cause(error)}", file=path.name
         ) from error
     raise UnreadableFile(
         "expected tasks of Label Studio (annotations, predictions), sequences of "
@@ -64,7 +64,7 @@ def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
 
 def read_lines(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
     """Labels of JSON lines, an object a recording; see `read_labels`."""
-    labels, unassessed, recordings = [], [], {}
+    found = Found()
     for number, line in enumerate(read_text(path).split("\n"), start=1):
         if not line.strip():
             continue
@@ -72,19 +72,18 @@ def read_lines(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTr
         row = parse_json(line, **where)
         try:
             name = str(row["recording"])
-            recordings[name] = _recording(name, row)
-            labels += [(name, _to_label(item)) for item in row["labels"]]
-            unassessed += [
-                (name, Segment(float(x["start_s"]), float(x["end_s"])))
-                for x in row.get(UNASSESSED, ())
-            ]
+            found.recordings[name] = _recording(name, row)
+            for item in row["labels"]:
+                found.add_label(name, _to_label(item))
+            for x in row.get(UNASSESSED, ()):
+                found.add_unassessed(name, Segment(float(x["start_s"]), float(x["end_s"])))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise UnreadableFile(
                 'expected {"recording": ..., "rate_hz": ..., "labels": [{"label", '
                 f'"start_s", "end_s"}}]}}: {describe_cause(error)}',
                 **where,
             ) from error
-    return build_tracks(labels, unassessed, recordings)
+    return found.tracks()
 
 
 def _recording(name: str, row: Item) -> Recording:
@@ -120,7 +119,7 @@ def _number(value: Any) -> float:
     return number
 
 
-def write_lines(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
+def write_lines(tracks: Iterable[LabelTrack], path: Path) -> None:
     """Write tracks as JSON lines; see `write_labels`."""
     write_text(path, (_dump(_to_row(track)) + "\n" for track in tracks))
 
@@ -156,22 +155,21 @@ def _dump(value: Any, *, indent: int | None = None) -> str:
 
 
 def _read_tasks(tasks: Sequence[Item], path: Path, rate_hz: float | None) -> dict[str, LabelTrack]:
-    labels, unassessed, recordings = [], [], {}
+    found = Found()
     for number, task in enumerate(tasks, start=1):
         data = task.get("data") or {}
         name = _task_name(task, path)
         where = Where(file=path.name, place=f"task {task.get('id', number)}")
-        recording = _recording(name, data)
-        recordings[name] = recording
+        found.recordings[name] = recording = _recording(name, data)
         rate = recording.rate_hz or rate_hz
         made = [x for x in task.get("annotations") or () if not x.get("was_cancelled")]
         for result in made or task.get("predictions") or ():
             for track, label, segment in _read_results(result.get("result", ()), rate, where):
                 if track == UNASSESSED:
-                    unassessed.append((name, segment))
+                    found.add_unassessed(name, segment)
                 else:
-                    labels.append((name, Label(label, *segment, extra=with_track(track))))
-    return build_tracks(labels, unassessed, recordings)
+                    found.add_label(name, Label(label, *segment, extra=with_track(track)))
+    return found.tracks()
 
 
 def _task_name(task: Item, path: Path) -> str:
@@ -210,7 +208,7 @@ def _read_results(
                 yield track, str(name), span
 
 
-def write_series(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
+def write_series(tracks: Iterable[LabelTrack], path: Path) -> None:
     """Write tracks as time series of Label Studio; see `write_labels`."""
 
     def span(track: LabelTrack, label: Label) -> dict[str, Any]:
@@ -221,7 +219,7 @@ def write_series(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = Fals
     _write_tasks(tracks, path, kind=_SERIES, of="ts", span=span)
 
 
-def write_video(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
+def write_video(tracks: Iterable[LabelTrack], path: Path) -> None:
     """Write tracks as timelines of videos of Label Studio; see `write_labels`."""
 
     def span(track: LabelTrack, label: Label) -> dict[str, Any]:
@@ -248,7 +246,7 @@ def _write_tasks(
 ) -> None:
     tasks = []
     for number, track in enumerate(tracks, start=1):
-        unseen = [Label(UNASSESSED, *segment) for segment in track.unassessed]
+        unseen = list_unassessed(track)
         results: list[dict[str, Any]] = []
         for label in (*track.labels, *unseen):
             is_unseen = any(label is x for x in unseen)
@@ -273,20 +271,19 @@ def _write_tasks(
 
 
 def _read_babel(content: Item) -> dict[str, LabelTrack]:
-    labels, unassessed, recordings = [], [], {}
+    found = Found()
     for key, sequence in content.items():
         name = str(sequence.get("feat_p") or key)
         duration = _number(sequence.get("dur") or 0)
-        recordings[name] = _recording(name, sequence)
+        found.recordings[name] = _recording(name, sequence)
         for track, annotation in _annotations(sequence):
             for item in annotation.get("labels") or ():
                 start, end = _number(item.get("start_t", 0)), _number(item.get("end_t", duration))
-                labels.append(
-                    (name, Label(_babel_name(item), start, end, extra=_babel_extra(item, track)))
-                )
+                extra = _babel_extra(item, track)
+                found.add_label(name, Label(_babel_name(item), start, end, extra=extra))
         for start, end in sequence.get(UNASSESSED, ()):
-            unassessed.append((name, Segment(_number(start), _number(end))))
-    return build_tracks(labels, unassessed, recordings)
+            found.add_unassessed(name, Segment(_number(start), _number(end)))
+    return found.tracks()
 
 
 def _annotations(sequence: Item) -> Iterator[tuple[str, Item]]:
@@ -315,7 +312,7 @@ def _babel_extra(item: Item, track: str) -> dict[str, str]:
     return extra
 
 
-def write_babel(tracks: Iterable[LabelTrack], path: Path, *, excel: bool = False) -> None:
+def write_babel(tracks: Iterable[LabelTrack], path: Path) -> None:
     """Write tracks as sequences of BABEL; see `write_labels`."""
     content = {}
     for number, track in enumerate(tracks, start=1):

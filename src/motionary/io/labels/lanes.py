@@ -7,11 +7,11 @@ a tier of its own, `unassessed`.
 """
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import replace
-from pathlib import Path
 
 from motionary.errors import InvalidInput, UnreadableFile, Where
+from motionary.io.formats.numbers import parse_number
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording, Segment
 
@@ -20,6 +20,8 @@ TRACK = "track"
 #: What labels without a track are put under.
 PLAIN = "labels"
 UNASSESSED = "unassessed"
+#: A line of text that says it.
+UNSEEN = f"[{UNASSESSED}]"
 
 _LANE = re.compile(r"(.*) \(([2-9]|[1-9]\d+)\)", re.DOTALL)
 _BRACKETS = re.compile(r"\[([^\]]*)\] (.*)", re.DOTALL)
@@ -104,66 +106,77 @@ def plain_line(text: str) -> str:
     return _BREAKS.sub(" ", text).strip() or "?"
 
 
-def only_one(tracks: Sequence[LabelTrack], path: Path) -> LabelTrack:
-    """The only track, for formats that hold one recording.
-
-    Raises
-    ------
-    InvalidInput
-    """
-    if len(tracks) > 1:
-        names = [track.recording.name for track in tracks]
-        some = ", ".join([*names[:3], *["..."][: len(names) > 3]])
-        raise InvalidInput(
-            f"holds one recording, got {len(tracks)} ({some}); "
-            "write a file of each into a folder: motionary labels convert LABELS -o FOLDER --to "
-            f"{path.suffix or 'FORMAT'}",
-            file=path.name,
-        )
-    return tracks[0] if tracks else LabelTrack(Recording(path.stem))
-
-
-def build_tracks(
-    labels: Iterable[tuple[str, Label]],
-    unassessed: Iterable[tuple[str, Segment]] = (),
-    recordings: Mapping[str, Recording] | None = None,
-) -> dict[str, LabelTrack]:
-    """Tracks by recording, sorted, of labels and segments in any sequence.
+class Found:
+    """Labels as a file says them, by recording, in any sequence.
 
     Parameters
     ----------
     recordings : what is known of recordings; each of them has a track
     """
-    known = dict(recordings or {})
-    found: dict[str, list[Label]] = {name: [] for name in known}
-    unseen: dict[str, list[Segment]] = {}
-    for name, label in labels:
-        found.setdefault(name, []).append(label)
-    for name, segment in unassessed:
-        unseen.setdefault(name, []).append(segment)
-        found.setdefault(name, [])
-    return {
-        name: LabelTrack(
-            known.get(name, Recording(name)),
-            tuple(found[name]),
-            tuple(sorted(unseen.get(name, ()))),
-        )
-        for name in sorted(found)
-    }
+
+    def __init__(self, *recordings: Recording) -> None:
+        self.recordings = {recording.name: recording for recording in recordings}
+        self._labels: dict[str, list[Label]] = {}
+        self._unassessed: dict[str, list[Segment]] = {}
+
+    def add(
+        self, recording: str, name: str | None, segment: Segment, *, where: Where, track: str = ""
+    ) -> None:
+        """Add a label, or without a name a segment that was not assessed.
+
+        Raises
+        ------
+        UnreadableFile
+            If it makes no sense; `where` it stands is said.
+        """
+        try:
+            label = Label(UNASSESSED if name is None else name, *segment, extra=with_track(track))
+        except InvalidInput as error:
+            raise UnreadableFile(str(error), **where) from error
+        if name is None:
+            self.add_unassessed(recording, segment)
+        else:
+            self.add_label(recording, label)
+
+    def add_line(self, recording: str, text: str, segment: Segment, where: Where) -> None:
+        """Add what a line says: `walk`, `[left hand] walk`, or `[unassessed]`."""
+        track, name = part_track(text)
+        self.add(recording, None if text == UNSEEN else name or "?", segment, where=where,
+                 track=track)  # fmt: skip
+
+    def add_label(self, recording: str, label: Label) -> None:
+        """Add a label that is one already."""
+        self._labels.setdefault(recording, []).append(label)
+
+    def add_unassessed(self, recording: str, segment: Segment) -> None:
+        """Add a segment that was not assessed."""
+        self._unassessed.setdefault(recording, []).append(segment)
+
+    def tracks(self) -> dict[str, LabelTrack]:
+        """Tracks by recording, sorted."""
+        return {
+            name: LabelTrack(
+                self.recordings.get(name, Recording(name)),
+                tuple(self._labels.get(name, ())),
+                tuple(sorted(self._unassessed.get(name, ()))),
+            )
+            for name in sorted({*self.recordings, *self._labels, *self._unassessed})
+        }
 
 
-def make_label(name: str, start_s: float, end_s: float, *, where: Where, track: str = "") -> Label:
-    """A label as a file says it.
+def parse_recording(name: str, rate_hz: str, n_frames: str) -> Recording:
+    """A recording by texts of its rate and length; what is no number is unknown."""
+    rate = parse_number(rate_hz)
+    return Recording(
+        name,
+        rate_hz=rate if 0 < rate < float("inf") else 0.0,
+        n_frames=int(n_frames) if n_frames.isdecimal() else 0,
+    )
 
-    Raises
-    ------
-    UnreadableFile
-        If it makes no sense; `where` it stands is said.
-    """
-    try:
-        return Label(name, start_s, end_s, extra=with_track(track))
-    except InvalidInput as error:
-        raise UnreadableFile(str(error), **where) from error
+
+def list_unassessed(track: LabelTrack) -> list[Label]:
+    """Segments that were not assessed, as labels."""
+    return [Label(UNASSESSED, *segment) for segment in track.unassessed]
 
 
 def put_on_frames(track: LabelTrack, rate_hz: float, resolution_s: float) -> LabelTrack:
