@@ -23,6 +23,7 @@ from motionary.cli.options import (
     Jobs,
     check_picture,
     check_target,
+    option,
     wrong,
 )
 from motionary.cli.recordings import (
@@ -294,18 +295,14 @@ def cut_labels(
 class People:
     """Who moves in which recording, and how that splits them."""
 
-    persons: Annotated[
-        str | None,
-        typer.Option(
-            metavar="REGEX",
-            help="Who moves: what this finds in a recording's name, such as '^(s[0-9]+)_'.",
-        ),
-    ] = None
-    split_by: Annotated[
-        Literal["person"] | None,
-        typer.Option(help="Put each person into train (80 %), validation or test (10 % each)."),
-    ] = None
-    seed: Annotated[int, typer.Option(help="Of who is put where.")] = 0
+    persons: str | None = option(
+        "--persons REGEX",
+        "Who moves: what this finds in a recording's name, such as '^(s[0-9]+)_'.",
+    )
+    split_by: Literal["person"] | None = option(
+        "--split-by", "Put each person into train (80 %), validation or test (10 % each)."
+    )
+    seed: int = option("--seed", "Of who is put where.", 0)
 
     def find(self, names: Iterable[str]) -> list[str]:
         """Who moves in each recording; nobody where it is not given."""

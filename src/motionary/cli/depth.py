@@ -9,11 +9,14 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.options import (
+    REQUIRED,
     AsJson,
     Force,
     LibraryDefault,
     check_picture,
     check_target,
+    flag,
+    option,
     wrong,
 )
 from motionary.cli.recordings import find_files, read_motions, split_failures, warn_of_all
@@ -40,77 +43,37 @@ def depth() -> None:
 class TrackOptions:
     """What the camera is, where the person is, and where results go."""
 
-    output: Annotated[
-        str,
-        typer.Option("--output", "-o", metavar="FILE", help="The motion: .bvh, .npz, .trc ..."),
-    ]
-    intrinsics: Annotated[
-        str | None,
-        typer.Option(
-            metavar="JSON",
-            help="Focal length and centre, pixels; else camera.json beside images.",
-        ),
-    ] = None
-    mirrored: Annotated[
-        bool | None,
-        typer.Option("--mirrored/--not-mirrored", help="Whether left and right are exchanged."),
-    ] = None
-    stature_m: Annotated[
-        float | None,
-        typer.Option("--stature", metavar="METRES", help="Of the person, as far as known."),
-    ] = None
-    empty: Annotated[
-        int, typer.Option(min=0, metavar="N", help="The first N images show the scene empty.")
-    ] = 0
-    background: Annotated[
-        str | None,
-        typer.Option(metavar="IMAGES", help="The scene empty, by the same camera."),
-    ] = None
-    near_m: Annotated[
-        float,
-        typer.Option(
-            "--near",
-            metavar="METRES",
-            default_factory=LibraryDefault("motionary.depth:PreparationSettings", "near_m"),
-            help="Nothing nearer is the person.",
-        ),
-    ]
-    far_m: Annotated[
-        float,
-        typer.Option(
-            "--far",
-            metavar="METRES",
-            default_factory=LibraryDefault("motionary.depth:PreparationSettings", "far_m"),
-            help="Nothing farther is the person.",
-        ),
-    ]
-    floor_m: Annotated[
-        float | None,
-        typer.Option(
-            "--floor",
-            metavar="METRES",
-            help="Height of the floor; a camera whose place is not told is at 1.",
-        ),
-    ] = None
-    database: Annotated[
-        str | None, typer.Option(metavar="NPZ", help="Poses, by depth database; else those of CMU.")
-    ] = None
-    published: Annotated[bool, typer.Option(help="Track by Baak's method as it is printed.")] = (
-        False
+    output: str = option("--output -o FILE", "The motion: .bvh, .npz, .trc ...", REQUIRED)
+    intrinsics: str | None = option(
+        "--intrinsics JSON", "Focal length and centre, pixels; else camera.json beside images."
     )
-    least_confidence: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            metavar="C",
-            help="Joints that are less sure are unknown.",
-        ),
-    ] = 0.0
-    picture: Annotated[
-        str | None,
-        typer.Option(metavar="PNG", help="Draw some images with the pose, the least sure first."),
-    ] = None
+    mirrored: bool | None = option(
+        "--mirrored/--not-mirrored", "Whether left and right are exchanged."
+    )
+    stature_m: float | None = option("--stature METRES", "Of the person, as far as known.")
+    empty: int = option("--empty N", "The first N images show the scene empty.", 0, min=0)
+    background: str | None = option("--background IMAGES", "The scene empty, by the same camera.")
+    near_m: float = option(
+        "--near METRES",
+        "Nothing nearer is the person.",
+        LibraryDefault("motionary.depth:PreparationSettings", "near_m"),
+    )
+    far_m: float = option(
+        "--far METRES",
+        "Nothing farther is the person.",
+        LibraryDefault("motionary.depth:PreparationSettings", "far_m"),
+    )
+    floor_m: float | None = option(
+        "--floor METRES", "Height of the floor; a camera whose place is not told is at 1."
+    )
+    database: str | None = option("--database NPZ", "Poses, by depth database; else those of CMU.")
+    published: bool = flag("--published/--no-published", "Track by Baak's method as it is printed.")
+    least_confidence: float = option(
+        "--least-confidence C", "Joints that are less sure are unknown.", 0.0, min=0.0, max=1.0
+    )
+    picture: str | None = option(
+        "--picture PNG", "Draw some images with the pose, the least sure first."
+    )
     force: Force = False
 
 

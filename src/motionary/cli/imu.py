@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import AsJson, Excel, Force, check_picture, check_target
+from motionary.cli.options import (
+    REQUIRED,
+    AsJson,
+    Excel,
+    Force,
+    check_picture,
+    check_target,
+    flag,
+    option,
+)
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
@@ -43,33 +52,22 @@ def imu() -> None:
 class CheckOptions:
     """Which sensors, where they sit, and where results go."""
 
-    sensors: Annotated[
-        str, typer.Option("--imu", metavar="PATH", help="A folder or file of the sensors.")
-    ]
-    limbs: Annotated[
-        str | None,
-        typer.Option(
-            "--map", metavar="TOML", help='Limb of each sensor, "00B40C45" = "lthigh"; else found.'
-        ),
-    ] = None
-    columns: Columns = None
-    fused: Annotated[
-        bool, typer.Option(help="Take the orientations that the files bring, if they do.")
-    ] = False
-    magnetic: Annotated[
-        bool, typer.Option(help="Let magnetometers tell headings; floors disturb them.")
-    ] = False
-    output: Annotated[
-        str | None,
-        typer.Option("--output", "-o", metavar="CSV", help="Write the table of limbs, too."),
-    ] = None
-    labels: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Write the wrong segments as labels, in any format."),
-    ] = None
-    plot: Annotated[str | None, typer.Option(metavar="PNG", help="Draw the angles over time.")] = (
-        None
+    sensors: str = option("--imu PATH", "A folder or file of the sensors.", REQUIRED)
+    limbs: str | None = option(
+        "--map TOML", 'Limb of each sensor, "00B40C45" = "lthigh"; else found.'
     )
+    columns: Columns = None
+    fused: bool = flag(
+        "--fused/--no-fused", "Take the orientations that the files bring, if they do."
+    )
+    magnetic: bool = flag(
+        "--magnetic/--no-magnetic", "Let magnetometers tell headings; floors disturb them."
+    )
+    output: str | None = option("--output -o CSV", "Write the table of limbs, too.")
+    labels: str | None = option(
+        "--labels FILE", "Write the wrong segments as labels, in any format."
+    )
+    plot: str | None = option("--plot PNG", "Draw the angles over time.")
     excel: Excel = False
     force: Force = False
 

@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.options import (
-    AsJson,
-    Jobs,
-    TableOptions,
-    check_picture,
-    check_target,
-)
+from motionary.cli.options import AsJson, Jobs, TableOptions, check_picture, check_target, option
 from motionary.cli.recordings import (
     describe_failure,
     find_files,
@@ -51,17 +45,11 @@ _WRITTEN = (
 class InfoOptions(TableOptions):
     """Where else to write what is said."""
 
-    save_mapping: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TOML",
-            help="Write which joint is which, to be corrected and given back with --skeleton.",
-        ),
-    ] = None
-    plot: Annotated[
-        str | None,
-        typer.Option(metavar="PNG", help="Draw the first pose of each recording in its axes."),
-    ] = None
+    save_mapping: str | None = option(
+        "--save-mapping TOML",
+        "Write which joint is which, to be corrected and given back with --skeleton.",
+    )
+    plot: str | None = option("--plot PNG", "Draw the first pose of each recording in its axes.")
 
 
 def info(

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import AsJson, Excel, Force, InFrames, check_target, wrong
+from motionary.cli.options import (
+    REQUIRED,
+    AsJson,
+    Excel,
+    Force,
+    InFrames,
+    check_target,
+    option,
+    wrong,
+)
 from motionary.cli.recordings import find_files, read_recording
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import NO_SUCH_FILE, is_stdout
@@ -59,23 +68,13 @@ def labels() -> None:
 class ConvertOptions:
     """Which labels are written, and how."""
 
-    output: Annotated[
-        str,
-        typer.Option(
-            "--output", "-o", metavar="OUT", help="A file; or a folder, for a file a recording."
-        ),
-    ]
-    to: Annotated[
-        str | None,
-        typer.Option("--to", metavar="FORMAT", help="The format, where no suffix says it."),
-    ] = None
-    recordings: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH",
-            help="The recordings: labels are checked against them, and get their rates.",
-        ),
-    ] = None
+    output: str = option(
+        "--output -o OUT", "A file; or a folder, for a file a recording.", REQUIRED
+    )
+    to: str | None = option("--to FORMAT", "The format, where no suffix says it.")
+    recordings: list[str] | None = option(
+        "--recordings PATH", "The recordings: labels are checked against them, and get their rates."
+    )
     only: Names = None
     track: TrackNames = None
     excel: Excel = False
@@ -224,14 +223,14 @@ def select_labels(
     """
     everything = [label for one in tracks.values() for label in one]
     tiers = {label.extra.get("track") or "labels" for label in everything}
-    for option, asked, there, none, kind in (
+    for name, asked, there, none, kind in (
         ("--only", only, {label.name for label in everything}, "no label is called", "there are"),
         ("--track", track, tiers, "there is no tier", "the tiers are"),
     ):
         unknown = sorted(set(asked or ()) - there)
         if unknown:
             shown = enumerate_names(sorted(there))
-            raise wrong(option, f"{none} {', '.join(unknown)}; {kind} {shown}")
+            raise wrong(name, f"{none} {', '.join(unknown)}; {kind} {shown}")
     return {
         name: replace(
             one,

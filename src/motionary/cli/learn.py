@@ -16,6 +16,8 @@ from motionary.cli.options import (
     check_library,
     check_target,
     find_feature_set,
+    flag,
+    option,
     picture_path,
     wrong,
 )
@@ -53,117 +55,77 @@ class Queries(StrEnum):
 class TrainingFlags:
     """How classes are learned, and below which cost a match is believed."""
 
-    recordings: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH",
-            help="The recordings that labels are of; by default the folder of the table.",
-        ),
-    ] = None
-    corrections: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LABELS",
-            help="Learn from labels that --library gave and a person corrected, such as those "
-            "that the page of `motionary report` saves.",
-        ),
-    ] = None
-    library: Annotated[
-        str | None,
-        typer.Option(metavar="LIB", help="With --corrections: the library that learns further."),
-    ] = None
-    mirror: Annotated[
-        bool,
-        typer.Option("--mirror", help="Learn the mirror image of each class, too."),
-    ] = False
-    fold_sides: Annotated[
-        bool,
-        typer.Option(
-            "--fold-sides",
-            help="Take each example as it is or mirrored, as it fits the others of its class: for "
-            "motions that people do on either side.",
-        ),
-    ] = False
+    recordings: list[str] | None = option(
+        "--recordings PATH",
+        "The recordings that labels are of; by default the folder of the table.",
+    )
+    corrections: str | None = option(
+        "--corrections LABELS",
+        "Learn from labels that --library gave and a person corrected, such as those "
+        "that the page of `motionary report` saves.",
+    )
+    library: str | None = option(
+        "--library LIB", "With --corrections: the library that learns further."
+    )
+    mirror: bool = flag("--mirror", "Learn the mirror image of each class, too.")
+    fold_sides: bool = flag(
+        "--fold-sides",
+        "Take each example as it is or mirrored, as it fits the others of its class: for "
+        "motions that people do on either side.",
+    )
     features: FeatureSetName = None
-    keep_examples: Annotated[
-        bool,
-        typer.Option(
-            "--keep-examples",
-            help="Keep the examples' features in the library, so that `library add` learns from "
-            "more as if from all at once.",
-        ),
-    ] = False
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=0.5,
-            metavar="FRACTION",
-            default_factory=LibraryDefault(_TRAINING, "tolerance"),
-            help="A feature may differ in this fraction of the examples and still be asked for.",
-        ),
-    ]
-    queries: Annotated[
-        Queries,
-        typer.Option(
-            help="Keyframe queries from the examples, so that a class is looked for around their "
-            "hits only: several that vote are learned by a genetic algorithm (learned), or one "
-            "of two to five keyframes is chosen (chosen).",
-        ),
-    ] = Queries.NONE
-    query_runs: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            default_factory=LibraryDefault(_TRAINING, "query_runs"),
-            help="With --queries learned: so many are learned for each class; most of them must "
-            "agree on a hit.",
-        ),
-    ]
-    threshold: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            metavar="COST",
-            help="Largest cost of a match of these classes.",
-        ),
-    ] = None
-    calibrate: Annotated[
-        bool,
-        typer.Option(
-            "--calibrate",
-            help="Choose thresholds by cross-validation on the examples, and estimate precision "
-            "and recall for motion that is done as the examples are.",
-        ),
-    ] = False
-    groups: Annotated[
-        str | None,
-        typer.Option(
-            metavar="REGEX",
-            help="With --calibrate: examples whose names match the same share a fold, such as "
-            "'HDM_(..)_' for actors: the estimates then hold for actors never seen. With "
-            "--per-group: they have a template of their own.",
-        ),
-    ] = None
-    per_group: Annotated[
-        bool,
-        typer.Option(
-            "--per-group",
-            help="Beside the template of all examples of a class learn one of each of the "
-            "--groups: strangers do as one of several people did, rarely as their mean.",
-        ),
-    ] = False
-    negatives: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH",
-            help="With --calibrate: other recordings, without any of these classes, to choose "
-            "thresholds against.",
-        ),
-    ] = None
+    keep_examples: bool = flag(
+        "--keep-examples",
+        "Keep the examples' features in the library, so that `library add` learns from "
+        "more as if from all at once.",
+    )
+    tolerance: float = option(
+        "--tolerance FRACTION",
+        "A feature may differ in this fraction of the examples and still be asked for.",
+        LibraryDefault(_TRAINING, "tolerance"),
+        min=0.0,
+        max=0.5,
+    )
+    queries: Queries = option(
+        "--queries",
+        "Keyframe queries from the examples, so that a class is looked for around their "
+        "hits only: several that vote are learned by a genetic algorithm (learned), or one "
+        "of two to five keyframes is chosen (chosen).",
+        Queries.NONE,
+    )
+    query_runs: int = option(
+        "--query-runs",
+        "With --queries learned: so many are learned for each class; most of them must "
+        "agree on a hit.",
+        LibraryDefault(_TRAINING, "query_runs"),
+        min=1,
+    )
+    threshold: float | None = option(
+        "--threshold COST", "Largest cost of a match of these classes.", min=0.0, max=1.0
+    )
+    calibrate: bool = flag(
+        "--calibrate",
+        "Choose thresholds by cross-validation on the examples, and estimate precision "
+        "and recall for motion that is done as the examples are.",
+    )
+    groups: str | None = option(
+        "--groups REGEX",
+        "With --calibrate: examples whose names match the same share a fold, such as "
+        "'HDM_(..)_' for actors: the estimates then hold for actors never seen. With "
+        "--per-group: they have a template of their own.",
+    )
+    per_group: bool = flag(
+        "--per-group",
+        "Beside the template of all examples of a class learn one of each of the "
+        "--groups: strangers do as one of several people did, rarely as their mean.",
+    )
+    negatives: list[str] | None = option(
+        "--negatives PATH",
+        "With --calibrate: other recordings, without any of these classes, to choose "
+        "thresholds against.",
+    )
 
-    plot: Annotated[str | None, typer.Option(metavar="FOLDER", help="Draw the templates.")] = None
+    plot: str | None = option("--plot FOLDER", "Draw the templates.")
 
     def check(self) -> None:
         """Refuse options that do not go together.

@@ -20,6 +20,8 @@ from motionary.cli.options import (
     check_picture,
     check_target,
     find_feature_set,
+    flag,
+    option,
     wrong,
 )
 from motionary.cli.recordings import (
@@ -263,28 +265,18 @@ def merge(
 class Changes:
     """What becomes of a class."""
 
-    text: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Take the template from a text; - reads stdin."),
-    ] = None
-    new: Annotated[
-        bool, typer.Option("--new", help="Make the class, and the library, from the text.")
-    ] = False
+    text: str | None = option("--text FILE", "Take the template from a text; - reads stdin.")
+    new: bool = flag("--new", "Make the class, and the library, from the text.")
     template: TemplateName = None
-    restrict: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FEATURE", help="Ask for this feature only; may come repeatedly."),
-    ] = None
-    threshold: Annotated[
-        float | None,
-        typer.Option(min=0.0, max=1.0, metavar="COST", help="Largest cost of a match."),
-    ] = None
-    join: Annotated[
-        str | None,
-        typer.Option(metavar="CLASS", help="Make one class of this and another."),
-    ] = None
-    rename: Annotated[str | None, typer.Option(metavar="NAME", help="Call it so.")] = None
-    remove: Annotated[bool, typer.Option("--remove", help="Take it out of the library.")] = False
+    restrict: list[str] | None = option(
+        "--restrict FEATURE", "Ask for this feature only; may come repeatedly."
+    )
+    threshold: float | None = option(
+        "--threshold COST", "Largest cost of a match.", min=0.0, max=1.0
+    )
+    join: str | None = option("--join CLASS", "Make one class of this and another.")
+    rename: str | None = option("--rename NAME", "Call it so.")
+    remove: bool = flag("--remove", "Take it out of the library.")
 
     def check(self) -> None:
         """Refuse no change, and changes that do not go together.

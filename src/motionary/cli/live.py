@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import wrong
+from motionary.cli.options import flag, option, wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput, UnwritableFile
 from motionary.io.options import ReadOptions
@@ -42,78 +42,46 @@ class ReplayTo(StrEnum):
 class LiveOptions:
     """What poses are labelled with, and where they come from."""
 
-    library: Annotated[
-        str,
-        typer.Option(
-            metavar="LIB",
-            help="A folder that `motionary learn` wrote; everyday is the library that ships.",
-        ),
-    ] = "everyday"
-    rate_hz: Annotated[
-        float | None,
-        typer.Option(
-            "--rate", min=1.0, metavar="HZ", help="Poses a second, where no line says it."
-        ),
-    ] = None
-    skeleton: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Skeleton of poses that list joints without names: smpl, ..."
-        ),
-    ] = None
-    at_most_false: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PER_MINUTE",
-            help="With the threshold at which so many false labels a minute are expected.",
-        ),
-    ] = None
-    page: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            metavar="N",
-            help="Show poses and labels in a browser of this computer, at http://127.0.0.1:N/; 0 "
-            "is any free port.",
-        ),
-    ] = None
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Go on from there if it exists; keep there, each minute and at the end, what is "
-            "not final.",
-        ),
-    ] = None
-    final: Annotated[
-        bool, typer.Option("--final", help="Print labels only once they are final.")
-    ] = False
-    port: Annotated[
-        int | None,
-        typer.Option(
-            min=0, max=65535, metavar="N", help="Take poses by websockets; 0 is any free port."
-        ),
-    ] = None
-    osc: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            metavar="N",
-            help="Take poses of VMC, by OSC; avatar programs send them to port 39539.",
-        ),
-    ] = None
-    osc_to: Annotated[
-        str | None,
-        typer.Option(
-            metavar="[IP:]N", help="Send events by OSC to a program that listens at this port."
-        ),
-    ] = None
-    address: Annotated[
-        str,
-        typer.Option(metavar="IP", help="Listen there; by default only to this computer."),
-    ] = _LOOPBACK
+    library: str = option(
+        "--library LIB",
+        "A folder that `motionary learn` wrote; everyday is the library that ships.",
+        "everyday",
+    )
+    rate_hz: float | None = option("--rate HZ", "Poses a second, where no line says it.", min=1.0)
+    skeleton: str | None = option(
+        "--skeleton NAME", "Skeleton of poses that list joints without names: smpl, ..."
+    )
+    at_most_false: float | None = option(
+        "--at-most-false PER_MINUTE",
+        "With the threshold at which so many false labels a minute are expected.",
+    )
+    page: int | None = option(
+        "--page N",
+        "Show poses and labels in a browser of this computer, at http://127.0.0.1:N/; 0 "
+        "is any free port.",
+        min=0,
+        max=65535,
+    )
+    state: Path | None = option(
+        "--state FILE",
+        "Go on from there if it exists; keep there, each minute and at the end, what is not final.",
+    )
+    final: bool = flag("--final", "Print labels only once they are final.")
+    port: int | None = option(
+        "--port N", "Take poses by websockets; 0 is any free port.", min=0, max=65535
+    )
+    osc: int | None = option(
+        "--osc N",
+        "Take poses of VMC, by OSC; avatar programs send them to port 39539.",
+        min=0,
+        max=65535,
+    )
+    osc_to: str | None = option(
+        "--osc-to [IP:]N", "Send events by OSC to a program that listens at this port."
+    )
+    address: str = option(
+        "--address IP", "Listen there; by default only to this computer.", _LOOPBACK
+    )
 
 
 def live(options: LiveOptions) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import Excel, Force, check_page, check_target
+from motionary.cli.options import REQUIRED, Excel, Force, check_page, check_target, flag, option
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
@@ -26,60 +26,42 @@ Keypoints = Annotated[
 class ViewOptions:
     """The calibration, and what keypoints and calibration do not say."""
 
-    cameras: Annotated[
-        str,
-        typer.Option(
-            metavar="CALIBRATION",
-            help=".toml of Pose2Sim, anipose, freemocap; .qca.txt; .yml or .xml of OpenCV.",
-        ),
-    ]
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Images a second.")]
-    person: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="N", help="Number of the person in each list; else the best."),
-    ] = None
-    layout: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="BODY_25, BODY_25B, HALPE_26, COCO, ...; else found."),
-    ] = None
-    unit: Annotated[
-        str | None,
-        typer.Option(metavar="m|cm|mm", help="Of the calibration; else found by the legs."),
-    ] = None
-    synchronise: Annotated[
-        bool, typer.Option(help="Move images of cameras that are late or early.")
-    ] = False
+    cameras: str = option(
+        "--cameras CALIBRATION",
+        ".toml of Pose2Sim, anipose, freemocap; .qca.txt; .yml or .xml of OpenCV.",
+        REQUIRED,
+    )
+    rate: float = option("--rate HZ", "Images a second.", REQUIRED)
+    person: int | None = option(
+        "--person N", "Number of the person in each list; else the best.", min=0
+    )
+    layout: str | None = option(
+        "--layout NAME", "BODY_25, BODY_25B, HALPE_26, COCO, ...; else found."
+    )
+    unit: str | None = option("--unit m|cm|mm", "Of the calibration; else found by the legs.")
+    synchronise: bool = flag(
+        "--synchronise/--no-synchronise", "Move images of cameras that are late or early."
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackOptions(ViewOptions):
     """What is recognised, and what is written beside the motion."""
 
-    library: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Classes of motion: recognised, they hold feet and lend poses; 'everyday' ships.",
-        ),
-    ] = None
-    labels: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Write what was recognised, with --library.")
-    ] = None
-    confidence: Annotated[
-        str | None,
-        typer.Option(metavar="CSV", help="Write how well views tell each point, 0 to 1, by frame."),
-    ] = None
-    report: Annotated[
-        str | None,
-        typer.Option(metavar="HTML", help="Write a page that plays it, also as cameras see it."),
-    ] = None
-    images: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="With --report: images behind the body, a folder for each camera.",
-        ),
-    ] = None
+    library: str | None = option(
+        "--library FOLDER",
+        "Classes of motion: recognised, they hold feet and lend poses; 'everyday' ships.",
+    )
+    labels: str | None = option("--labels FILE", "Write what was recognised, with --library.")
+    confidence: str | None = option(
+        "--confidence CSV", "Write how well views tell each point, 0 to 1, by frame."
+    )
+    report: str | None = option(
+        "--report HTML", "Write a page that plays it, also as cameras see it."
+    )
+    images: str | None = option(
+        "--images FOLDER", "With --report: images behind the body, a folder for each camera."
+    )
 
 
 def untangle(

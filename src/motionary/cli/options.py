@@ -1,4 +1,4 @@
-"""Options that several commands have, and commands that take several options as one.
+"""Options: how they are declared, which several commands have, and checks before the work.
 
 A group is a frozen dataclass whose fields are options; a command that takes one has all of
 them. Defaults are the library's own: they are looked up when a command needs or shows them.
@@ -9,9 +9,10 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Collection
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature
 from pathlib import Path
+from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
@@ -46,6 +47,35 @@ class LibraryDefault:
 
     def __str__(self) -> str:
         return str(self())
+
+
+#: Of an option that must be given.
+REQUIRED: Any = MISSING
+
+
+def option(usage: str, text: str, default: Any = None, **limits: Any) -> Any:
+    """A field of a group that is an option.
+
+    Parameters
+    ----------
+    usage : its names and what stands for its value, as in "--output -o FILE"; without a word
+        for the value the help shows the choices or the type
+    text : the help
+    default : a value, `REQUIRED` or a `LibraryDefault`
+    limits : what `typer.Option` takes besides, such as `min`
+    """
+    *flags, last = usage.split()
+    metavar = None if last.startswith("-") else last
+    flags += [last] if metavar is None else []
+    shown = {"flag": " ".join(flags), "metavar": metavar, "help": text, **limits}
+    if isinstance(default, LibraryDefault):
+        return field(default_factory=default, metadata=shown)
+    return field(default=default, metadata=shown)
+
+
+def flag(usage: str, text: str) -> Any:
+    """A field of a group that is an option without a value, by default not given."""
+    return option(usage, text, default=False)
 
 
 Jobs = Annotated[
@@ -271,26 +301,27 @@ def _parameters_of(group: Any) -> list[Parameter]:
     hints = get_type_hints(group, include_extras=True)
     return [
         Parameter(
-            option.name,
+            one.name,
             Parameter.KEYWORD_ONLY,
-            default=Parameter.empty if option.default is MISSING else option.default,
-            annotation=_annotate(option, hints[option.name]),
+            default=Parameter.empty if one.default is MISSING else one.default,
+            annotation=_annotate(one, hints[one.name]),
         )
-        for option in fields(group)
+        for one in fields(group)
     ]
 
 
-def _annotate(option: "Field[Any]", hint: Any) -> Any:
-    """The field's type for typer; fields of `ReadOptions` describe their flags as metadata."""
-    if "flag" not in option.metadata:
+def _annotate(one: "Field[Any]", hint: Any) -> Any:
+    """The field's type for typer, by what its metadata say."""
+    shown = dict(one.metadata)
+    if not shown:
         return hint
-    if bool in get_args(hint):
-        flag = typer.Option(option.metadata["flag"], help=option.metadata["help"])
-        # Without the flag nothing is given, which is not the same as "no".
-        return Annotated[bool | None, flag]
-    kind = str if hint is str or str in get_args(hint) else float
-    shown = {key: option.metadata[key] for key in ("metavar", "help")}
-    return Annotated[kind | None, typer.Option(option.metadata["flag"], **shown)]
+    if isinstance(hint, UnionType) and str in get_args(hint):
+        # A text that the library understands as one of several types.
+        hint = str | None
+    if one.default_factory is not MISSING:
+        shown["default_factory"] = one.default_factory
+    shown["metavar"] = shown["metavar"] or None
+    return Annotated[hint, typer.Option(*shown.pop("flag").split(), **shown)]
 
 
 def _build(group: Any, values: dict[str, Any]) -> Any:
@@ -306,19 +337,19 @@ def _build(group: Any, values: dict[str, Any]) -> Any:
 
 def _flag_at_fault(group: Any, values: dict[str, Any]) -> str:
     """The flag whose value alone is refused; that of the last field where they disagree."""
-    for option in fields(group):
+    for one in fields(group):
         try:
-            group(**{option.name: values[option.name]})
+            group(**{one.name: values[one.name]})
         except InvalidInput:
             break
-    return str(option.metadata.get("flag", option.name))
+    return str(one.metadata.get("flag", one.name))
 
 
 def _check_reading(reading: ReadOptions) -> None:
     """Refuse files that are not there, and options that do not go together."""
-    for flag, path in (("--asf", reading.asf), ("--body-model", reading.body_model)):
+    for name, path in (("--asf", reading.asf), ("--body-model", reading.body_model)):
         if path is not None and not Path(path).is_file():
-            raise wrong(flag, f"{path}: {NO_SUCH_FILE}")
+            raise wrong(name, f"{path}: {NO_SUCH_FILE}")
     if reading.fill_gaps_s is None and "fill_by" in reading.given():
         raise wrong("--fill-by", "goes with --fill-gaps SECONDS")
     try:
@@ -337,34 +368,17 @@ def given_options(*groups: Any, without: Collection[str] = ()) -> list[str]:
     """
     words: list[str] = []
     for group in groups:
-        hints = get_type_hints(type(group), include_extras=True)
-        for option in fields(group):
-            value = getattr(group, option.name)
-            default = _default_of(option, hints)
+        for one in fields(group):
+            value = getattr(group, one.name)
+            made = one.default_factory
+            default = one.default if made is MISSING else made()
             is_default = value == default and type(value) is type(default)
-            if option.name in without or value is None or is_default:
+            if one.name in without or value is None or is_default:
                 continue
-            flag = option.metadata.get("flag") or _flag_of(option.name, hints[option.name])
-            on, _, off = flag.partition("/")
+            on, _, off = one.metadata["flag"].partition("/")
             words += [off if value is False else on]
             words += [] if isinstance(value, bool) else [_called(value)]
     return words
-
-
-def _default_of(option: "Field[Any]", hints: dict[str, Any]) -> Any:
-    for part in get_args(hints[option.name])[1:]:
-        if getattr(part, "default_factory", None):
-            return part.default_factory()
-    return option.default
-
-
-def _flag_of(name: str, hint: Any) -> str:
-    for part in get_args(hint)[1:]:
-        # The first name of an option stands where its default may.
-        for flag in (getattr(part, "default", None), *(getattr(part, "param_decls", None) or ())):
-            if isinstance(flag, str) and flag.startswith("--"):
-                return flag
-    return "--" + name.replace("_", "-")
 
 
 def _called(value: Any) -> str:

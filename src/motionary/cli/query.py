@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from motionary.cli.options import LibraryDefault, wrong
+from motionary.cli.options import LibraryDefault, flag, option, wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.files import NO_SUCH_FILE
@@ -102,80 +102,50 @@ Stop = Annotated[
 class QueryOptions:
     """What is looked for."""
 
-    like: Annotated[
-        str | None, typer.Option(metavar="FILE", help="A recording with an example.")
-    ] = None
-    start: Annotated[
-        Moment | None,
-        typer.Option(
-            "--from",
-            metavar="TIME",
-            parser=parse_moment,
-            help="Where in FILE the example starts: seconds, minutes as in 0:01.5, or the number "
-            "of a frame as in 45f.",
-        ),
-    ] = None
-    stop: Annotated[
-        Moment | None,
-        typer.Option(
-            "--to", metavar="TIME", parser=parse_moment, help="Where it ends; a frame is included."
-        ),
-    ] = None
-    expand: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            metavar="N",
-            default_factory=LibraryDefault("motionary.retrieval.search:QueryExpansion", "hits"),
-            help="Learn from the example and its N nearest hits what may vary; 0: nothing may.",
-        ),
-    ]
-    published: Annotated[
-        bool,
-        typer.Option(
-            "--published",
-            help="Compare an example as published, by the 40 features alone; otherwise, and but "
-            "for --fast and --query, also by ranked quantities, which hold between people and "
-            "styles.",
-        ),
-    ] = False
-    relevant: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RANKS",
-            help="Hits that are right, as ranked without this option, such as 1,2,5: learn from "
-            "these and no others.",
-        ),
-    ] = None
-    irrelevant: Annotated[
-        str | None,
-        typer.Option(metavar="RANKS", help="Hits that are wrong: what they show tells less."),
-    ] = None
-    class_name: Annotated[
-        str | None, typer.Option("--class", metavar="NAME", help="A class of the library.")
-    ] = None
-    library: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIB",
-            help="With --class: a folder that `motionary learn` wrote; by default everyday, the "
-            "library that ships.",
-        ),
-    ] = None
-    query: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TEXT",
-            help="Keyframes, or a file with some: 'right hand fast, then within 0.5 s right hand "
-            "above neck'. With --like or --class: match only around them.",
-        ),
-    ] = None
-    query_name: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Which query of a collection: --query FILE.json holds many."
-        ),
-    ] = None
+    like: str | None = option("--like FILE", "A recording with an example.")
+    start: Moment | None = option(
+        "--from TIME",
+        "Where in FILE the example starts: seconds, minutes as in 0:01.5, or the number "
+        "of a frame as in 45f.",
+        parser=parse_moment,
+    )
+    stop: Moment | None = option(
+        "--to TIME", "Where it ends; a frame is included.", parser=parse_moment
+    )
+    expand: int = option(
+        "--expand N",
+        "Learn from the example and its N nearest hits what may vary; 0: nothing may.",
+        LibraryDefault("motionary.retrieval.search:QueryExpansion", "hits"),
+        min=0,
+    )
+    published: bool = flag(
+        "--published",
+        "Compare an example as published, by the 40 features alone; otherwise, and but "
+        "for --fast and --query, also by ranked quantities, which hold between people and "
+        "styles.",
+    )
+    relevant: str | None = option(
+        "--relevant RANKS",
+        "Hits that are right, as ranked without this option, such as 1,2,5: learn from "
+        "these and no others.",
+    )
+    irrelevant: str | None = option(
+        "--irrelevant RANKS", "Hits that are wrong: what they show tells less."
+    )
+    class_name: str | None = option("--class NAME", "A class of the library.")
+    library: str | None = option(
+        "--library LIB",
+        "With --class: a folder that `motionary learn` wrote; by default everyday, the "
+        "library that ships.",
+    )
+    query: str | None = option(
+        "--query TEXT",
+        "Keyframes, or a file with some: 'right hand fast, then within 0.5 s right hand "
+        "above neck'. With --like or --class: match only around them.",
+    )
+    query_name: str | None = option(
+        "--query-name NAME", "Which query of a collection: --query FILE.json holds many."
+    )
 
 
 class Example(NamedTuple):
@@ -235,9 +205,9 @@ def check_query(options: QueryOptions) -> None:
         "--from": options.start, "--to": options.stop, "--published": options.published or None,
         "--relevant": options.relevant, "--irrelevant": options.irrelevant,
     }  # fmt: skip
-    for option, value in for_examples.items():
+    for name, value in for_examples.items():
         if options.like is None and value is not None:
-            raise wrong(option, "goes with --like FILE")
+            raise wrong(name, "goes with --like FILE")
 
 
 def read_query(options: QueryOptions, reading: ReadOptions, *, fast: bool = False) -> Query:

@@ -5,11 +5,12 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import typer
 
 from motionary.cli import screen
+from motionary.cli.options import flag, option
 from motionary.errors import NotAFile, NotAMotion, NotHuman, UnreadableFile, UnwritableFile
 from motionary.io.options import ReadOptions
 
@@ -193,16 +194,11 @@ class ScreenMonitor:
 class IndexOptions:
     """Where the features of a folder are kept."""
 
-    index: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PATH",
-            help="Folder that keeps what was read of the recordings; by default in the cache.",
-        ),
-    ] = None
-    no_index: Annotated[
-        bool, typer.Option("--no-index", help="Read all recordings anew, and keep nothing.")
-    ] = False
+    index: str | None = option(
+        "--index PATH",
+        "Folder that keeps what was read of the recordings; by default in the cache.",
+    )
+    no_index: bool = flag("--no-index", "Read all recordings anew, and keep nothing.")
 
 
 @dataclass(frozen=True)

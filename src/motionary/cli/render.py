@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import Force, check_target, wrong
+from motionary.cli.options import REQUIRED, Force, check_target, option, wrong
 from motionary.cli.query import Start, Stop, check_part
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
@@ -23,21 +23,12 @@ if TYPE_CHECKING:
 class RenderOptions:
     """What of a recording is drawn, and where it goes."""
 
-    output: Annotated[
-        str,
-        typer.Option("--output", "-o", metavar="FILE", help="A .gif, or .mp4 by ffmpeg."),
-    ]
-    labels: Annotated[
-        str | None, typer.Option(metavar="LABELS", help="Labels to show below, in any format.")
-    ] = None
+    output: str = option("--output -o FILE", "A .gif, or .mp4 by ffmpeg.", REQUIRED)
+    labels: str | None = option("--labels LABELS", "Labels to show below, in any format.")
     start: Start = None
     stop: Stop = None
-    pictures: Annotated[
-        float, typer.Option(min=1.0, max=120.0, metavar="HZ", help="Pictures a second.")
-    ] = 12.5
-    dpi: Annotated[
-        int, typer.Option(min=20, max=400, help="Pixels an inch: 100 is about 480 wide.")
-    ] = 100
+    pictures: float = option("--pictures HZ", "Pictures a second.", 12.5, min=1.0, max=120.0)
+    dpi: int = option("--dpi", "Pixels an inch: 100 is about 480 wide.", 100, min=20, max=400)
     force: Force = False
 
 

@@ -11,7 +11,16 @@ import typer
 
 from motionary.cli import screen
 from motionary.cli.labels import RecordingsOf
-from motionary.cli.options import Force, InFrames, LibraryDefault, check_page, wrong
+from motionary.cli.options import (
+    REQUIRED,
+    Force,
+    InFrames,
+    LibraryDefault,
+    check_page,
+    flag,
+    option,
+    wrong,
+)
 from motionary.cli.recordings import (
     Found,
     find_files,
@@ -31,43 +40,25 @@ if TYPE_CHECKING:
 class PageOptions:
     """What a page shows beside the motions, and where it goes."""
 
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="HTML", help="The page to write.")
-    ]
-    labels: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="CSV",
-            help="Labels to show; each table is a lane under its file's name. May be repeated.",
-        ),
-    ] = None
-    truth: Annotated[
-        str | None, typer.Option(metavar="CSV", help="True labels, beside the others.")
-    ] = None
-    library: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIB",
-            help="Label with the classes of a library, too: labels then say why, over curves.",
-        ),
-    ] = None
-    keep_hz: Annotated[
-        float,
-        typer.Option(
-            "--keep",
-            metavar="HZ",
-            default_factory=LibraryDefault("motionary.reporting:report", "rate_hz"),
-            help="Most frames a second that the page keeps.",
-        ),
-    ]
+    output: str = option("--output -o HTML", "The page to write.", REQUIRED)
+    labels: list[str] | None = option(
+        "--labels CSV",
+        "Labels to show; each table is a lane under its file's name. May be repeated.",
+    )
+    truth: str | None = option("--truth CSV", "True labels, beside the others.")
+    library: str | None = option(
+        "--library LIB",
+        "Label with the classes of a library, too: labels then say why, over curves.",
+    )
+    keep_hz: float = option(
+        "--keep HZ",
+        "Most frames a second that the page keeps.",
+        LibraryDefault("motionary.reporting:report", "rate_hz"),
+    )
     frames: InFrames = False
-    compare: Annotated[
-        bool,
-        typer.Option(
-            "--compare",
-            help="Play two recordings in step, and say where the second differs from the first.",
-        ),
-    ] = False
+    compare: bool = flag(
+        "--compare", "Play two recordings in step, and say where the second differs from the first."
+    )
     force: Force = False
 
 

@@ -22,6 +22,7 @@ from motionary.cli.options import (
     check_picture,
     check_target,
     given_options,
+    option,
     wrong,
 )
 from motionary.cli.query import (
@@ -49,31 +50,22 @@ _LONG_S = 6.0
 class HitOptions:
     """Which hits count."""
 
-    threshold: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            metavar="COST",
-            help="Largest cost of a hit; by default the class's own, none for an example.",
-        ),
-    ] = None
-    limit: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            metavar="N",
-            default_factory=LibraryDefault("motionary.retrieval.search:search", "limit"),
-            help="Most hits; 0: all.",
-        ),
-    ]
-    fast: Annotated[
-        bool | None,
-        typer.Option(
-            "--fast/--thorough",
-            help="Match only around keyframes, derived where there are none: faster, and misses "
-            "some; or everywhere. By default around the keyframes of a class that has some.",
-        ),
-    ] = None
+    threshold: float | None = option(
+        "--threshold COST",
+        "Largest cost of a hit; by default the class's own, none for an example.",
+        min=0.0,
+    )
+    limit: int = option(
+        "--limit N",
+        "Most hits; 0: all.",
+        LibraryDefault("motionary.retrieval.search:search", "limit"),
+        min=0,
+    )
+    fast: bool | None = option(
+        "--fast/--thorough",
+        "Match only around keyframes, derived where there are none: faster, and misses "
+        "some; or everywhere. By default around the keyframes of a class that has some.",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,31 +73,19 @@ class ResultOptions(TableOptions):
     """What becomes of the hits, and of what they were found with."""
 
     output: LabelFile = None
-    cut: Annotated[str | None, typer.Option(metavar="FOLDER", help="Write each hit as a clip.")] = (
-        None
+    cut: str | None = option("--cut FOLDER", "Write each hit as a clip.")
+    sheet: str | None = option("--sheet PNG", "Draw the hits as stick figures below the example.")
+    report: str | None = option(
+        "--report HTML",
+        "Write a page that plays the hits side by side, in step, and takes yes and no.",
     )
-    sheet: Annotated[
-        str | None,
-        typer.Option(metavar="PNG", help="Draw the hits as stick figures below the example."),
-    ] = None
-    report: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HTML",
-            help="Write a page that plays the hits side by side, in step, and takes yes and no.",
-        ),
-    ] = None
-    template: Annotated[
-        str | None, typer.Option(metavar="PNG", help="Draw the template that was learned.")
-    ] = None
-    save_query: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Write the keyframes, to be changed and used again."),
-    ] = None
-    save_class: Annotated[
-        str | None,
-        typer.Option(metavar="LIB", help="Add the learned template to a library, as a class."),
-    ] = None
+    template: str | None = option("--template PNG", "Draw the template that was learned.")
+    save_query: str | None = option(
+        "--save-query FILE", "Write the keyframes, to be changed and used again."
+    )
+    save_class: str | None = option(
+        "--save-class LIB", "Add the learned template to a library, as a class."
+    )
 
     @property
     def holds_labels(self) -> bool:
@@ -213,12 +193,12 @@ def _find(
 
 def _check_use(options: QueryOptions, results: ResultOptions) -> None:
     check_query(options)
-    for option, value in {
+    for name, value in {
         "--template": results.template,
         "--save-class": results.save_class,
     }.items():
         if options.like is None and value is not None:
-            raise wrong(option, "goes with --like FILE")
+            raise wrong(name, "goes with --like FILE")
     check_page("--report", results.report)
     check_picture("--sheet", results.sheet)
     check_picture("--template", results.template)

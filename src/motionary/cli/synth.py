@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import Force, LibraryDefault, check_target
+from motionary.cli.options import Force, LibraryDefault, check_target, flag, option
 from motionary.cli.query import Start, Stop, check_part
 from motionary.cli.recordings import read_recording
 from motionary.errors import UnwritableFile
@@ -95,35 +95,24 @@ def _of_former_runs(output: str) -> list[Path]:
 class DepthOptions:
     """A depth camera, and what it sees wrongly."""
 
-    noise: Annotated[
-        str,
-        typer.Option(
-            metavar="none|kinect|tof",
-            default_factory=LibraryDefault("motionary.body:DepthSettings", "noise"),
-            help="Of the camera.",
-        ),
-    ]
-    distance_m: Annotated[
-        float,
-        typer.Option(
-            "--distance",
-            metavar="METRES",
-            default_factory=LibraryDefault("motionary.body:DepthSettings", "distance_m"),
-            help="From camera to body.",
-        ),
-    ]
-    images_hz: Annotated[
-        float,
-        typer.Option(
-            "--images",
-            metavar="HZ",
-            default_factory=LibraryDefault("motionary.body:DepthSettings", "images_hz"),
-            help="Images a second.",
-        ),
-    ]
+    noise: str = option(
+        "--noise none|kinect|tof",
+        "Of the camera.",
+        LibraryDefault("motionary.body:DepthSettings", "noise"),
+    )
+    distance_m: float = option(
+        "--distance METRES",
+        "From camera to body.",
+        LibraryDefault("motionary.body:DepthSettings", "distance_m"),
+    )
+    images_hz: float = option(
+        "--images HZ",
+        "Images a second.",
+        LibraryDefault("motionary.body:DepthSettings", "images_hz"),
+    )
     start: Start = None
     stop: Stop = None
-    fine: Annotated[bool, typer.Option(help="Use the finer mesh.")] = False
+    fine: bool = flag("--fine/--no-fine", "Use the finer mesh.")
 
 
 def depth(

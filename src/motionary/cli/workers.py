@@ -5,11 +5,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from motionary.cli.options import LibraryDefault, wrong
+from motionary.cli.options import LibraryDefault, option, wrong
 
 if TYPE_CHECKING:
     from motionary.batch import Workers
@@ -19,25 +17,17 @@ if TYPE_CHECKING:
 class WorkOptions:
     """How many processes, or whose."""
 
-    jobs: Annotated[
-        int,
-        typer.Option(
-            "--jobs",
-            "--workers",
-            min=1,
-            metavar="N",
-            default_factory=LibraryDefault("motionary.batch:map_ordered", "jobs"),
-            help="Processes that read files; the answer is the same.",
-        ),
-    ]
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Dask scheduler whose workers do it instead, as tcp://host:8786; they see files "
-            "and index under the same paths.",
-        ),
-    ] = None
+    jobs: int = option(
+        "--jobs --workers N",
+        "Processes that read files; the answer is the same.",
+        LibraryDefault("motionary.batch:map_ordered", "jobs"),
+        min=1,
+    )
+    scheduler: str | None = option(
+        "--scheduler ADDRESS",
+        "Dask scheduler whose workers do it instead, as tcp://host:8786; they see files "
+        "and index under the same paths.",
+    )
 
     @contextmanager
     def open(self) -> "Iterator[Workers]":
