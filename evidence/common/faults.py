@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import MotionaryError
 from motionary.io import find_recordings, read
-from motionary.io.normalise.anomalies import find_anomalies
-from motionary.io.normalise.quality import count_rest_frames
+from motionary.io.normalise.quality import count_rest_frames, find_anomalies
 from motionary.motion import Motion
 
 Floats = NDArray[np.float64]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from motionary import read, write
-from motionary.io.normalise.anomalies import find_anomalies
 from motionary.io.normalise.gaps import find_zeros
 from motionary.io.normalise.jumps import track_points
+from motionary.io.normalise.quality import find_anomalies
 from motionary.motion import GENERIC_JOINTS
 from motionary.samples import synthetic_motion
 

@@ -26,10 +26,10 @@ from motionary.io.formats import (
 )
 from motionary.io.formats.content import FileContent
 from motionary.io.formats.takes import label_takes, split_take
+from motionary.io.normalise import normalise
 from motionary.io.normalise.gaps import fill_gaps, unsee_zeros
 from motionary.io.normalise.quality import check_quality, mark_in_place
 from motionary.io.normalise.sides import normalise_sides
-from motionary.io.normalise.units_axes import normalise
 from motionary.io.options import ReadOptions
 from motionary.io.text import TAKE_MARK, format_suffix
 from motionary.motion import JointMapping, Motion, Unmapped

@@ -20,7 +20,7 @@ from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io.formats.asf import AcclaimSkeleton, Bone, find_asf, read_asf
 from motionary.io.formats.content import FileContent, place_joints
 from motionary.io.formats.numbers import check_frames, end_alike, read_frames, to_number
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import read_text, write_text
 from motionary.motion import Motion

@@ -38,7 +38,7 @@ from motionary.io.formats.npz import (
 )
 from motionary.io.formats.smpl import is_smpl, read_smpl_arrays
 from motionary.io.formats.takes import choose_take, recall
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
 from motionary.recording import Recording

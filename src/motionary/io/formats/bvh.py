@@ -25,7 +25,7 @@ from motionary.io.formats.content import (
 )
 from motionary.io.formats.numbers import parse_number, read_table
 from motionary.io.formats.times import rate_of_frame_time
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import read_text
 from motionary.motion import Skeleton

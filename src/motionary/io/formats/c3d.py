@@ -40,8 +40,7 @@ from motionary.io.formats.content import (
     number_doubles,
 )
 from motionary.io.normalise.axes import check_up, turn_back
-from motionary.io.normalise.units import NAMES_OF_UNITS
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Event, Motion
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import UnreadableFile
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.motion import Event, JointMapping, Skeleton, forward_kinematics
 from motionary.rotations import (
     conjugate_quaternions,

@@ -25,8 +25,7 @@ from motionary.io.formats.content import (
 )
 from motionary.io.formats.numbers import UNKNOWN_NUMBERS, parse_number, read_table
 from motionary.io.formats.times import time_frames
-from motionary.io.normalise.units import NAMES_OF_UNITS
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import read_text
 

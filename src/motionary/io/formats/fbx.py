@@ -26,7 +26,7 @@ from motionary.io.formats import blender_line
 from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
 from motionary.io.formats.npz import Array, read_npz
 from motionary.io.formats.takes import choose_take, note_take
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
 from motionary.rotations import multiply_quaternions, quaternions_to_matrices

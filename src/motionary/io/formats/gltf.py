@@ -29,7 +29,7 @@ from motionary.io.formats.gltf_document import (
     sample_channel,
 )
 from motionary.io.formats.takes import choose_take, note_take
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import JointMapping, Skeleton
 from motionary.rotations import matrices_to_quaternions, quaternions_to_matrices

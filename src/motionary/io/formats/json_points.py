@@ -41,8 +41,7 @@ from motionary.io.formats.json_people import (
 )
 from motionary.io.formats.takes import choose_take, recall
 from motionary.io.formats.times import time_frames
-from motionary.io.normalise.units import NAMES_OF_UNITS
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import parse_json, read_text
 from motionary.skeletons import named_table

@@ -24,7 +24,7 @@ from motionary.io.formats.content import FileContent, number_doubles
 from motionary.io.formats.numbers import parse_number
 from motionary.io.formats.takes import EVERY, choose_take
 from motionary.io.formats.times import time_frames
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
 from motionary.rotations import conjugate_quaternions, multiply_quaternions, rotate

@@ -27,7 +27,7 @@ from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 from motionary.files import describe_opening, most_unpacked, open_regular, write_atomically
 from motionary.io.formats.content import FARTHEST, FileContent
 from motionary.io.formats.pickle_machine import PickleRefusedError, plain, run_pickle
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Event, JointMapping, Motion, Skeleton
 from motionary.skeletons import format_table, known_mappings, named_mapping, parse_table

@@ -23,7 +23,7 @@ from motionary.io.formats.content import (
 )
 from motionary.io.formats.numbers import UNKNOWN_NUMBERS, read_table
 from motionary.io.formats.times import time_frames
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import read_text
 

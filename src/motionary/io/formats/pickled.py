@@ -22,8 +22,7 @@ from motionary.io.formats.npz import Array, plain_dict, read_pickled, to_arrays
 from motionary.io.formats.pickle_machine import PickleRefusedError
 from motionary.io.formats.smpl import check_pose, find_source, pose_content, read_smpl_arrays
 from motionary.io.formats.takes import choose_take, recall
-from motionary.io.normalise.units import metres_per_unit
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 
 RATE_HZ = 60.0

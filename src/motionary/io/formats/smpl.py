@@ -19,8 +19,7 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.content import RATE_HINT, FileContent, place_joints
 from motionary.io.formats.npz import Array, read_npz
 from motionary.io.formats.smpl_turns import read_turns
-from motionary.io.normalise.units import metres_per_unit
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
 from motionary.skeletons import named_mapping

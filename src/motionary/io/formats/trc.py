@@ -30,8 +30,7 @@ from motionary.io.formats.numbers import (
     read_table,
 )
 from motionary.io.formats.times import time_frames
-from motionary.io.normalise.units import NAMES_OF_UNITS
-from motionary.io.normalise.units_axes import FileMetadata
+from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import PACKED, read_text, write_text
 from motionary.motion import Motion

@@ -7,13 +7,16 @@ while the ends of a body along other axes wander. A body that lies still, or cro
 time, does not tell.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.motion import GENERIC_JOINTS
+from motionary.io.normalise.units import INSISTS, FileMetadata
+from motionary.motion import GENERIC_JOINTS, Motion, Skeleton
+from motionary.rotations import matrices_to_quaternions, multiply_quaternions
 
 Floats = NDArray[np.float64]
 
@@ -27,9 +30,6 @@ _TURNS: dict[str, tuple[tuple[int, int], ...]] = {
     "-z": ((0, 1), (2, -1), (1, 1)),
 }
 UPS = tuple(_TURNS)
-
-#: Ends an axis or unit that holds whatever the body says.
-INSISTS = "!"
 
 # Cosine: who stands along an axis has the head within 37 degrees of it, above the feet.
 _CLEAR = 0.8
@@ -120,6 +120,25 @@ def turn_up(positions: Floats, up: str) -> Floats:
     return result
 
 
+def turn(motion: Motion, up: str) -> Motion:
+    """The motion with y up, of one in which `up` is; of a rig, the roots turn."""
+    if check_up(up) == "y":
+        return motion
+    skeleton, rotations = motion.skeleton, motion.rotations
+    if skeleton is not None:
+        roots = skeleton.parents < 0
+        offsets = skeleton.offsets.copy()
+        offsets[roots] = turn_up(offsets[roots], up)
+        skeleton = Skeleton(skeleton.names, skeleton.parents, offsets, ends=skeleton.ends)
+        if rotations is not None:
+            world = matrices_to_quaternions(turn_up(np.eye(3), up).T)
+            rotations = rotations.copy()
+            rotations[:, roots] = multiply_quaternions(world, rotations[:, roots])
+    return replace(
+        motion, positions=turn_up(motion.positions, up), skeleton=skeleton, rotations=rotations
+    )
+
+
 def turn_back(positions: Floats, up: str) -> Floats:
     """The inverse of `turn_up`."""
     result = np.empty_like(positions)
@@ -189,6 +208,86 @@ def is_still(stance: Stance, *, usual: str, seen: str) -> bool:
     stands = stance.is_planted and stance.floors[seen] <= stance.floors[usual]
     sure = stance.walks or stands or stance.steadier(seen, usual)
     return not (seen == usual or opposite or sure)
+
+
+class Decision(NamedTuple):
+    """An axis, the note on it, and whether the body casts doubt on it."""
+
+    axis: str
+    note: str
+    is_doubtful: bool = False
+
+
+def find_axis(
+    motion: Motion, metadata: FileMetadata, up: str | None, stance: Stance | None
+) -> Decision:
+    """The axis that points up, and a note on where that is known from.
+
+    Raises
+    ------
+    InvalidInput
+        If the caller or the file contradicts the body, or it lies or stands, one cannot know.
+    """
+    if up is not None:
+        axis = check_up(up)
+        other = None if stance is None else stance.refutes(axis)
+        if other is not None and not up.strip().endswith(INSISTS):
+            raise InvalidInput(
+                f"{axis} points up as given, but its head is above its feet along "
+                f"{other}; say which with --up {other} or, to insist, --up '{axis}!' (up=...)",
+                file=motion.source,
+            )
+        return Decision(axis, f"{axis} up, as given")
+    usual = metadata.up or metadata.usual_up
+    seen = detect_up(stance, usual=usual)
+    lies = stance is not None and seen is not None and is_still(stance, usual=usual, seen=seen)
+    found = _find_unstated_axis(motion, metadata, usual, seen, is_still=lies)
+    if metadata.origin and found.axis == usual:
+        return Decision(usual, f"{usual} up, as {metadata.origin} has")
+    return found
+
+
+def _find_unstated_axis(
+    motion: Motion, metadata: FileMetadata, usual: str, seen: str | None, *, is_still: bool
+) -> Decision:
+    source = motion.source
+    if metadata.up is not None and seen not in (None, metadata.up) and not is_still:
+        raise InvalidInput(
+            f"says that {metadata.up} points up, but its head is above its "
+            f"feet along {seen}; say which with --up {metadata.up} or --up {seen} (up=...)",
+            file=source,
+        )
+    if metadata.up is not None:
+        stated = "as the file says"
+    else:
+        stated = "by definition" if metadata.by_definition else "assumed"
+    if not is_still:
+        by_body = seen is not None and metadata.up is None
+        axis = seen or usual
+        return Decision(axis, f"{axis} up, {'by the body' if by_body else stated}")
+    if metadata.up is not None or metadata.by_definition:
+        note = f"{usual} up, {stated}; the body lies along {seen}, or stands still"
+        return Decision(usual, note, is_doubtful=True)
+    if _rest_axis(motion) not in (None, seen):
+        raise InvalidInput(
+            f"its body stands along {seen}, or lies still where {usual} points up; "
+            f"say which with --up {seen} or --up {usual} (up=...)",
+            file=source,
+        )
+    return Decision(str(seen), f"{seen} up, by the body, which stands or lies still")
+
+
+def _rest_axis(motion: Motion) -> str | None:
+    """The axis along which a rig stands when nothing is turned, by its offsets."""
+    skeleton = motion.skeleton
+    if skeleton is None or motion.mapping is None or skeleton.ends:
+        return None
+    places = np.zeros_like(skeleton.offsets)
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        places[joint] = skeleton.offsets[joint] + (places[parent] if parent >= 0 else 0.0)
+    at_rest = replace(motion, positions=places[None], rotations=None)
+    stance = find_stance(at_rest.generic_positions())
+    return None if stance is None else next((axis for axis in UPS if stance.stands(axis)), None)
 
 
 def _walks(bodies: Floats, along: Floats, size: float) -> bool:

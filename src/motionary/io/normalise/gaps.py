@@ -185,13 +185,7 @@ def find_zeros(positions: Floats) -> Mask:
     return result
 
 
-def _zeros_of(
-    positions: Floats,
-    joint: int,
-    at_origin: Mask,
-    whole: Mask,
-    size: float,
-) -> Mask:
+def _zeros_of(positions: Floats, joint: int, at_origin: Mask, whole: Mask, size: float) -> Mask:
     """Frames in which one point counts as not seen."""
     there = ~(at_origin | whole)
     if not there.any():

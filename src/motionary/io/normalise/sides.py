@@ -8,7 +8,7 @@ places, is one of a person again: of one who moved the mirror image.
 """
 
 from dataclasses import replace
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,32 +73,31 @@ def normalise_sides(motion: Motion, sides: str | None) -> Motion:
     if motion.mapping is None and sides != "mirrored":
         return motion
     if sides is not None:
-        change = {"named": _keep, "swapped": exchange_names, "mirrored": mirror}[check_sides(sides)]
-        return replace(change(motion), notes=(*motion.notes, f"left and right {sides}, as given"))
-    verdict = judge_sides(motion)
-    if verdict is None:
+        change = {"swapped": exchange_names, "mirrored": mirror}.get(check_sides(sides))
+        changed = change(motion) if change else motion
+        return replace(changed, notes=(*motion.notes, f"left and right {sides}, as given"))
+    wrong = _contradiction(motion)
+    if wrong is None:
         note = "left and right as named; the body does not tell"
         return replace(motion, notes=(*motion.notes, note))
-    if verdict.wrong:
-        raise InvalidInput(verdict.wrong, file=motion.source or "motion")
+    if wrong:
+        raise InvalidInput(wrong, file=motion.source or "motion")
     return motion
 
 
-class Verdict(NamedTuple):
-    """What tells left from right; `wrong` says what contradicts the names and what to do."""
+def _contradiction(motion: Motion) -> str | None:
+    """What of the body contradicts the names of left and right, "" if nothing does.
 
-    wrong: str = ""
-
-
-def judge_sides(motion: Motion) -> Verdict | None:
-    """Whether the body agrees with the names of left and right; None if it does not tell."""
+    None if it does not tell.
+    """
     some = slice(None, None, 1 + motion.n_frames // _LOOKED_AT)
     sample = replace(motion, positions=motion.positions[some], rotations=None)
     body = sample.generic_positions()
     if not (_is_rigid(body, "hip", "knee") and _is_rigid(body, "shoulder", "elbow")):
         return None
-    if _along_hips(body) < _TURNED:
-        return Verdict(
+    lines = [_unit(_joint(body, f"l{j}") - _joint(body, f"r{j}")) for j in ("shoulder", "hip")]
+    if _mean(_dot(*lines)) < _TURNED:
+        return (
             "the shoulders face the other way than the hips, so the names of left and right are "
             "exchanged on arms or legs; rename them, or insist with --sides named (sides=...)"
         )
@@ -109,13 +108,13 @@ def judge_sides(motion: Motion) -> Verdict | None:
     )
     for what, forward, least in measures:
         if forward < -least:
-            return Verdict(
+            return (
                 f"{what} backward if left and right are as named: either the names are exchanged "
                 "or the axes are left-handed; say which with --sides swapped or --sides mirrored, "
                 "or insist with --sides named (sides=...)"
             )
         if forward > least:
-            return Verdict()
+            return ""
     return None
 
 
@@ -142,10 +141,6 @@ def mirror(motion: Motion) -> Motion:
     return replace(
         motion, positions=motion.positions * across, skeleton=skeleton, rotations=rotations
     )
-
-
-def _keep(motion: Motion) -> Motion:
-    return motion
 
 
 def _twins(mapping: JointMapping) -> dict[str, str]:
@@ -201,12 +196,6 @@ def _is_rigid(body: Floats, start: str, end: str) -> bool:
         if len(lengths) and lengths.std() > _RIGID * lengths.mean():
             return False
     return True
-
-
-def _along_hips(body: Floats) -> float:
-    """Cosine between the lines through shoulders and through hips."""
-    lines = [_unit(_joint(body, f"l{j}") - _joint(body, f"r{j}")) for j in ("shoulder", "hip")]
-    return _mean(_dot(*lines))
 
 
 def _forward_elbows(body: Floats) -> float:

@@ -8,16 +8,19 @@ from end to end, taken for 2.2 m. Legs that no adult has are doubted in the note
 """
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.io.normalise import axes
-from motionary.motion import GENERIC_JOINTS, Skeleton
+from motionary.motion import GENERIC_JOINTS, Motion, Skeleton
 
 Floats = NDArray[np.float64]
+
+#: Ends an axis or unit that holds whatever the body says.
+INSISTS = "!"
 
 METRES: Mapping[str, float] = {
     "m": 1.0,
@@ -39,13 +42,10 @@ NAMES_OF_UNITS: Mapping[str, str] = {
     "in": "inch", "inch": "inch", "inches": "inch",
 }  # fmt: skip
 
-SPAN_M = 2.2
+_SPAN_M = 2.2
 
 # Limbs of a grown person.
-_LIMBS = (
-    (("hip", "knee", "ankle"), 0.85, "legs"),
-    (("shoulder", "elbow", "wrist"), 0.53, "arms"),
-)
+_LIMBS = ((("hip", "knee", "ankle"), 0.85, "legs"), (("shoulder", "elbow", "wrist"), 0.53, "arms"))
 
 # As fractions of a grown person: a child and a giant; and what no figure is.
 _POSSIBLE = (0.35, 1.65)
@@ -60,6 +60,34 @@ _COLLAPSED = 0.1
 
 # A bone is rigid if its length varies by less than this fraction.
 _RIGID = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class FileMetadata:
+    """What a file or its format says of unit and axes.
+
+    Attributes
+    ----------
+    unit, up : what the file says; None where it does not
+    usual_unit, usual_up : what the format usually has, where the body does not tell either;
+        without `usual_unit` a body of no person's size is scaled to that of one
+    likely : units that files of this format are in
+    by_definition : the format has but one axis, so that a body that does not tell is no doubt
+    origin : data set whose axis `usual_up` is, for the note
+    noted : which of "unit" and "up" are worth a note where nobody gives them
+    takes_unit : whether a unit that the caller gives is that of the body; else its reader has
+        applied it
+    """
+
+    unit: str | None = None
+    up: str | None = None
+    usual_unit: str = "m"
+    usual_up: str = "y"
+    likely: tuple[str, ...] = tuple(METRES)
+    by_definition: bool = False
+    origin: str = ""
+    noted: tuple[str, ...] = ("unit", "up")
+    takes_unit: bool = True
 
 
 class Length(NamedTuple):
@@ -101,7 +129,7 @@ def metres_per_unit(unit: float | str) -> float:
         If the name is unknown or the number not positive.
     """
     if isinstance(unit, str):
-        unit = unit.removesuffix(axes.INSISTS)
+        unit = unit.removesuffix(INSISTS)
         if unit in METRES:
             return METRES[unit]
     try:
@@ -113,15 +141,6 @@ def metres_per_unit(unit: float | str) -> float:
             f"unit must be one of {', '.join(METRES)} or metres per unit, got {unit!r}"
         )
     return metres
-
-
-def insists(unit: float | str) -> bool:
-    """Whether a unit is meant whatever the body says: a number, or with an exclamation mark."""
-    return (
-        not isinstance(unit, str)
-        or unit.removesuffix(axes.INSISTS) not in METRES
-        or (unit.endswith(axes.INSISTS))
-    )
 
 
 def measure_body(
@@ -141,16 +160,16 @@ def measure_body(
             if 0 < length < np.inf:
                 return Length(length, expected, what)
     span = _span(positions, skeleton) if skeleton is not None else 0.0
-    return Length(span, SPAN_M, "a longest span", sure=False) if 0 < span < np.inf else None
+    return Length(span, _SPAN_M, "a longest span", sure=False) if 0 < span < np.inf else None
 
 
 def detect_unit(length: Length, likely: Collection[str] = METRES) -> str | None:
     """The unit of those likely in which a body is of a person's size, None if it is in none."""
-    name = nearest_unit(length, likely)
+    name = _nearest_unit(length, likely)
     return name if _is_possible(length, name) or not length.sure else None
 
 
-def nearest_unit(length: Length, likely: Collection[str] = METRES) -> str:
+def _nearest_unit(length: Length, likely: Collection[str] = METRES) -> str:
     """The unit of those likely in which a body is nearest to a person's size."""
     others = [unit for unit in likely if unit != _NEAR_ANOTHER]
     name = _nearest(length, others)
@@ -174,10 +193,64 @@ def _is_possible(length: Length, unit: str) -> bool:
     return least < length.units * METRES[unit] / length.metres < most
 
 
-def is_absurd(length: Length, metres: float) -> bool:
+def _is_absurd(length: Length, metres: float) -> bool:
     """Whether no person or figure has such a length, if a unit has so many metres."""
     ratio = length.units * metres / length.metres
     return length.sure and not 1 / _ABSURD < ratio < _ABSURD
+
+
+def find_unit(
+    source: str, metadata: FileMetadata, unit: float | str | None, length: Length | None
+) -> tuple[float, str]:
+    """Metres of a file's unit, and a note on where that is known from.
+
+    Raises
+    ------
+    InvalidInput
+        If the caller or the file contradicts the body.
+    """
+    given = metadata.unit if unit is None else unit
+    if given is not None:
+        metres = metres_per_unit(given)
+        # A number is meant whatever the body says.
+        insists = not isinstance(given, str) or given not in METRES
+        if not insists and length is not None and _is_absurd(length, metres):
+            claim = "says that it is in {}, which" if unit is None else "unit {} as given"
+            raise InvalidInput(
+                f"{claim.format(given)} makes {length.said(metres)}; "
+                f"{_by_body(length, metres)}; say which with --unit (unit=...), and if "
+                f"the body is so large, as a number: {metres:g}",
+                file=source,
+            )
+        by = "as the file says" if unit is None else "as given"
+        return metres, f"unit {str(given).removesuffix(INSISTS)}, {by}"
+    if length is None:
+        return METRES[metadata.usual_unit], f"unit {metadata.usual_unit}, assumed"
+    name = detect_unit(length, metadata.likely)
+    if name is None:
+        metres = length.metres / length.units
+        return metres, f"unit {metres:.3g} m, so that the body has {length.said(metres)}"
+    return METRES[name], f"unit {name}, by {length.said(METRES[name])}"
+
+
+def _by_body(length: Length, metres: float) -> str:
+    """What the unit is by the body, which refutes one of so many metres."""
+    name = _nearest_unit(length)
+    if _is_absurd(length, METRES[name]) or METRES[name] == metres:
+        return "by the body it is in no unit that is known"
+    return f"by the body it is {name}"
+
+
+def rescale(motion: Motion, metres: float) -> Motion:
+    """A motion whose unit has so many metres, in metres; its positions are changed."""
+    if metres == 1.0:
+        return motion
+    positions = motion.positions
+    positions *= metres
+    skeleton = motion.skeleton
+    if skeleton is not None:
+        skeleton = replace(skeleton, offsets=skeleton.offsets * metres)
+    return replace(motion, positions=positions, skeleton=skeleton)
 
 
 def _limb(generic: Floats, joints: tuple[str, str, str]) -> float:
