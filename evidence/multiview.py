@@ -20,10 +20,16 @@ from evidence.common.views import (
 )
 from motionary.io import read
 from motionary.multiview import see, triangulate
+from motionary.multiview.cameras import bridge
 from motionary.multiview.exchange import find_exchanges
-from motionary.multiview.steadiness import floor_of, measure_steadiness, stances
-from motionary.multiview.tracking import TrackedPoints, in_sequence_of, track_points
-from motionary.multiview.triangulation import bridge
+from motionary.multiview.tracking import (
+    TrackedPoints,
+    floor_of,
+    in_sequence_of,
+    measure_steadiness,
+    stances,
+    track_points,
+)
 
 TITLE = "Tracking in views of several cameras"
 SPLIT = (

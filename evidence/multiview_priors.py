@@ -24,8 +24,15 @@ from motionary.multiview import (
     see,
 )
 from motionary.multiview.priors import PriorTable
-from motionary.multiview.steadiness import floor_of, measure_steadiness, stances
-from motionary.multiview.tracking import Recognised, in_sequence_of, steady, track_points
+from motionary.multiview.tracking import (
+    Recognised,
+    floor_of,
+    in_sequence_of,
+    measure_steadiness,
+    stances,
+    steady,
+    track_points,
+)
 from motionary.recording import Recording, find_runs
 from motionary.retrieval.annotation import annotate
 from motionary.skeletons import named_mapping

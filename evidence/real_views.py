@@ -29,9 +29,9 @@ from motionary.multiview import (
     straighten,
     triangulate,
 )
+from motionary.multiview.cameras import LIMIT_PX, USUAL_FOCAL
 from motionary.multiview.exchange import Exchange
 from motionary.multiview.tracking import in_sequence_of, track_points
-from motionary.multiview.triangulation import LIMIT_PX, USUAL_FOCAL
 from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
 
 if TYPE_CHECKING:

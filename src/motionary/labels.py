@@ -78,6 +78,20 @@ class Label:
             )
 
 
+def label_frames(
+    recording: Recording, name: str, first: int, stop: int, extra: Mapping[str, str]
+) -> Label:
+    """The label of frames of a recording, counted from its first one, `stop` one past the last."""
+    return Label(
+        name,
+        float(first / recording.rate_hz),
+        float(stop / recording.rate_hz),
+        start_frame=int(recording.first_frame + first),
+        end_frame=int(recording.first_frame + stop - 1),
+        extra=extra,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class LabelTrack(Tabular):
     """Labels of one recording, sorted by start; they may overlap.

@@ -41,7 +41,7 @@ from motionary.inertial.synchronising import (
     synchronise,
 )
 from motionary.io.sensors import SensorRecording
-from motionary.labels import Label, LabelTrack
+from motionary.labels import LabelTrack, label_frames
 from motionary.motion import Motion
 from motionary.rotations import conjugate_quaternions, multiply_quaternions
 
@@ -386,14 +386,6 @@ def _to_track(motion: Motion, checks: Sequence[LimbCheck]) -> LabelTrack:
             if check.swing_deg is not None and check.twist_deg is not None:
                 swing = np.nanmedian(check.swing_deg[first:stop])
                 kind = "direction" if swing > np.nanmedian(check.twist_deg[first:stop]) else "twist"
-            labels.append(
-                Label(
-                    f"{check.limb} off",
-                    float(first / motion.rate_hz),
-                    float(stop / motion.rate_hz),
-                    start_frame=int(motion.first_frame + first),
-                    end_frame=int(motion.first_frame + stop - 1),
-                    extra={"sensor": check.sensor, "worst_deg": f"{worst:.0f}", "kind": kind},
-                )
-            )
+            extra = {"sensor": check.sensor, "worst_deg": f"{worst:.0f}", "kind": kind}
+            labels.append(label_frames(motion.recording, f"{check.limb} off", first, stop, extra))
     return LabelTrack(motion.recording, tuple(labels))

@@ -1,6 +1,14 @@
 """Keypoints of several calibrated cameras: sides put right, points in space, tracked bodies."""
 
-from motionary.multiview.cameras import Sight, project, see, straighten, undistort
+from motionary.multiview.cameras import (
+    Sight,
+    Triangulated,
+    project,
+    see,
+    straighten,
+    triangulate,
+    undistort,
+)
 from motionary.multiview.exchange import LIMBS, Exchange, exchange_sources, find_exchanges
 from motionary.multiview.live import ViewPose, ViewTracker
 from motionary.multiview.poses import PoseMemory, remember_poses
@@ -12,6 +20,7 @@ from motionary.multiview.priors import (
     read_priors,
     write_priors,
 )
+from motionary.multiview.recordings import Tracking, Untangled, track, untangle
 from motionary.multiview.regions import (
     Contour,
     RegionSettings,
@@ -19,9 +28,6 @@ from motionary.multiview.regions import (
     fit_regions,
     follow_regions,
 )
-from motionary.multiview.tracking import Tracking, track
-from motionary.multiview.triangulation import Triangulated, triangulate
-from motionary.multiview.untangling import Untangled, untangle
 from motionary.multiview.views import FittedViews, find_offsets, fit_views
 
 __all__ = [

@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.multiview.cameras import Sight, solve
-from motionary.multiview.triangulation import USUAL_FOCAL, triangulate
+from motionary.multiview.cameras import USUAL_FOCAL, Sight, solve, triangulate
 from motionary.rotations import unit_vectors
 
 Floats = NDArray[np.float64]
@@ -82,9 +81,19 @@ def find_exchanges(sight: Sight, *, near: Floats | None = None) -> tuple[Exchang
         own = [part for part in parts if len(find_pairs(sight.names, (part,)))]
         if own:
             pairs = find_pairs(sight.names, own)
+            # Rays by pairs and sides: (cameras, frames, pairs, sides, 3).
+            rays = sight._replace(
+                directions=sight.directions[:, :, pairs], weights=sight.weights[:, :, pairs]
+            )
             body = _Body(tuple(own), shoulders, lengths)
-            found.append(_decide(limb, _pair_rays(sight, pairs, near), body))
+            found.append(_decide(limb, rays, None if near is None else near[:, pairs], body))
     return tuple(found)
+
+
+def right_sides(sight: Sight, *, near: Floats | None = None) -> tuple[Sight, tuple[Exchange, ...]]:
+    """The sight with exchanged sides put right, and what was exchanged; see `find_exchanges`."""
+    exchanges = find_exchanges(sight, near=near)
+    return sight.exchanged(exchange_sources(sight, exchanges)), exchanges
 
 
 class _Body(NamedTuple):
@@ -160,41 +169,7 @@ def exchange_sources(sight: Sight, found: Sequence[Exchange]) -> NDArray[np.intp
     return sources
 
 
-class _Rays(NamedTuple):
-    """Rays of the pairs of a limb: (cameras, frames, pairs, sides, 3), and what else is known."""
-
-    directions: Floats
-    weights: Floats
-    origins: Floats
-    focal: Floats
-    near: Floats | None
-
-    def of(self, cameras: Sequence[int]) -> "_Rays":
-        own = np.asarray(cameras, dtype=np.intp)
-        return self._replace(
-            directions=self.directions[own], weights=self.weights[own],
-            origins=self.origins[own], focal=self.focal[own],
-        )  # fmt: skip
-
-    def part(self, first: int, stop: int) -> "_Rays":
-        near = None if self.near is None else self.near[first:stop]
-        return self._replace(
-            directions=self.directions[:, first:stop], weights=self.weights[:, first:stop],
-            near=near,
-        )  # fmt: skip
-
-
-def _pair_rays(sight: Sight, pairs: NDArray[np.intp], near: Floats | None) -> _Rays:
-    return _Rays(
-        sight.directions[:, :, pairs],
-        sight.weights[:, :, pairs],
-        sight.origins,
-        sight.focal,
-        None if near is None else near[:, pairs],
-    )
-
-
-def _decide(limb: str, rays: _Rays, body: _Body) -> Exchange:
+def _decide(limb: str, rays: Sight, near: Floats | None, body: _Body) -> Exchange:
     """The exchanges of one limb."""
     seen = rays.weights.sum(axis=(2, 3))
     n_cameras, n_frames = seen.shape
@@ -203,9 +178,8 @@ def _decide(limb: str, rays: _Rays, body: _Body) -> Exchange:
     together = np.sort(order[:MOST_TOGETHER])
     exchanged = np.zeros((n_cameras, n_frames), dtype=bool)
     margin = np.full((n_cameras, n_frames), np.inf)
-    own = rays.of(together.tolist())
     states = _states(len(together))
-    unary, places = _cost_states(own, states)
+    unary, places = _cost_states(_of_cameras(rays, together), near, states)
     unary += body.cost(places)
     path, costs = _viterbi(unary, _Steps(states, places))
     exchanged[together] = states[path].T
@@ -213,12 +187,11 @@ def _decide(limb: str, rays: _Rays, body: _Body) -> Exchange:
         margin[camera] = _margins(costs, states[:, k])
     frames = np.arange(n_frames)
     both = np.stack([places[path, frames], places[::-1][path, frames]], axis=2)
-    for camera in order[MOST_TOGETHER:].tolist():
-        bit = _states(1)
-        cost = np.stack([
-            _misses(rays.of([camera]), both[:, :, side])
-            for side in ((0, 1), (1, 0))
-        ]) + _COST_EXCHANGED * bit  # fmt: skip
+    bit = _states(1)
+    for camera in order[MOST_TOGETHER:]:
+        alone = _of_cameras(rays, [camera])
+        misses = [_misses(alone, both[:, :, side]) for side in ((0, 1), (1, 0))]
+        cost = np.stack(misses) + _COST_EXCHANGED * bit
         path, costs = _viterbi(cost, _Steps(bit, None))
         exchanged[camera], margin[camera] = path == 1, _margins(costs, bit[:, 0])
     # A camera that does not see the limb has nothing to exchange.
@@ -233,7 +206,12 @@ def _states(n_cameras: int) -> Bools:
     return np.asarray((numbers[:, None] >> np.arange(n_cameras)) & 1, dtype=bool)
 
 
-def _cost_states(rays: _Rays, states: Bools) -> tuple[Floats, Floats]:
+def _of_cameras(rays: Sight, cameras: Sequence[int] | NDArray[np.intp]) -> Sight:
+    directions, origins, weights, focal = (one[cameras] for one in rays[:4])
+    return Sight(directions, origins, weights, focal, rays.names)
+
+
+def _cost_states(rays: Sight, near: Floats | None, states: Bools) -> tuple[Floats, Floats]:
     """Costs (states, frames), and places of the left limb (states, frames, pairs, 3).
 
     The right limb of a state is the left one of the opposite state.
@@ -242,20 +220,20 @@ def _cost_states(rays: _Rays, states: Bools) -> tuple[Floats, Floats]:
     costs = np.empty((len(states), n_frames))
     places = np.empty((len(states), n_frames, n_pairs, 3))
     for first in range(0, n_frames, _FRAMES_AT_ONCE):
-        part = rays.part(first, first + _FRAMES_AT_ONCE)
         span = slice(first, first + _FRAMES_AT_ONCE)
+        part = rays.of_frames(span)
         places[:, span] = _place(part, states)
         left, right = places[:, span], places[::-1, span]
-        if part.near is not None:
-            left = np.broadcast_to(part.near[None, :, :, 0], left.shape)
-            right = np.broadcast_to(part.near[None, :, :, 1], right.shape)
+        if near is not None:
+            left = np.broadcast_to(near[None, span, :, 0], left.shape)
+            right = np.broadcast_to(near[None, span, :, 1], right.shape)
         for k, state in enumerate(states):
             costs[k, span] = _misses(part, np.stack([left[k], right[k]], axis=2), state)
     each = _COST_OF_TWO if states.shape[1] == 2 else _COST_EXCHANGED
     return costs + each * states.sum(axis=1)[:, None], places
 
 
-def _place(rays: _Rays, states: Bools) -> Floats:
+def _place(rays: Sight, states: Bools) -> Floats:
     """Where rays meet that each state takes for the left limb, (states, frames, pairs, 3)."""
     n_cameras, n_frames, n_pairs = rays.weights.shape[:3]
     n, w = rays.directions, rays.weights
@@ -271,7 +249,7 @@ def _place(rays: _Rays, states: Bools) -> Floats:
     return points
 
 
-def _misses(rays: _Rays, places: Floats, state: Bools | None = None) -> Floats:
+def _misses(rays: Sight, places: Floats, state: Bools | None = None) -> Floats:
     """What rays miss of both limbs (frames, pairs, sides, 3), robust, for each pair: (frames,)."""
     n, w = rays.directions, rays.weights
     if state is not None and state.any():

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from motionary.errors import InvalidInput
 from motionary.io.cameras import CalibratedCamera
 from motionary.io.keypoints import Views
-from motionary.multiview.cameras import Sight, see
+from motionary.multiview.cameras import Sight, see, triangulate
 from motionary.multiview.chain import Chain, ChainPose, place, points_of, pose_points
-from motionary.multiview.exchange import exchange_sources, find_exchanges
+from motionary.multiview.exchange import right_sides
 from motionary.multiview.solving import Pull, SolverSettings, ray_weights, solve_chain
 from motionary.multiview.tracking import (
     find_upright,
@@ -25,7 +25,6 @@ from motionary.multiview.tracking import (
     tell_confidence,
     track_points,
 )
-from motionary.multiview.triangulation import triangulate
 from motionary.multiview.views import fit_views
 
 Floats = NDArray[np.float64]
@@ -176,7 +175,7 @@ class ViewTracker:
         fitted = fit_views(self._views(), self.cameras)
         upright, _ = find_upright(fitted.sight)
         seen = np.flatnonzero(fitted.sight.weights.any(axis=(0, 1))).tolist()
-        sight = _turn(fitted.sight, upright).of_points(seen)
+        sight = fitted.sight.turned(upright).of_points(seen)
         found = track_points(sight, rate_hz=self.rate_hz)
         self._known = _Known(seen, found.chain, found.settings, fitted.unit_m, upright)
         self.names = found.chain.points
@@ -188,7 +187,7 @@ class ViewTracker:
         """Solve the window with the new image."""
         chain = known.chain
         sight = see(self._views(), self.cameras, unit_m=known.unit_m).of_points(known.seen)
-        sight = _turn(sight, known.upright)
+        sight = sight.turned(known.upright)
         before = self._pose
         if before is None:
             found = triangulate(sight).points
@@ -202,8 +201,7 @@ class ViewTracker:
             guess = _predict(chain, before)
             start, held = _join(before, guess, last), min(2, last)
         near = in_sequence_of(sight.names, chain.points, points_of(chain, start))
-        exchanges = find_exchanges(sight, near=near)
-        right = sight.exchanged(exchange_sources(sight, exchanges))
+        right, _ = right_sides(sight, near=near)
         rays = of_chain(right, chain)
         anew = before is None or self._restart(chain, right, rays, start)
         scales = _START_SCALES if anew else _SCALES
@@ -221,12 +219,11 @@ class ViewTracker:
 
         Returns whether it was replaced.
         """
-        newest = _part(right, slice(-1, None))
-        found = triangulate(newest).points
+        found = triangulate(right.of_frames(slice(-1, None))).points
         if np.isnan(found[..., 0]).mean() > _UNKNOWN:
             return False
         through = pose_points(chain, right.names, _with_hips(right.names, found))
-        own = _part(rays, slice(-1, None))
+        own = rays.of_frames(slice(-1, None))
         one, other = (
             ray_weights(own, points_of(chain, pose), _JUDGED_M).sum()
             for pose in (ChainPose(start.turns[-1:], start.centres[-1:]), through)
@@ -235,16 +232,6 @@ class ViewTracker:
             return False
         start.turns[-1], start.centres[-1] = through.turns[0], through.centres[0]
         return True
-
-
-def _turn(sight: Sight, upright: Floats) -> Sight:
-    return sight._replace(
-        directions=sight.directions @ upright.T, origins=sight.origins @ upright.T
-    )
-
-
-def _part(sight: Sight, span: slice) -> Sight:
-    return sight._replace(directions=sight.directions[:, span], weights=sight.weights[:, span])
 
 
 def _predict(chain: Chain, pose: ChainPose) -> ChainPose:

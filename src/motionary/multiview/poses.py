@@ -22,7 +22,7 @@ from motionary.files import write_atomically
 from motionary.io.formats.npz import ArchivedArrays
 from motionary.models.library import ClassLibrary
 from motionary.motion import GENERIC_JOINTS, Motion, resample
-from motionary.multiview.triangulation import bridge
+from motionary.multiview.cameras import bridge
 from motionary.retrieval.annotation import class_distance
 from motionary.retrieval.explanation import Evidence
 from motionary.rotations import unit_vectors

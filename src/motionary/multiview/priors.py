@@ -21,7 +21,6 @@ from motionary.models.library.toml_tables import check_keys, read_toml, refuse, 
 from motionary.models.templates import QuantisedTemplate
 from motionary.multiview.poses import SEEN, BodyFrame, Track, columns_of
 from motionary.multiview.solving import Pull
-from motionary.multiview.steadiness import sole_points
 from motionary.packing import unpack
 from motionary.recording import find_runs
 from motionary.retrieval.explanation import Evidence
@@ -62,6 +61,8 @@ _LIMBS = {
     "foot": ("Hip", "Knee", "Ankle"),
     "knee": ("Hip", "Knee", "Ankle"),
 }
+#: Points of a foot by which it stands.
+SOLE = ("BigToe", "SmallToe", "Heel", "Ankle")
 # Thresholds of the features: an angle, and a hand's speed in lengths of the leg a second.
 _BENT, _AHEAD = np.radians(120.0), 0.45
 
@@ -207,6 +208,13 @@ def check_priors(priors: PriorTable, library: ClassLibrary) -> None:
 
 
 # ---- what they ask of points
+
+
+def sole_points(names: tuple[str, ...], side: str) -> list[int]:
+    """Numbers of the points of a foot, without the ankle if there are others."""
+    own = [names.index(side + part) for part in SOLE if side + part in names]
+    ankle = [k for k in own if names[k].endswith("Ankle")]
+    return [k for k in own if k not in ankle] or ankle
 
 
 def hold(pull: Pull, track: Track, feet: Sequence[int], span: slice, floor: float | None) -> None:

@@ -102,11 +102,8 @@ def solve_chain(
         for first, stop, kept in _windows(len(steps)):
             part = slice(first, stop)
             own = ChainPose(pose.turns[part], pose.centres[part])
-            rays = sight._replace(
-                directions=sight.directions[:, part], weights=sight.weights[:, part]
-            )
             wanted = None if pull is None else Pull(pull.matrices[part], pull.places[part])
-            found = _step(chain, own, rays, scale, rate_hz, settings, wanted)
+            found = _step(chain, own, sight.of_frames(part), scale, rate_hz, settings, wanted)
             steps[kept] = found[kept.start - first : kept.stop - first]
         size = np.abs(steps[:, 3:]).max(axis=1, initial=_MOST_ANGLE)
         steps *= (_MOST_ANGLE / size)[:, None]

@@ -4,43 +4,28 @@ The sequence: exchanged sides first, points from rays, a chain through them, the
 exchanges are decided anew against the chain and all frames are solved together.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.io.cameras import CalibratedCamera
-from motionary.io.keypoints import Views
 from motionary.labels import LabelTrack, compare_labels
 from motionary.models.library import ClassLibrary
 from motionary.motion import Motion
 from motionary.multiview.allocation import allocate, as_seen, bridge_gaps
-from motionary.multiview.cameras import Sight, distances
-from motionary.multiview.chain import (
-    Chain,
-    ChainPose,
-    measure_chain,
-    points_of,
-    pose_points,
-    to_skeleton,
-)
-from motionary.multiview.exchange import Exchange, exchange_sources, find_exchanges
+from motionary.multiview.cameras import Sight, Triangulated, bridge, distances, triangulate
+from motionary.multiview.chain import Chain, ChainPose, measure_chain, points_of, pose_points
+from motionary.multiview.exchange import Exchange, right_sides
 from motionary.multiview.poses import PoseMemory
-from motionary.multiview.priors import AllocatedPrior, PriorTable
+from motionary.multiview.priors import AllocatedPrior, PriorTable, sole_points
 from motionary.multiview.solving import Pull, SolverSettings, free_points, ray_weights, solve_chain
-from motionary.multiview.steadiness import Steadiness, floor_of, measure_steadiness, stances
-from motionary.multiview.triangulation import Triangulated, bridge, triangulate
-from motionary.multiview.untangling import in_own_frames, label_exchanges
-from motionary.multiview.views import open_views
-from motionary.recording import Recording
+from motionary.recording import Recording, find_runs
 from motionary.retrieval.annotation import annotate
 from motionary.rotations import unit_vectors
 from motionary.skeletons import named_mapping
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 _FIRST_SCALES = (0.3, 0.15, 0.10)
 _PASS_SCALES = (0.08, 0.06)
@@ -49,7 +34,12 @@ _N_PASSES, _N_ITERATIONS = 3, 3
 _LEAST_NOISE_M = 0.003
 # The world's up is one of its axes if the body stands within so many degrees of it.
 _AXIS_DEG = 25.0
-_TABLE = "body25"
+TABLE = "body25"
+# A foot stands where its slowest point is slower, and not higher above its lowest height.
+_STANDING_SPEED, _STANDING_HEIGHT_M = 0.45, 0.06
+_LEAST_STANCE_S = 0.1
+_BELOW_M = 0.02
+_SMOOTHED_S = 0.1
 
 
 class TrackedPoints(NamedTuple):
@@ -70,35 +60,31 @@ class TrackedPoints(NamedTuple):
     sight: Sight
 
 
-def track_points(sight: Sight, *, rate_hz: float, n_passes: int = _N_PASSES) -> TrackedPoints:
+def track_points(sight: Sight, *, rate_hz: float) -> TrackedPoints:
     """The body's points in all frames, without priors."""
-    exchanges = find_exchanges(sight)
-    right = sight.exchanged(exchange_sources(sight, exchanges))
+    right, exchanges = right_sides(sight)
     found = triangulate(right)
     chain = measure_chain(sight.names, found.points)
     pose = pose_points(chain, sight.names, bridge(found.points))
     settings = SolverSettings(noise_m=estimate_noise(right, found))
-    pose = solve_chain(
-        chain, pose, of_chain(right, chain), scales_m=_FIRST_SCALES, rate_hz=rate_hz,
-        settings=settings,
-    )  # fmt: skip
-    passes = [points_of(chain, pose)]
-    for _ in range(n_passes):
-        near = in_sequence_of(sight.names, chain.points, passes[-1])
-        exchanges = find_exchanges(sight, near=near)
-        right = sight.exchanged(exchange_sources(sight, exchanges))
-        pose = solve_chain(
-            chain, pose, of_chain(right, chain), scales_m=_PASS_SCALES, rate_hz=rate_hz,
-            settings=settings,
-        )  # fmt: skip
-        passes.append(points_of(chain, pose))
     own = of_chain(right, chain)
+
+    def solve(scales_m: tuple[float, ...], pull: Pull | None = None) -> ChainPose:
+        return solve_chain(
+            chain, pose, own, scales_m=scales_m, rate_hz=rate_hz, settings=settings, pull=pull
+        )
+
+    pose = solve(_FIRST_SCALES)
+    passes = [points_of(chain, pose)]
+    for _ in range(_N_PASSES):
+        near = in_sequence_of(sight.names, chain.points, passes[-1])
+        right, exchanges = right_sides(sight, near=near)
+        own = of_chain(right, chain)
+        pose = solve(_PASS_SCALES)
+        passes.append(points_of(chain, pose))
     pull = bridge_gaps(chain.points, passes[-1], tell_confidence(own, passes[-1]), settings)
     if pull.matrices.any():
-        pose = solve_chain(
-            chain, pose, own, scales_m=_PASS_SCALES * 2, rate_hz=rate_hz, settings=settings,
-            pull=pull,
-        )  # fmt: skip
+        pose = solve(_PASS_SCALES * 2, pull)
         passes[-1] = points_of(chain, pose)
     points = free_points(
         own, passes[-1], rate_hz=rate_hz, settings=settings, scale_m=_FREE_SCALE, pull=pull
@@ -135,7 +121,6 @@ def steady(
     *,
     memory: PoseMemory | None = None,
     named: PriorTable | None = None,
-    n_iterations: int = _N_ITERATIONS,
 ) -> Recognised:
     """The track again with priors of what it is recognised as, until labels stand still.
 
@@ -153,8 +138,8 @@ def steady(
     priors: tuple[AllocatedPrior, ...] = ()
     iterations = [found.points]
     pose, points = found.pose, found.points
-    for _ in range(n_iterations):
-        motion = Motion(names, points, recording, mapping=named_mapping(_TABLE, names))
+    for _ in range(_N_ITERATIONS):
+        motion = Motion(names, points, recording, mapping=named_mapping(TABLE, names))
         labels.append(annotate(as_seen(motion, found.confidence), library))
         if len(labels) > 1 and all(c.kind == "kept" for c in compare_labels(*labels[-2:])):
             break
@@ -215,120 +200,6 @@ def estimate_noise(sight: Sight, found: Triangulated) -> float:
     return max(float(np.median(missed) / 1.18), _LEAST_NOISE_M)
 
 
-# ---- from files to a motion
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tracking:
-    """What was tracked.
-
-    Attributes
-    ----------
-    motion : keypoints of all frames, y up, metres
-    rig : the chain with its turns, for formats that hold rigs; bones of constant length
-    confidence : array, shape (frames, points): 1 where two views or more agree, 0 where none tells
-    exchanges : exchanged sides as labels
-    cameras : in metres, in the axes of the motion
-    offsets : by how many frames each camera's images are late
-    before, after : steadiness of triangulated and of tracked points
-    floor_m : height of the floor; None if no foot is seen
-    labels : what was recognised, with a library; None without
-    priors : what the recognised motion told, and whether it was taken
-    notes : what was assumed and noticed, a sentence each
-    """
-
-    motion: Motion
-    rig: Motion
-    confidence: Floats
-    exchanges: LabelTrack
-    cameras: tuple[CalibratedCamera, ...]
-    offsets: tuple[int, ...]
-    before: Steadiness
-    after: Steadiness
-    floor_m: float | None
-    labels: LabelTrack | None
-    priors: tuple[AllocatedPrior, ...]
-    notes: tuple[str, ...]
-
-
-def track(
-    keypoints: str | Path | Views,
-    cameras: str | Path | Sequence[CalibratedCamera],
-    *,
-    rate_hz: float,
-    library: ClassLibrary | None = None,
-    memory: PoseMemory | None = None,
-    named: PriorTable | None = None,
-    unit: str | None = None,
-    synchronise: bool = False,
-) -> Tracking:
-    """A person tracked by keypoints of several calibrated cameras.
-
-    Parameters
-    ----------
-    keypoints : a folder with a folder for each camera, or what `read_keypoints` gives
-    cameras : a calibration, or what `read_cameras` gives
-    rate_hz : images a second
-    library : classes of motion; what is recognised holds resting feet, and lends poses to limbs
-        that no view tells
-    memory : poses of people, from `remember_poses`; without it the recording's own are lent
-    named : what templates mark by name, from `read_priors`; None takes what they mark themselves
-    unit : of the calibration: m, dm, cm, mm; found by the length of the legs, if None
-    synchronise : move images of cameras that are late or early, instead of refusing them
-
-    Raises
-    ------
-    InvalidInput
-        If cameras and images do not fit; says what would.
-    """
-    views, fitted, recording = open_views(
-        keypoints, cameras, rate_hz=rate_hz, unit=unit, synchronise=synchronise
-    )
-    upright, said = find_upright(fitted.sight)
-    sight = fitted.sight._replace(
-        directions=fitted.sight.directions @ upright.T, origins=fitted.sight.origins @ upright.T
-    )
-    # Points that the layout has and the detector never gives would be made up in every frame.
-    sight = sight.of_points(np.flatnonzero(sight.weights.any(axis=(0, 1))).tolist())
-    found = track_points(sight, rate_hz=rate_hz)
-    steadied = (
-        None if library is None else steady(found, library, recording, memory=memory, named=named)
-    )
-    if steadied is not None:
-        found = steadied.found
-    names = found.chain.points
-    floor = floor_of(names, found.points)
-    exchanges = in_own_frames(found.exchanges, fitted.offsets)
-    before, after = _compare(found, sight.names, rate_hz, floor)
-    return Tracking(
-        Motion(names, found.points, recording, mapping=named_mapping(_TABLE, names)),
-        _rig(found, recording),
-        found.confidence,
-        label_exchanges(exchanges, views.cameras, recording),
-        fitted.place_cameras(views.cameras, upright),
-        tuple(fitted.offsets.tolist()),
-        before,
-        after,
-        floor,
-        None if steadied is None else steadied.labels[-1],
-        () if steadied is None else steadied.priors,
-        (*views.notes, *fitted.notes, said, *_describe(found)),
-    )
-
-
-def _compare(
-    found: TrackedPoints, names: tuple[str, ...], rate_hz: float, floor: float | None
-) -> tuple[Steadiness, Steadiness]:
-    """Steadiness of the detected points as triangulated and as tracked."""
-    tracked = in_sequence_of(names, found.chain.points, found.points)
-    standing = stances(names, tracked, rate_hz)
-    before, after = (
-        measure_steadiness(names, points, rate_hz, standing=standing, floor=floor)
-        for points in (found.triangulated.points, tracked)
-    )
-    return before, after
-
-
 def in_sequence_of(wanted: tuple[str, ...], names: tuple[str, ...], points: Floats) -> Floats:
     """Points in another sequence of names; NaN for those that are not there."""
     result = np.full((len(points), len(wanted), 3), np.nan)
@@ -371,17 +242,99 @@ def find_upright(sight: Sight) -> tuple[Floats, str]:
     return np.stack([x, up, np.cross(x, up)]), said
 
 
-def _rig(found: TrackedPoints, recording: Recording) -> Motion:
-    skeleton, rotations, places = to_skeleton(found.chain, found.pose)
-    return Motion(
-        skeleton.names, places, recording, mapping=None, skeleton=skeleton, rotations=rotations
+# ---- how steady points are
+
+
+class Steadiness(NamedTuple):
+    """Measures of a track; NaN where there is nothing to measure.
+
+    `sliding` of planted feet in m/s, horizontally; `below` fraction of frames with a foot more than
+    2 cm below the floor; `gaps` fraction of points not known; `jitter` mean change of
+    acceleration in m/s².
+    """
+
+    sliding: float
+    below: float
+    gaps: float
+    jitter: float
+
+
+def floor_of(names: tuple[str, ...], points: Floats) -> float | None:
+    """Height of the floor: where the lower foot mostly is; None without feet.
+
+    Feet in the air, as of jumps, and single wrong frames do not move it.
+    """
+    own = [k for side in "LR" for k in sole_points(names, side)]
+    if not own:
+        return None
+    heights = points[:, own, 1]
+    known = ~np.isnan(heights).all(axis=1)
+    if not known.any():
+        return None
+    return float(np.percentile(np.nanmin(heights[known], axis=1), 10))
+
+
+def stances(names: tuple[str, ...], points: Floats, rate_hz: float) -> dict[str, Bools]:
+    """Frames in which each foot stands, "L" and "R"."""
+    result = {}
+    # A longer kernel would make the result longer than the motion.
+    width = max(1, min(round(_SMOOTHED_S * rate_hz), len(points)))
+    for side in "LR":
+        own = sole_points(names, side)
+        if not own:
+            continue
+        feet = points[:, own]
+        speed = np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * rate_hz
+        heights = feet[..., 1] - np.nanpercentile(feet[..., 1], 5, axis=0)
+        kernel = np.ones(width) / width
+        slow = np.convolve(np.nan_to_num(speed.min(axis=1), nan=9.0), kernel, "same")
+        low = np.nan_to_num(heights.min(axis=1), nan=9.0)
+        mask = (slow < _STANDING_SPEED) & (low < _STANDING_HEIGHT_M)
+        result[side] = _without_short(mask, round(_LEAST_STANCE_S * rate_hz))
+    return result
+
+
+def _without_short(mask: Bools, least: int) -> Bools:
+    result = mask.copy()
+    for first, stop in find_runs(mask).tolist():
+        if stop - first < least:
+            result[first:stop] = False
+    return result
+
+
+def measure_steadiness(
+    names: tuple[str, ...],
+    points: Floats,
+    rate_hz: float,
+    *,
+    standing: dict[str, Bools],
+    floor: float | None,
+) -> Steadiness:
+    """Sliding, floor, gaps and jitter of points.
+
+    Parameters
+    ----------
+    names, points, rate_hz : what is measured; NaN = not known
+    standing : frames in which each foot stands, the same for all tracks that are compared
+    floor : height of the floor
+    """
+    speeds = []
+    for side, mask in standing.items():
+        feet = points[:, sole_points(names, side)]
+        # A foot rolls: its slowest point is the one that stands.
+        step = np.linalg.norm(np.diff(feet[..., (0, 2)], axis=0), axis=-1) * rate_hz
+        inside = mask[1:] & mask[:-1] & ~np.isnan(step).all(axis=1)
+        speeds.append(np.nanmin(step[inside], axis=1))
+    slid = np.concatenate(speeds) if speeds else np.zeros(0)
+    below = np.nan
+    own = [k for side in "LR" for k in sole_points(names, side)]
+    if floor is not None and own:
+        lowest = points[:, own, 1]
+        below = float((np.nan_to_num(lowest, nan=np.inf) < floor - _BELOW_M).any(axis=1).mean())
+    jerk = np.linalg.norm(np.diff(points, n=3, axis=0), axis=-1) * rate_hz**2
+    return Steadiness(
+        float(slid.mean()) if len(slid) else np.nan,
+        below,
+        float(np.isnan(points[..., 0]).mean()),
+        float(np.nanmean(jerk)) if np.isfinite(jerk).any() else np.nan,
     )
-
-
-def _describe(found: TrackedPoints) -> list[str]:
-    """Notes on what the views are worth."""
-    alone = float((found.confidence <= 0.05).mean())
-    notes = [f"rays at the person are certain to {1000 * found.settings.noise_m:.0f} mm"]
-    if alone > 0:
-        notes.append(f"{100 * alone:.1f} % of points are told by no view, but by the chain alone")
-    return notes

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.io.cameras import CalibratedCamera, read_cameras
 from motionary.io.keypoints import Views, read_keypoints
-from motionary.multiview.cameras import Sight, see
-from motionary.multiview.triangulation import USUAL_FOCAL, triangulate
+from motionary.multiview.cameras import USUAL_FOCAL, Sight, see, triangulate
 from motionary.recording import Recording
 
 Floats = NDArray[np.float64]
@@ -178,8 +177,7 @@ def _some(sight: Sight) -> Sight:
         return sight
     seen = np.convolve(sight.weights.sum(axis=(0, 2)), np.ones(_FRAMES_TRIED), "valid")
     first = int(seen.argmax())
-    span = slice(first, first + _FRAMES_TRIED)
-    return sight._replace(directions=sight.directions[:, span], weights=sight.weights[:, span])
+    return sight.of_frames(slice(first, first + _FRAMES_TRIED))
 
 
 def _pair_cost(one: Sight, a: int, other: Sight, b: int, offset: int = 0) -> float:
