@@ -86,6 +86,11 @@ def test_the_core_computes_without_pictures_compiler_or_command_line():
     assert heavy.isdisjoint(seen.split())
 
 
+def test_live_labels_load_no_pages_until_one_is_served():
+    code = "import sys, motionary.live; print(*(m for m in sys.modules if 'reporting' in m))"
+    assert run_fresh(code) == ""
+
+
 def test_the_version_is_written_once_and_copied_right():
     pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     assert pyproject["project"]["dynamic"] == ["version"]

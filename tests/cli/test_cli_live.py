@@ -243,7 +243,7 @@ def test_poses_by_the_names_of_joints_may_leave_joints_out(take):
 def websocket(monkeypatch):
     """A source, what it told, and how to connect."""
     client = pytest.importorskip("websockets.sync.client")
-    monkeypatch.setattr("motionary.live.sources._CLOSING_S", 0.2)
+    monkeypatch.setattr("motionary.live.sockets._CLOSING_S", 0.2)
     told = []
     source = WebSocketSource(0, tell=told.append)
     yield source, told, lambda **more: client.connect(f"ws://127.0.0.1:{source.port}", **more)
@@ -431,7 +431,7 @@ def test_states_of_something_else_are_refused(capsys, monkeypatch, tmp_path, lin
 
 def test_a_page_is_served_to_this_computer_and_told_of_what_was(monkeypatch, lines, library):
     client = pytest.importorskip("websockets.sync.client")
-    monkeypatch.setattr("motionary.live.sources._CLOSING_S", 0.2)
+    monkeypatch.setattr("motionary.live.sockets._CLOSING_S", 0.2)
     told = []
     page, people = PageServer(0, tell=told.append), LivePeople(mo.ClassLibrary.load(library))
     with pytest.raises(InvalidInput, match=rf"port {page.port} of 127.0.0.1 .* with --page"):
@@ -465,7 +465,7 @@ def test_a_page_is_served_to_this_computer_and_told_of_what_was(monkeypatch, lin
 
 def test_a_page_shows_a_body_from_when_it_is_seen(monkeypatch, lines, library):
     client = pytest.importorskip("websockets.sync.client")
-    monkeypatch.setattr("motionary.live.sources._CLOSING_S", 0.2)
+    monkeypatch.setattr("motionary.live.sockets._CLOSING_S", 0.2)
     page, people = PageServer(0, tell=pytest.fail), LivePeople(mo.ClassLibrary.load(library))
     people.push(lines[0])
     with client.connect(f"ws://127.0.0.1:{page.port}/watch") as connection:

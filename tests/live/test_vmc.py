@@ -229,7 +229,7 @@ def test_wrong_ports_and_strangers_bytes_are_told(source, monkeypatch):
     assert all("no message of OSC" in text for text in told)
     assert len(told) == 5
     monkeypatch.setattr("motionary.live.sources.SILENT_S", 0.2)
-    monkeypatch.setattr("motionary.live.sources.TICK_S", 0.05)
+    monkeypatch.setattr("motionary.live.sources._TICK_S", 0.05)
     # Who was there before is awaited, then counts as silent.
     assert next(osc.lines(awaited=["gone"])) == ("gone", None)
     assert "no pose has come" in told[-1]

@@ -1,12 +1,11 @@
 """Labels while a motion is still going on."""
 
 from motionary.live.annotator import LiveAnnotator, LiveEvent, Status
-from motionary.live.osc import OscSender, OscSource
 from motionary.live.people import LivePeople, PersonEvent, PersonPose
 from motionary.live.poses import Pose, PoseLines, write_lines
-from motionary.live.sources import PipeSource, Source, WebSocketSource
+from motionary.live.sockets import PageServer, WebSocketSource
+from motionary.live.sources import OscSender, OscSource, PipeSource, Source
 from motionary.live.vmc import VMC_HZ, VMC_PORT, VmcReader, write_messages
-from motionary.live.watching import PageServer
 
 __all__ = [
     "VMC_HZ",

@@ -19,9 +19,17 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import SEQUENCE_HZ, FeatureSequence, FeatureStream, motion_from_array
 from motionary.features.body import Floats
 from motionary.labels import Label
-from motionary.live.deciding import Decisions, Found
+from motionary.live.assignment import (
+    Arrays,
+    Decisions,
+    Detail,
+    Found,
+    encode,
+    read_state,
+    restore,
+    save_state,
+)
 from motionary.live.poses import EvenTimes
-from motionary.live.saving import Arrays, encode, read_state, restore, save_state
 from motionary.matching import StreamedPath
 from motionary.models.library import ClassLibrary, load_everyday
 from motionary.motion import GENERIC_JOINTS, Motion
@@ -57,9 +65,6 @@ class LiveEvent:
     id: int
     label: Label
     why: tuple[str, ...] = ()
-
-
-_Detail = tuple[Label, tuple[str, ...]]
 
 
 class LiveAnnotator:
@@ -110,7 +115,7 @@ class LiveAnnotator:
         self._recording = Recording(name, rate_hz=rate_hz)
         self._times = EvenTimes(rate_hz)
         self._features = FeatureStream(library.feature_set, rate_hz)
-        self._matches: Decisions[_Detail | None] = Decisions(library, least, self._judge)
+        self._matches = Decisions(library, least, self._judge)
         n_integers = count_integers(len(library.feature_set))
         self._packed = np.empty((0, n_integers), dtype=np.uint64)
         self._known = self._packed.copy()
@@ -239,8 +244,9 @@ class LiveAnnotator:
         events = self._find_unassessed(known, at_end=at_end)
         for found in self._matches.decide(at_end=at_end):
             label, why = self._describe(found)
-            events.append(LiveEvent("final", self._id_of(label), label, why))
-            self._told.pop(events[-1].id, None)
+            number = _find(label, self._told) or self._new_id()
+            events.append(LiveEvent("final", number, label, why))
+            self._told.pop(number, None)
         n_frames = self._matches.n_frames
         if at_end or n_frames - self._looked_at >= _EVERY:
             self._looked_at = n_frames
@@ -286,7 +292,7 @@ class LiveAnnotator:
         place = self._matches.places[path.pattern]
         return find_evidence(self._sequence, self.library, place, path.stop - first)
 
-    def _judge(self, path: StreamedPath) -> "_Detail | None":
+    def _judge(self, path: StreamedPath) -> Detail:
         """Label of a match, and what told most for it."""
         evidence = self._evidence(path)
         if not evidence.is_assessed:
@@ -296,7 +302,7 @@ class LiveAnnotator:
         gains = sorted(explain(evidence).gains, key=lambda gain: -gain.part)[:_N_REASONS]
         return replace(label, evidence=None), tuple(g.name for g in gains if g.part > 0)
 
-    def _describe(self, found: Found[_Detail | None]) -> "_Detail":
+    def _describe(self, found: Found) -> tuple[Label, tuple[str, ...]]:
         """Label of all matches of one that is open or final, and what told most for it."""
         segment = self._segment(found.start, found.stop)
         if found.detail is not None:
@@ -318,7 +324,7 @@ class LiveAnnotator:
         """Provisional labels that are new, or not as they were told."""
         told, events = self._told, list[LiveEvent]()
         self._told = {}
-        for found in [] if at_end else self._matches.foresee(None):
+        for found in [] if at_end else self._matches.foresee():
             label, _ = self._describe(found)
             number = _find(label, told)
             before = told.pop(number, None)
@@ -329,9 +335,6 @@ class LiveAnnotator:
                 before = label
             self._told[number] = before
         return [LiveEvent("withdrawn", i, label) for i, label in told.items()] + events
-
-    def _id_of(self, label: Label) -> int:
-        return _find(label, self._told) or self._new_id()
 
     def _new_id(self) -> int:
         self._n_ids += 1

@@ -10,8 +10,8 @@ import numpy as np
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features.body import Floats
 from motionary.live.annotator import LiveAnnotator, LiveEvent
+from motionary.live.assignment import Arrays, read_state, save_state
 from motionary.live.poses import Pose, PoseLines
-from motionary.live.saving import Arrays, read_state, save_state
 from motionary.models.library import ClassLibrary, load_everyday
 
 # Of a clock that goes back by more, what follows is another recording.

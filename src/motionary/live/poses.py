@@ -95,8 +95,9 @@ class PoseLines:
             raise InvalidInput(f"time_s must be a number of seconds, got {_shown(time_s)}")
         person = _as_person(content.get("person"))
         if "positions" in content:
-            return Pose(self.joints, _as_positions(content["positions"]), time_s, person)
-        positions = self._read_named(content["joints"])
+            positions = _as_positions(content["positions"])
+        else:
+            positions = self._read_named(content["joints"])
         return Pose(self.joints, positions, time_s, person)
 
     def _read_named(self, named: Mapping[str, Any]) -> Floats:

@@ -1,42 +1,44 @@
-"""Where poses come from: lines of a file or a pipe, websockets, or messages of OSC.
+"""Where poses come from and events go: lines of a file or a pipe, messages of OSC over UDP.
 
 A source gives lines and takes events. What arrives faster than it is labelled waits in a
-queue of bounded length; a websocket's sender then has to wait, messages of OSC are lost, and
-either is told once. Nobody waits for a listener: events that it does not take are lost to it,
-which is told once, too.
+queue of bounded length; a websocket's sender (`sockets`) then has to wait, messages of OSC are
+lost, and either is told once. Nobody waits for a listener: events that it does not take are lost
+to it, which is told once, too.
+
+By Open Sound Control poses of VMC come in and go out. Each event is a message /motionary/final (or
+/provisional, /revised, /withdrawn, /unassessed) with label, id, number of the recording, start and
+end in seconds, probability (-1 if unknown), sender and person.
 """
 
 import errno
 import ipaddress
-import json
-import logging
 import queue
-import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import IO, Any, Protocol
 
 from motionary.errors import InvalidInput
 from motionary.live.poses import LONGEST_LINE
+from motionary.live.vmc import Message, VmcReader
 
 #: Lines, and events of one listener, that wait at most.
 MOST_WAITING = 256
 #: Of a sender that is silent for longer, what is left becomes final.
 SILENT_S = 10.0
-#: What is wrong with a sender's lines is told so often, then only counted.
-MOST_TOLD = 5
 #: This computer's own address: nobody else can send there.
 LOOPBACK = "127.0.0.1"
-#: Whether all is well is looked at so often.
-TICK_S = 0.5
-# A longer message is no pose, nor several.
-_LONGEST = 1_000_000
-_CLOSING_S = 2.0
-# A page of any other origin that a browser shows could read what a body does.
-ORIGINS = (None, re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"))
+# What is wrong with a sender's messages is told so often, then only counted.
+_MOST_TOLD = 5
+# Whether all is well is looked at so often.
+_TICK_S = 0.5
+# UDP takes no more in one piece.
+_LONGEST = 65_536
+_MOST_SENDERS = 256
+# Messages of a bundle: more would not fit into one packet of a network.
+_IN_BUNDLE = 12
 
 Tell = Callable[[str], None]
 #: Sender and line; None instead of a line if the sender has gone or is silent.
@@ -85,107 +87,6 @@ class PipeSource:
         """Nothing waits."""
 
 
-class WebSocketSource:
-    """Lines that arrive by websockets; events go to all that are connected.
-
-    Parameters
-    ----------
-    port : 0 takes a free one
-    address : this computer's own unless another is asked for
-    tell : is given what happens: who comes and goes, that a sender is too fast
-
-    Attributes
-    ----------
-    port : the one that is listened to
-
-    Raises
-    ------
-    InvalidInput
-        If the package websockets is not installed, the port is taken, or the address is
-        none of this computer.
-    """
-
-    def __init__(self, port: int, *, address: str = LOOPBACK, tell: Tell) -> None:
-        try:
-            from websockets.sync.server import serve
-        except ImportError as error:
-            raise InvalidInput(
-                f"poses by websocket need the package websockets ({error}); "
-                "pip install 'motionary[live]', or send lines of JSON to stdin"
-            ) from error
-        self._tell = tell
-        self._listeners: dict[int, Listener] = {}
-        self._lock = threading.Lock()
-        self._n_connections = 0
-        logger = logging.Logger("motionary.live", logging.DEBUG)
-        logger.addHandler(Failures(tell))
-        try:
-            self._server = serve(
-                self._receive, address, port, max_size=_LONGEST, origins=ORIGINS, logger=logger
-            )
-        except OSError as error:
-            raise InvalidInput(describe_place(error, address, port)) from error
-        bound, self.port = self._server.socket.getsockname()[:2]
-        self._waiting = Waiting(
-            tell,
-            f"nothing has come to port {self.port} so far; do poses go there, by ws:// and not by wss://?",
-        )
-        tell_if_open(bound, address, tell)
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
-
-    def lines(self, awaited: Collection[str] = ()) -> Iterator[Arrival]:
-        """Sender and line, until this is closed; no line: it has gone or is silent."""
-        return self._waiting.take(awaited)
-
-    def send(self, event: Mapping[str, Any]) -> None:
-        """Give an event to all that are connected."""
-        text = json.dumps(event, allow_nan=False)
-        with self._lock:
-            listeners = list(self._listeners.values())
-        for listener in listeners:
-            listener.offer(text)
-
-    def close(self) -> None:
-        """Give what waits to those that are connected, and listen no more."""
-        self._waiting.close()
-        with self._lock:
-            listeners = list(self._listeners.values())
-        for listener in listeners:
-            listener.end()
-        for listener in listeners:
-            listener.thread.join(_CLOSING_S)
-        # It waits for connections that may never answer.
-        closing = threading.Thread(target=self._server.shutdown, daemon=True)
-        closing.start()
-        closing.join(_CLOSING_S)
-
-    def _receive(self, connection: Any) -> None:
-        from websockets.exceptions import ConnectionClosed
-
-        with self._lock:
-            self._n_connections += 1
-            number = self._n_connections
-            listener = self._listeners[number] = Listener(
-                connection, f"sender {number}", self._tell
-            )
-        self._tell(f"sender {number} is connected")
-        reason = ""
-        try:
-            for message in connection:
-                # Several poses may come in one message.
-                for line in message.split(b"\n" if isinstance(message, bytes) else "\n"):
-                    if line.strip():
-                        self._waiting.put((str(number), line[: LONGEST_LINE + 1]))
-        except ConnectionClosed as error:
-            reason = f" ({error})"
-        finally:
-            with self._lock:
-                del self._listeners[number]
-            listener.end()
-            self._waiting.put((str(number), None))
-            self._tell(f"sender {number} is gone{reason}")
-
-
 class Waiting:
     """Lines on their way from senders to who labels them, no more than a bounded number.
 
@@ -206,7 +107,7 @@ class Waiting:
             self._tell_slow("senders have to wait")
         while not self.is_closed:
             with suppress(queue.Full):
-                self._arrivals.put(arrival, timeout=TICK_S)
+                self._arrivals.put(arrival, timeout=_TICK_S)
                 return
 
     def offer(self, arrival: Arrival) -> None:
@@ -224,7 +125,7 @@ class Waiting:
         while not self.is_closed:
             # Without a limit of time no Ctrl-C would be heard on Windows.
             with suppress(queue.Empty):
-                sender, line = self._arrivals.get(timeout=TICK_S)
+                sender, line = self._arrivals.get(timeout=_TICK_S)
                 has_any = True
                 yield sender, line
                 heard[sender] = time.monotonic()
@@ -251,66 +152,6 @@ class Waiting:
             )
 
 
-class Listener:
-    """Texts on their way to one connection, by a thread of their own."""
-
-    def __init__(self, connection: Any, name: str, tell: Tell) -> None:
-        self._connection, self._name, self._tell = connection, name, tell
-        self._events = queue.Queue[str | None](MOST_WAITING)
-        self._is_slow = False
-        self.thread = threading.Thread(target=self._run, daemon=True)
-        self.thread.start()
-
-    def offer(self, text: str) -> None:
-        """Let a text wait to be sent, if there is room."""
-        try:
-            self._events.put_nowait(text)
-        except queue.Full:
-            if not self._is_slow:
-                self._is_slow = True
-                self._tell(
-                    f"{self._name} does not read its events: those that do not wait for "
-                    "it are lost to it"
-                )
-
-    def end(self) -> None:
-        """Let the thread end when what waits has been sent."""
-        # Where there is no room, the thread ends by the connection's end.
-        with suppress(queue.Full):
-            self._events.put_nowait(None)
-
-    def _run(self) -> None:
-        # Who has gone has gone; the others are still there.
-        with suppress(Exception):
-            while (text := self._events.get()) is not None:
-                self._connection.send(text)
-
-
-class Failures(logging.Handler):
-    """Tells of connections that did not come about, in a line each."""
-
-    def __init__(self, tell: Tell) -> None:
-        super().__init__()
-        self._tell, self._last = tell, ""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Tell what a record of the log says of a connection."""
-        from websockets.exceptions import InvalidHandshake
-
-        # Refusals are logged for those only who trace everything.
-        error = record.exc_info[1] if record.exc_info else None
-        if not isinstance(error, ValueError | InvalidHandshake):
-            return
-        text = (
-            f"a connection failed ({error}); programs connect by ws://, "
-            "without TLS, and pages of a browser from this computer only"
-        )
-        # One that tries for hours is told once.
-        if text != self._last:
-            self._last = text
-            self._tell(text)
-
-
 def tell_if_open(bound: str, address: str, tell: Tell) -> None:
     """Tell that an address can be reached by others, where it can."""
     if not ipaddress.ip_address(bound).is_loopback:
@@ -327,3 +168,176 @@ def describe_place(error: OSError, address: str, port: int, option: str = "--por
         remedy = "give an address of this computer with --address"
     reason = error.strerror or error
     return f"port {port} of {address} cannot be listened to ({reason}); {remedy}"
+
+
+class OscSource:
+    """Lines of poses of VMC, whose messages arrive by OSC over UDP; a sender is an address.
+
+    Parameters
+    ----------
+    port : 0 takes a free one
+    address : this computer's own unless another is asked for
+    tell : is given what happens: wrong messages, that a sender is too fast
+
+    Attributes
+    ----------
+    port : the one that is listened to
+
+    Raises
+    ------
+    InvalidInput
+        If the package python-osc is not installed, the port is taken, or the address is
+        none of this computer.
+    """
+
+    def __init__(self, port: int, *, address: str = LOOPBACK, tell: Tell) -> None:
+        _check_installed()
+        self._tell, self._n_wrong = tell, 0
+        self._socket = socket.socket(_family_of(address), socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((address, port))
+        except OSError as error:
+            self._socket.close()
+            raise InvalidInput(describe_place(error, address, port, "--osc")) from error
+        self._socket.settimeout(_TICK_S)
+        bound, self.port = self._socket.getsockname()[:2]
+        tell_if_open(bound, address, tell)
+        self._waiting = Waiting(
+            tell, f"no pose has come to port {self.port} so far; does the sender send VMC there?"
+        )
+        threading.Thread(target=self._receive, daemon=True).start()
+
+    def lines(self, awaited: Collection[str] = ()) -> Iterator[Arrival]:
+        """Sender and line, until this is closed; no line: it is silent."""
+        return self._waiting.take(awaited)
+
+    def send(self, event: Mapping[str, Any]) -> None:
+        """Whoever sends poses by OSC waits for no answer."""
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._waiting.close()
+        self._socket.close()
+        if self._n_wrong > _MOST_TOLD:
+            self._tell(f"{self._n_wrong} messages were of no use")
+
+    def _receive(self) -> None:
+        readers: dict[str, VmcReader] = {}
+        while not self._waiting.is_closed:
+            try:
+                content, (host, port, *_) = self._socket.recvfrom(_LONGEST)
+            except OSError:
+                # Silence; on Windows also that whoever was sent to has gone.
+                continue
+            sender = f"{host}:{port}"
+            if sender not in readers and len(readers) >= _MOST_SENDERS:
+                del readers[next(iter(readers))]
+            reader = readers.setdefault(sender, VmcReader())
+            try:
+                for address, values in _parse(content):
+                    for line in reader.push(address, values, arrived_s=time.monotonic()):
+                        self._waiting.offer((sender, line))
+            except InvalidInput as error:
+                self._n_wrong += 1
+                if self._n_wrong <= _MOST_TOLD:
+                    self._tell(f"sender {sender}: {error}")
+
+
+class OscSender:
+    """Messages to programs that take OSC.
+
+    Parameters
+    ----------
+    port, address : where they listen
+    tell : is given that nobody takes them, once
+
+    Raises
+    ------
+    InvalidInput
+        If the package python-osc is not installed, or there is no such address.
+    """
+
+    def __init__(self, port: int, *, address: str = LOOPBACK, tell: Tell) -> None:
+        _check_installed()
+        self._tell, self._place = tell, f"{address}:{port}"
+        self._socket = socket.socket(_family_of(address), socket.SOCK_DGRAM)
+        try:
+            # Connected, it learns on most systems that nobody listens.
+            self._socket.connect((address, port))
+        except OSError as error:
+            self._socket.close()
+            raise InvalidInput(
+                f"OSC cannot be sent to {self._place} ({error.strerror or error}); give an "
+                "address and port of a program that takes it"
+            ) from error
+        self._is_refused = False
+
+    def send(self, messages: Sequence[Message]) -> None:
+        """Send messages, as bundles where there are several."""
+        for start in range(0, len(messages), _IN_BUNDLE):
+            try:
+                self._socket.send(_build(messages[start : start + _IN_BUNDLE]))
+            except OSError as error:
+                if not self._is_refused:
+                    self._is_refused = True
+                    self._tell(
+                        f"nobody takes OSC at {self._place} ({error.strerror or error}); is the "
+                        "port right, and the program running?"
+                    )
+
+    def send_event(self, event: Mapping[str, Any]) -> None:
+        """Send an event, as `motionary live` prints it."""
+        probability = -1.0 if event["probability"] is None else float(event["probability"])
+        values = [event["label"], event["id"], event["recording"]]
+        values += [float(event["start_s"]), float(event["end_s"]), probability]
+        self.send([(f"/motionary/{event['event']}", [*values, event["sender"], event["person"]])])
+
+    def close(self) -> None:
+        """Send no more."""
+        self._socket.close()
+
+
+def _check_installed() -> None:
+    try:
+        import pythonosc.osc_packet  # noqa: F401
+    except ImportError as error:
+        raise InvalidInput(
+            f"OSC needs the package python-osc ({error}); pip install 'motionary[live]', or send "
+            "lines of JSON to stdin"
+        ) from error
+
+
+def _parse(content: bytes) -> Iterator[Message]:
+    """Messages of a packet: address and values."""
+    from pythonosc.osc_packet import OscPacket
+
+    try:
+        messages = [one.message for one in OscPacket(content).messages]
+    except Exception as error:
+        # Strangers' bytes; the package raises what its parts raise.
+        raise InvalidInput(f"no message of OSC, got {content[:40]!r}") from error
+    for message in messages:
+        yield message.address, list(message.params)
+
+
+def _build(messages: Sequence[Message]) -> bytes:
+    """A packet of one message, or a bundle of several."""
+    from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+    from pythonosc.osc_message_builder import OscMessageBuilder
+
+    built = []
+    for address, values in messages:
+        builder = OscMessageBuilder(address)
+        for value in values:
+            builder.add_arg(value)
+        built.append(builder.build())
+    if len(built) == 1:
+        return built[0].dgram
+    bundle = OscBundleBuilder(IMMEDIATELY)
+    for one in built:
+        bundle.add_content(one)
+    return bundle.build().dgram
+
+
+def _family_of(address: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in address else socket.AF_INET
