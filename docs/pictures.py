@@ -41,8 +41,16 @@ from motionary.plots import (
     plot_sheet,
     plot_template,
 )
-from motionary.plots.page import Layout, add_legend, mark_seconds, new_page, swatch
-from motionary.plots.style import BLACK, WHITE, house_style
+from motionary.plots.style import (
+    BLACK,
+    WHITE,
+    Layout,
+    add_legend,
+    house_style,
+    mark_seconds,
+    new_page,
+    swatch,
+)
 from motionary.recording import Recording
 from motionary.retrieval.annotation import class_distance
 from motionary.retrieval.index import Collection, collect

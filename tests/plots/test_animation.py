@@ -12,7 +12,7 @@ from cli_cases import write_bvh
 from motionary.errors import InvalidInput
 from motionary.io import write_labels
 from motionary.labels import Label, LabelTrack
-from motionary.plots import page, render
+from motionary.plots import render, style
 from motionary.recording import Segment
 from motionary.samples import synthetic_motion
 
@@ -109,8 +109,8 @@ def test_a_part_shows_the_times_and_frames_of_the_recording(motion, tmp_path):
 
 
 def test_the_axis_of_a_part_has_the_times_of_the_recording():
-    _, ((axes,),) = page.new_page(page.Layout(left=0.5, width=5, heights=(1,)), title="a")
-    page.mark_seconds([axes], 35.5, start_s=24.6)
+    _, ((axes,),) = style.new_page(style.Layout(left=0.5, width=5, heights=(1,)), title="a")
+    style.mark_seconds([axes], 35.5, start_s=24.6)
     assert axes.get_xlim() == (24.6, 35.5)
     assert [text.get_text() for text in axes.get_xticklabels()][:2] == ["26", "28"]
 

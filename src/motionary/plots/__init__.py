@@ -4,21 +4,18 @@ Every function returns a `matplotlib.figure.Figure`, made without pyplot: no win
 display, no state shared with the pictures of others.
 """
 
-from motionary.plots.animation import MOVING, check_moving, render
 from motionary.plots.features import plot_features
-from motionary.plots.figures import BONES, plot_pose
-from motionary.plots.sheets import (
-    HITS_A_PAGE,
+from motionary.plots.figures import (
+    BONES,
     MOST_RECORDINGS,
     describe_facing,
+    plot_pose,
     plot_recordings,
-    plot_sheet,
-    plot_sheets,
 )
-from motionary.plots.style import save, save_pages
+from motionary.plots.sheets import HITS_A_PAGE, plot_depth, plot_sheet, plot_sheets
 from motionary.plots.templates import plot_library, plot_template
-from motionary.plots.timelines import plot_annotation, plot_distance
-from motionary.plots.tracking import plot_check, plot_depth
+from motionary.plots.timelines import plot_annotation, plot_check, plot_distance
+from motionary.plots.writing import MOVING, check_moving, render, save, save_pages
 
 __all__ = [
     "BONES",

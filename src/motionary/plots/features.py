@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet, known_sets
-from motionary.plots import page, style
+from motionary.plots import style
 from motionary.recording import find_runs
 
 if TYPE_CHECKING:
@@ -63,21 +63,21 @@ def plot_features(sequence: FeatureSequence, *, ids: Sequence[str] | None = None
     fraction, unknown = _pool(sequence.features[:, chosen], sequence.known_features[:, chosen])
     stop_s = len(sequence) / sequence.rate_hz
     parts = blocks(rows)
-    layout = page.Layout(
+    layout = style.Layout(
         left=name_room(rows),
         width=float(np.clip(stop_s * _INCHES_PER_S, *_WIDTHS)),
         right=group_room(rows),
         heights=tuple((part.stop - part.start) * ROW_HEIGHT for part in parts),
     )
-    title = f"{sequence.source or 'features'}, {page.in_seconds(stop_s)}"
-    figure, (axes,) = page.new_page(layout, title=title)
+    title = f"{sequence.source or 'features'}, {style.in_seconds(stop_s)}"
+    figure, (axes,) = style.new_page(layout, title=title)
     for ax, part in zip(axes, parts, strict=True):
         draw_grid(ax, _colours(fraction[:, part], unknown[:, part]), stop_s=stop_s)
         hatch_cells(ax, unknown[:, part], stop_s=stop_s)
         name_rows(ax, rows[part])
         name_group(ax, rows[part][0].group)
-    page.mark_seconds(axes, stop_s)
-    page.add_legend(
+    style.mark_seconds(axes, stop_s)
+    style.add_legend(
         figure, _legend(pooled=len(sequence) > MOST_COLUMNS, any_unknown=bool(unknown.any()))
     )
     return figure
@@ -118,11 +118,11 @@ def _colours(fraction: Floats, unknown: Flags) -> Floats:
 
 
 def _legend(*, pooled: bool, any_unknown: bool) -> "list[Artist]":
-    handles = [page.swatch("holds", style.WHITE), page.swatch("does not hold", style.BLACK)]
+    handles = [style.swatch("holds", style.WHITE), style.swatch("does not hold", style.BLACK)]
     if pooled:
-        handles.append(page.swatch("changes in between", style.FREE))
+        handles.append(style.swatch("changes in between", style.FREE))
     if any_unknown:
-        handles.append(page.unknown_swatch("unknown"))
+        handles.append(style.swatch("unknown"))
     return handles
 
 

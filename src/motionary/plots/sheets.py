@@ -1,9 +1,7 @@
-"""Sheets of stick figures: a query with its hits, and the first pose of recordings.
+"""Sheets of many poses: a query with its hits, and depth images with what was found in them.
 
-Of a query and its hits a row each at one scale, so that the eye can compare. Of recordings the
-first pose in its axes: a wrong unit, axis or side shows at once, since heights are in metres,
-the figure faces to the right and its left side is blue; beside it stands what was given or
-detected. Points that are no known body are drawn as points.
+Of a query and its hits a row of stick figures each at one scale, so that the eye can compare. Of
+depth images the least sure poses are among those shown.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,22 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
-from motionary.motion import GENERIC_JOINTS, Motion
-from motionary.plots import page, style
-from motionary.plots.figures import (
-    Floats,
-    check_positions,
-    draw_poses,
-    legend_of_sides,
-    mean_hip_line,
-    poses,
-    project,
-)
+from motionary.plots import style
+from motionary.plots.figures import check_positions, draw_poses, legend_of_sides, poses, project
+from motionary.plots.style import Floats
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from motionary.depth import Tracking
 
 #: Title, positions and, perhaps, times of a row.
 SheetRow = tuple[str, ArrayLike] | tuple[str, ArrayLike, ArrayLike]
@@ -51,17 +43,9 @@ HITS_A_PAGE = 12
 #: A joint that flies off must not shrink all others: extents beyond so many medians are cut.
 _OUTLIER = 1.6
 
-#: More recordings make no picture that one can look at.
-MOST_RECORDINGS = 24
-
-_HEIGHT = 1.75
-_WIDTH_OF_POSE = 1.9
-_TEXT = 2.9
-_MOST_LINES = 7
-_LINE = 0.16
-_ACROSS = ("hip", "shoulder")
-_AXES = {0: "+z", 90: "+x", 180: "-z", 270: "-x"}
-_STRAIGHT = 10.0
+# Depth images: so many a row, so wide and tall together, in inches.
+_COLUMNS, _SIZE = 4, (7.5, 4.8)
+_MARGIN_PX = 12
 
 
 class _Strip(NamedTuple):
@@ -147,10 +131,10 @@ def _draw_strips(
     slot = _WIDTH / max(len(strip.frames) for strip in every)
     scale = _scale(every, slot)
     heights = [_row_height(strip, scale) for strip in strips]
-    layout = page.Layout(
+    layout = style.Layout(
         left=0.0, width=_WIDTH, heights=(sum(heights) + (_TITLE if note else 0.0),), below=0.0
     )
-    figure, ((axes,),) = page.new_page(layout, title=title)
+    figure, ((axes,),) = style.new_page(layout, title=title)
     top = layout.heights[0]
     axes.set(xlim=(0.0, _WIDTH), ylim=(0.0, top), xticks=[], yticks=[])
     axes.axis("off")
@@ -161,7 +145,7 @@ def _draw_strips(
     legend: list[Artist] = [*legend_of_sides()]
     if any(strip.times_s is not None and strip.strongest >= 0 for strip in strips):
         legend.append(Line2D([], [], linestyle="", label="bold time: where the pose changes most"))
-    page.add_legend(figure, legend)
+    style.add_legend(figure, legend)
     return figure
 
 
@@ -254,18 +238,13 @@ def _draw_row(
     places = np.stack([(at + 0.5) * slot, np.full(len(at), floor)], axis=1)
     figures = poses(strip.positions, strip.views, strip.frames)
     draw_poses(axes, figures, places, scale=scale)
-    if strip.times_s is not None:
-        _draw_times(axes, strip, places[:, 0], floor - 0.04)
-
-
-def _draw_times(axes: "Axes", strip: _Strip, across: Floats, top: float) -> None:
-    """Seconds under the figures; bold where the pose changes most."""
-    times_s = np.zeros(0) if strip.times_s is None else strip.times_s
-    for frame, x in zip(strip.frames, across.tolist(), strict=True):
-        is_strongest = frame == strip.strongest
+    if strip.times_s is None:
+        return
+    for frame, x in zip(strip.frames, places[:, 0].tolist(), strict=True):
+        weight = "bold" if frame == strip.strongest else "normal"
         axes.text(
-            x, top, f"{times_s[frame]:.2f} s", ha="center", va="top", size=style.TEXT_PT,
-            color=style.TRUNK, weight="bold" if is_strongest else "normal",
+            x, floor - 0.04, f"{strip.times_s[frame]:.2f} s", ha="center", va="top",
+            size=style.TEXT_PT, color=style.TRUNK, weight=weight,
         )  # fmt: skip
 
 
@@ -277,124 +256,40 @@ def _title(n_hits: int, *, with_query: bool) -> str:
 
 
 @style.house_style()
-def plot_recordings(motions: Sequence[Motion]) -> "Figure":
-    """Picture of the first pose of recordings, with what is known of their axes.
+def plot_depth(images: Sequence[Floats], tracking: "Tracking") -> "Figure":
+    """Picture of eight images with their poses: four through the recording, the least sure below.
 
     Parameters
     ----------
-    motions : metres, y up; at most `MOST_RECORDINGS`
-
-    Raises
-    ------
-    InvalidInput
-        If there are none or too many.
+    images : depth (height, width) in metres, one for each pose
+    tracking : what was found in them
     """
-    if not 1 <= len(motions) <= MOST_RECORDINGS:
-        raise InvalidInput(f"a picture takes 1 to {MOST_RECORDINGS} recordings, got {len(motions)}")
-    layout = page.Layout(
-        left=_TEXT, width=_WIDTH_OF_POSE, heights=(_HEIGHT,) * len(motions), gap=0.25, above=0.2,
-        below=0.05, n_stacks=2,
-    )  # fmt: skip
-    figure, stacks = page.new_page(layout, title="the first pose, heights in metres")
-    for row, motion in enumerate(motions):
-        views = _views(motion)
-        # One scale for both, or a body that is narrow from the side looks tall.
-        size = max(_size(view[0]) for view in views)
-        for column, view in enumerate(views):
-            _draw(stacks[column][row], motion, view, size)
-            stacks[column][row].tick_params(labelleft=column == 0)
-        _write(stacks[0][row], motion)
-    for (first, *_), heading in zip(stacks, ("from its right side", "from the front"), strict=True):
-        first.set_title(heading, loc="left", pad=4.0)
-    page.add_legend(figure, legend_of_sides())
+    from matplotlib.figure import Figure
+
+    found = tracking.poses
+    seen = [k for k, pose in enumerate(found) if pose.status != "none"]
+    if len(images) != len(found) or not seen:
+        raise InvalidInput(
+            f"a picture needs an image for each of {len(found)} poses, one of them of a person; "
+            f"got {len(images)} images"
+        )
+    steady = [seen[k] for k in np.linspace(0, len(seen) - 1, _COLUMNS).astype(int)]
+    by_confidence = sorted(seen, key=lambda k: float(found[k].confidence.mean()))
+    figure = Figure(figsize=_SIZE)
+    for number, k in enumerate([*steady, *sorted(by_confidence[:_COLUMNS])]):
+        row, column = divmod(number, _COLUMNS)
+        left, bottom = column / _COLUMNS, 0.5 - row / 2
+        axes = figure.add_axes((left, bottom, 1 / _COLUMNS, 0.43))
+        pose = found[k]
+        axes.imshow(images[k], cmap="gray_r")
+        flat = tracking.camera.project(pose.joints)
+        for joint, parent in enumerate(tracking.body.parents):
+            if parent >= 0:
+                axes.plot(*flat[[joint, parent]].T, color=style.BLUE, lw=1.2)
+        whole = np.concatenate([flat, tracking.camera.project(pose.ends)])
+        low, high = whole.min(axis=0) - _MARGIN_PX, whole.max(axis=0) + _MARGIN_PX
+        axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]))
+        axes.set_axis_off()
+        text = f"image {k}, {pose.status}, {float(pose.confidence.mean()):.2f}"
+        figure.text(left + 0.5 / _COLUMNS, bottom + 0.45, text, ha="center", size=7)
     return figure
-
-
-def describe_facing(motion: Motion) -> str:
-    """Where a body faces in its first pose: "faces +z", or how far from it; "" if unseen."""
-    if motion.mapping is None:
-        return ""
-    body = _first_pose(motion)
-    if not any(np.isfinite(body[0, GENERIC_JOINTS.index(f"l{j}")]).all() for j in _ACROSS):
-        return ""
-    # Forward is up x right.
-    right_x, right_z = mean_hip_line(body)
-    angle = float(np.degrees(np.arctan2(right_z, -right_x)))
-    nearest = int(90 * np.round(angle / 90))
-    off = angle - nearest
-    if abs(off) < _STRAIGHT:
-        return f"faces {_AXES[nearest % 360]}"
-    other = _AXES[(nearest + (90 if off > 0 else -90)) % 360]
-    return f"faces {abs(off):.0f}° from {_AXES[nearest % 360]} to {other}"
-
-
-def _first_pose(motion: Motion) -> Floats:
-    """The first frame in which anything is seen, generic joints, shape (1, 24, 3)."""
-    body = motion.cut(0, min(motion.n_frames, 1000)).generic_positions()
-    seen = ~np.isnan(body).all(axis=(1, 2))
-    first = int(np.argmax(seen))
-    return body[first : first + 1]
-
-
-def _views(motion: Motion) -> list[Floats]:
-    if motion.mapping is not None:
-        body = _first_pose(motion)
-        return [project(body), project(body, turn_deg=90)]
-    points = motion.positions[:1]
-    return [points[..., [2, 1]], points[..., [0, 1]]]
-
-
-def _extent(flat: Floats) -> tuple[Floats, Floats]:
-    """Lowest and highest place of a view, shape (2,) each; the floor is in it if it is near."""
-    if np.isnan(flat).all():
-        return np.zeros(2), np.ones(2)
-    low, high = np.fmin.reduce(flat), np.fmax.reduce(flat)
-    # The floor belongs to the picture, unless the body is far from it.
-    if 0 < low[1] < max(float((high - low).max()), 1e-9):
-        low[1] = 0.0
-    return low, high
-
-
-def _size(flat: Floats) -> float:
-    low, high = _extent(flat)
-    return max(float((high - low).max()), 1e-9)
-
-
-def _draw(axes: "Axes", motion: Motion, view: Floats, size: float) -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    flat = view[0]
-    unseen = bool(np.isnan(flat).all())
-    low, high = _extent(flat)
-    across = (low[0] + high[0]) / 2
-    if motion.mapping is None:
-        axes.plot(*flat.T, ".", color=style.TRUNK, markersize=3)
-    else:
-        draw_poses(axes, poses(_first_pose(motion), view, [0]), np.zeros((1, 2)), scale=1.0)
-    ratio = _WIDTH_OF_POSE / _HEIGHT
-    axes.set(
-        xlim=(across - 0.575 * ratio * size, across + 0.575 * ratio * size),
-        ylim=(low[1] - 0.05 * size, low[1] + 1.1 * size),
-    )
-    axes.set_aspect("equal")
-    axes.axhline(0.0, color=style.RULE, linewidth=0.6, zorder=0.5)
-    axes.set_xticks([])
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-    axes.tick_params(axis="y", color=style.RULE, length=2.5, width=0.6)
-    axes.spines[["top", "right", "bottom"]].set_visible(False)
-    if unseen:
-        axes.text(0.5, 0.5, "nothing was seen", transform=axes.transAxes, ha="center")
-
-
-def _write(axes: "Axes", motion: Motion) -> None:
-    """Name, axes, unit and side of a recording, to the left of its picture."""
-    facing = describe_facing(motion)
-    skeleton = f"skeleton {motion.mapping.name}" if motion.mapping else "no known skeleton"
-    lines = [f"{skeleton}, {motion.rate_hz:g} Hz", *([facing] if facing else []), *motion.notes]
-    wrapped = [part for line in [motion.source, *lines] for part in style.wrap(line, _TEXT - 0.55)]
-    for number, line in enumerate(wrapped[:_MOST_LINES]):
-        axes.annotate(
-            line, (0.0, 1.0), xycoords="axes fraction", textcoords="offset points",
-            xytext=(-72 * (_TEXT - 0.05), -72 * (_LINE * number + 0.1)), size=style.TEXT_PT,
-            weight="bold" if number == 0 else "normal", annotation_clip=False,
-        )  # fmt: skip

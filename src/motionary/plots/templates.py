@@ -14,7 +14,7 @@ from motionary.errors import InvalidInput
 from motionary.features import FeatureSet
 from motionary.models.library import ClassLibrary, MotionClass, Prototype
 from motionary.models.templates import RATE_HZ, ROUNDING_SLACK, MotionTemplate, quantise
-from motionary.plots import page, style
+from motionary.plots import style
 from motionary.plots.features import (
     ROW_HEIGHT,
     Flags,
@@ -79,7 +79,7 @@ def plot_template(
     parts = blocks(rows)
     heights = [(part.stop - part.start) * ROW_HEIGHT for part in parts]
     wanted = template.n_columns * _INCHES_PER_COLUMN
-    layout = page.Layout(
+    layout = style.Layout(
         left=name_room(rows),
         width=float(np.clip(wanted, _LEAST_WIDTH, _WIDTH_OF_ALL / len(panels))),
         right=group_room(rows),
@@ -87,7 +87,7 @@ def plot_template(
         above=0.2,
         n_stacks=len(panels),
     )
-    figure, stacks = page.new_page(layout, title=_title(template))
+    figure, stacks = style.new_page(layout, title=_title(template))
     stop_s = template.n_columns / RATE_HZ
     unmeasured = np.tile(_unmeasured(template), (template.n_columns, 1))
     for axes, (heading, colours) in zip(stacks, panels, strict=True):
@@ -97,13 +97,13 @@ def plot_template(
             _frame(ax, part, marks or {})
         axes[0].set_title(heading, loc="left", pad=4.0)
         _draw_weights(axes[-1], template.weights)
-        page.mark_seconds(axes, stop_s)
+        style.mark_seconds(axes, stop_s)
     _name_grids(stacks, rows, parts)
     handles = _legend() if tolerance is not None else []
     if marks:
-        handles.append(page.swatch("marked: given to tracks", style.GREEN))
-    page.add_legend(figure, handles + _legend_of_unmeasured(template))
-    page.add_ramp(figure, _ramp(), ("none of the examples", "all"))
+        handles.append(style.swatch("marked: given to tracks", style.GREEN))
+    style.add_legend(figure, handles + _legend_of_unmeasured(template))
+    style.add_ramp(figure, _ramp(), ("none of the examples", "all"))
     return figure
 
 
@@ -120,7 +120,7 @@ def _frame(axes: "Axes", part: slice, marks: Mapping[int, Sequence[tuple[int, in
 
 def _title(template: MotionTemplate) -> str:
     examples = "1 example" if template.n_examples == 1 else f"{template.n_examples} examples"
-    size = f"{examples}, {template.n_columns} columns, {page.in_seconds(template.duration_s)}"
+    size = f"{examples}, {template.n_columns} columns, {style.in_seconds(template.duration_s)}"
     return f"{template.provenance}: {size}" if template.provenance else f"template of {size}"
 
 
@@ -182,12 +182,12 @@ def _name_grids(stacks: "list[list[Axes]]", rows: list[Row], parts: list[slice])
 
 def _legend() -> "list[Artist]":
     colours = {"holds": style.WHITE, "does not hold": style.BLACK, "free": style.FREE}
-    return [page.swatch(label, colour) for label, colour in colours.items()]
+    return [style.swatch(label, colour) for label, colour in colours.items()]
 
 
 def _legend_of_unmeasured(*templates: MotionTemplate) -> "list[Artist]":
     is_needed = any(template.unmeasured for template in templates)
-    return [page.unknown_swatch("never measured")] if is_needed else []
+    return [style.swatch("never measured")] if is_needed else []
 
 
 @style.house_style()
@@ -212,20 +212,20 @@ def plot_library(library: ClassLibrary, *, title: str = "") -> "Figure":
     longest_s = max(prototype.template.n_columns for _, prototype in strips) / RATE_HZ
     names = [style.fit(_name_of(one, prototype), _LONGEST_NAME) for one, prototype in strips]
     notes = [_note(one, prototype) for one, prototype in strips]
-    layout = page.Layout(
+    layout = style.Layout(
         left=max(map(style.text_width, names)) + 0.1,
         width=float(np.clip(longest_s * _INCHES_PER_SECOND, *_STRIP_WIDTHS)),
         right=max(style.text_width(line) for note in notes for line in note) + 0.1,
         heights=(_STRIP_HEIGHT,) * len(strips),
     )
     heading = title or library.provenance or "classes of motion"
-    figure, (axes,) = page.new_page(layout, title=heading)
+    figure, (axes,) = style.new_page(layout, title=heading)
     for ax, name, note, (one, prototype) in zip(axes, names, notes, strips, strict=True):
         _draw_strip(ax, one, prototype)
         _write(ax, name, note)
-    page.mark_seconds(axes, longest_s)
+    style.mark_seconds(axes, longest_s)
     handles = _legend() + _legend_of_unmeasured(*(one.template for _, one in strips))
-    page.add_legend(figure, handles)
+    style.add_legend(figure, handles)
     return figure
 
 

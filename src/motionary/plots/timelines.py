@@ -1,8 +1,10 @@
-"""What happens along a recording: its labels, and distance functions of classes.
+"""What happens along a recording: labels, distance functions, limbs beside their sensors.
 
 Labels after the thesis, figure 5.2: a row per class, labels above truth; over it, on request,
 the classes' modified distance functions in colours. Distance functions after Müller and Röder
 (2006), figures 7 and 8: low where a matching motion ends; where no path fits, nothing is drawn.
+Sensors after the thesis, figures 7.7 and 7.12: a row each, the angle between limb and sensor;
+bars where it is wrong, hatched where one of both is not known.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,13 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
 from motionary.labels import LabelTrack
-from motionary.plots import page, style
+from motionary.plots import style
 from motionary.plots.features import pool_starts
+from motionary.recording import find_runs
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from motionary.inertial import TrackingCheck
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +39,10 @@ _DISTANCE_HZ = 30.0
 _HEIGHTS = (1.9, 1.0)
 _NAME_HEIGHT = 0.2
 _TRUTH_FRACTION = 0.08
+_SENSOR_ROW = 0.42
+# Angles beyond are drawn at the edge.
+_MOST_DEG, _LIMITS_DEG = 45.0, (12.0, 25.0)
+_POINTS = 1500
 
 
 @style.house_style()
@@ -75,24 +84,24 @@ def plot_annotation(
         lines += style.wrap(f"no labels: {track.nearest}".rstrip(": "), _WIDTH)
     heights = [len(shown) * _DISTANCE_ROW] if shown else []
     heights.append(max(len(names), 1) * _LABEL_ROW)
-    layout = page.Layout(
+    layout = style.Layout(
         left=max([style.text_width(text) for text in _count(names, track)] or [0.0]) + 0.1,
         width=_WIDTH, heights=tuple(heights), right=0.1, above=_NOTE_LINE * len(lines),
     )  # fmt: skip
-    figure, (axes,) = page.new_page(layout, title=track.recording.name)
+    figure, (axes,) = style.new_page(layout, title=track.recording.name)
     handles = _draw_labels(axes[-1], names, track, truth, stop_s)
     if shown:
         highest_cost = _draw_distances(axes[0], shown, curves)
-        page.add_ramp(
+        style.add_ramp(
             figure,
             _colours(np.linspace(0, 1, 128)[np.newaxis]),
             ("distance 0", f"{highest_cost:.2g}"),
         )
-        handles.append(page.swatch("no match", style.WHITE))
+        handles.append(style.swatch("no match", style.WHITE))
     if lines:
         axes[0].set_title("\n".join(lines), loc="left", pad=4.0)
-    page.mark_seconds(axes, stop_s)
-    page.add_legend(figure, handles)
+    style.mark_seconds(axes, stop_s)
+    style.add_legend(figure, handles)
     return figure
 
 
@@ -115,19 +124,19 @@ def _stop_s(track: LabelTrack, truth: LabelTrack | None, curves: Mapping[str, Fl
 def _draw_labels(
     axes: "Axes", names: Sequence[str], track: LabelTrack, truth: LabelTrack | None, stop_s: float
 ) -> "list[Artist]":
-    handles = [page.swatch("labels", style.LABEL)]
+    handles = [style.swatch("labels", style.LABEL)]
     # Labels stand over the truth; alone, in the middle of their row.
     top = _BLOCK / 2 if truth is None else _BLOCK
     for row, name in enumerate(names):
         rows = (track, row - top, style.LABEL), (truth or (), row, style.TRUTH)
         for labels, low, colour in rows:
             own = [label for label in labels if label.name == name]
-            page.draw_blocks(axes, own, low=low, height=_BLOCK, colour=colour, stop_s=stop_s)
+            style.draw_blocks(axes, own, low=low, height=_BLOCK, colour=colour, stop_s=stop_s)
     if truth is not None:
-        handles.append(page.swatch("truth", style.TRUTH))
+        handles.append(style.swatch("truth", style.TRUTH))
     if track.unassessed:
-        page.hatch(axes, track.unassessed)
-        handles.append(page.unknown_swatch("not assessed"))
+        style.hatch(axes, track.unassessed)
+        handles.append(style.swatch("not assessed"))
     _write_probabilities(axes, names, track, top=top, stop_s=stop_s)
     _name_rows(axes, _count(names, track))
     return handles
@@ -199,7 +208,7 @@ def _colours(fractions: Floats) -> Floats:
 def plot_distance(
     distances: Mapping[str, ArrayLike],
     *,
-    hits: Mapping[str, Sequence[page.Timed]] | None = None,
+    hits: Mapping[str, Sequence[style.Timed]] | None = None,
     threshold: float | None = None,
     truth: LabelTrack | None = None,
     rate_hz: float = 30.0,
@@ -224,11 +233,11 @@ def plot_distance(
     """
     curves = _check_panels(distances, hits or {}, rate_hz)
     tall = _HEIGHTS[0] if len(curves) == 1 else _HEIGHTS[1]
-    layout = page.Layout(
+    layout = style.Layout(
         left=0.6, width=_WIDTH, heights=(tall,) * len(curves), gap=_NAME_HEIGHT + 0.06,
         above=_NAME_HEIGHT, right=0.1,
     )  # fmt: skip
-    figure, (axes,) = page.new_page(layout, title=title or "distance")
+    figure, (axes,) = style.new_page(layout, title=title or "distance")
     stop_s = max(len(curve) for curve in curves.values()) / rate_hz
     for ax, (name, curve) in zip(axes, curves.items(), strict=True):
         _draw_curve(ax, curve, rate_hz)
@@ -238,15 +247,15 @@ def plot_distance(
             _draw_hit(ax, hit, curve, stop_s=stop_s, rate_hz=rate_hz)
         _draw_truth(ax, truth, name, stop_s)
         ax.set_title(style.fit(name, _WIDTH), loc="left", pad=3.0)
-    page.mark_seconds(axes, stop_s)
+    style.mark_seconds(axes, stop_s)
     has_hits = any(len(found) for found in (hits or {}).values())
     has_truth = truth is not None and any(label.name in curves for label in truth)
-    page.add_legend(figure, _legend(hits=has_hits, threshold=threshold, truth=has_truth))
+    style.add_legend(figure, _legend(hits=has_hits, threshold=threshold, truth=has_truth))
     return figure
 
 
 def _draw_hit(
-    axes: "Axes", hit: page.Timed, curve: Floats, *, stop_s: float, rate_hz: float
+    axes: "Axes", hit: style.Timed, curve: Floats, *, stop_s: float, rate_hz: float
 ) -> None:
     """A hit shaded, its end on the curve marked; its length and cost, where there is room."""
     axes.axvspan(hit.start_s, hit.end_s, color=style.PALE_BLUE, linewidth=0.5, zorder=0.5)
@@ -264,7 +273,7 @@ def _draw_hit(
 
 
 def _check_panels(
-    distances: Mapping[str, ArrayLike], hits: Mapping[str, Sequence[page.Timed]], rate_hz: float
+    distances: Mapping[str, ArrayLike], hits: Mapping[str, Sequence[style.Timed]], rate_hz: float
 ) -> dict[str, Floats]:
     if not isinstance(distances, Mapping) or not distances:
         raise InvalidInput(
@@ -315,7 +324,7 @@ def _scale(axes: "Axes", curve: Floats, threshold: float | None) -> None:
 def _draw_truth(axes: "Axes", truth: LabelTrack | None, name: str, stop_s: float) -> None:
     low, top = axes.get_ylim()
     labels = [label for label in truth or () if label.name == name]
-    page.draw_blocks(axes, labels, low=low, height=0.6 * -low, colour=style.TRUTH, stop_s=stop_s)
+    style.draw_blocks(axes, labels, low=low, height=0.6 * -low, colour=style.TRUTH, stop_s=stop_s)
     axes.set_ylim(low, top)
 
 
@@ -329,10 +338,55 @@ def _legend(*, hits: bool, threshold: float | None, truth: bool) -> "list[Artist
         line.set_label(f"threshold {threshold:g}")
         handles.append(line)
     if hits:
-        handles.append(page.swatch("hit", style.PALE_BLUE))
+        handles.append(style.swatch("hit", style.PALE_BLUE))
         end = Line2D([], [], color=style.BLUE, marker="o", markersize=3.5, linestyle="")
         end.set_label("its end")
         handles.append(end)
     if truth:
-        handles.append(page.swatch("truth", style.TRUTH))
+        handles.append(style.swatch("truth", style.TRUTH))
     return handles
+
+
+@style.house_style()
+def plot_check(check: "TrackingCheck") -> "Figure":
+    """Picture of the angles between limbs and sensors, and of what is wrong.
+
+    Of the two lines above the first a stretch goes on that is wrong, above the second it is one.
+
+    Parameters
+    ----------
+    check : a motion held against its sensors
+    """
+    if not check.limbs:
+        raise InvalidInput("there is no sensor to draw")
+    recording = check.track.recording
+    names = [f"{one.limb or 'no limb'} ({one.sensor})" for one in check.limbs]
+    layout = style.Layout(
+        left=max(map(style.text_width, names)) + 0.55, width=_WIDTH, right=0.1,
+        heights=(_SENSOR_ROW,) * len(names),
+    )  # fmt: skip
+    figure, (rows,) = style.new_page(layout, title=recording.name)
+    for axes, one, name in zip(rows, check.limbs, names, strict=True):
+        residual = np.minimum(one.residual_deg, _MOST_DEG)
+        times = np.arange(len(residual)) / recording.rate_hz
+        step = max(len(residual) // _POINTS, 1)
+        # The largest of each block: a peak of one frame stays to be seen.
+        highest = np.maximum.reduceat(np.nan_to_num(residual), np.arange(0, len(residual), step))
+        axes.fill_between(times[::step], highest, color=style.BLUE, lw=0)
+        for limit in _LIMITS_DEG:
+            axes.axhline(limit, color=style.BLACK, lw=0.5, alpha=0.5)
+        for first, stop in one.wrong:
+            ends = first / recording.rate_hz, stop / recording.rate_hz
+            axes.axvspan(*ends, color=style.PALE_ORANGE, linewidth=0.5, zorder=0.5)
+        style.hatch(axes, (find_runs(np.isnan(residual)) / recording.rate_hz).tolist())
+        axes.set_ylim(0, _MOST_DEG)
+        axes.set_yticks([0, 30], ["0°", "30°"])
+        axes.set_ylabel(name, rotation=0, ha="right", va="center", labelpad=6)
+    style.mark_seconds(rows, recording.duration_s)
+    handles = [
+        style.swatch("angle between limb and sensor", style.BLUE),
+        style.swatch("wrong", style.PALE_ORANGE),
+        style.swatch("not known"),
+    ]
+    style.add_legend(figure, handles)
+    return figure

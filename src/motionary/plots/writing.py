@@ -1,8 +1,8 @@
-"""A recording as a moving picture: stick figures over their labels, in GIF or MP4.
+"""Pictures in files: PNG, SVG and PDF, and recordings as moving pictures, in GIF or MP4.
 
-For a mail or a slide. The figure is seen from its right side and a little from the front, as on
-sheets, and followed sideways; marks on the ground a metre apart show how it travels. Points
-that are no known body are drawn as points.
+Moving ones show stick figures over their labels, for a mail or a slide. The figure is seen from
+its right side and a little from the front, as on sheets, and followed sideways; marks on the
+ground a metre apart show how it travels. Points that are no known body are drawn as points.
 
 Conventions: times and frames are those of the whole recording, also of a part; a GIF shows each
 picture for a whole number of hundredths of a second.
@@ -11,11 +11,11 @@ picture for a whole number of hundredths of a second.
 import math
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,13 @@ from motionary.errors import InvalidInput, UnwritableFile
 from motionary.files import write_atomically
 from motionary.labels import LabelTrack
 from motionary.motion import Motion
-from motionary.plots import page, style
-from motionary.plots.figures import Floats, Pose, legend_of_sides, poses, project
+from motionary.plots import style
+from motionary.plots.figures import SIDES, legend_of_sides, poses, project
+from motionary.plots.style import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 #: Suffixes of moving pictures.
 MOVING = (".gif", ".mp4")
@@ -45,6 +47,13 @@ _NAME_IN = 1.3
 _COLOURS = 32
 _MARGIN_M = 0.12
 _SMOOTH_S = 0.8
+
+# The same picture gives the same bytes: no date, no version, no random names.
+_METADATA: dict[str, dict[str, str | None]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": "motionary"},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
 
 Image = NDArray[np.uint8]
 
@@ -141,11 +150,11 @@ def _draw_all(
     shown = [x for x in track or () if x.start_s < stop_s and x.end_s > start_s]
     names = sorted({label.name for label in shown})[:_MOST_LANES]
     heights = (_HEIGHT, *([_LANE * len(names)] if names else []))
-    layout = page.Layout(
+    layout = style.Layout(
         left=_NAME_IN if names else 0.0, width=_WIDTH - (_NAME_IN if names else 0.0),
         heights=heights, gap=0.12, below=0.36 if names else 0.1,
     )  # fmt: skip
-    figure, (axes,) = page.new_page(layout, title=motion.source or "motion")
+    figure, (axes,) = style.new_page(layout, title=motion.source or "motion")
     figure.set_dpi(dpi)
     if names and track is not None:
         # The figure takes the width of the names, too.
@@ -154,7 +163,7 @@ def _draw_all(
         axes[0].set_position((left, box.y0, box.x1 - left, box.height))
         _draw_lanes(axes[1], names, track, start_s=start_s, stop_s=stop_s)
         cursor = axes[1].axvline(start_s, color=style.BLACK, linewidth=1.0)
-    page.add_legend(figure, legend_of_sides())
+    style.add_legend(figure, legend_of_sides())
     first = min(int(start_s * motion.rate_hz + 1e-6), motion.n_frames - 1)
     stop = max(math.ceil(stop_s * motion.rate_hz - 1e-6), first + 1)
     part = motion.cut(first, stop)
@@ -180,13 +189,13 @@ def _draw_lanes(
     """A lane a class, in the colour of labels."""
     for row, name in enumerate(names):
         own = [label for label in track if label.name == name]
-        page.draw_blocks(axes, own, low=row - 0.3, height=0.6, colour=style.LABEL, stop_s=stop_s)
+        style.draw_blocks(axes, own, low=row - 0.3, height=0.6, colour=style.LABEL, stop_s=stop_s)
     if track.unassessed:
-        page.hatch(axes, track.unassessed)
+        style.hatch(axes, track.unassessed)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_yticks(range(len(names)), labels=[style.fit(x, _NAME_IN - 0.1) for x in names])
     axes.tick_params(axis="y", length=0)
-    page.mark_seconds([axes], stop_s, start_s=start_s)
+    style.mark_seconds([axes], stop_s, start_s=start_s)
 
 
 class _Body:
@@ -194,24 +203,23 @@ class _Body:
 
     def __init__(self, axes: "Axes", motion: Motion) -> None:
         from matplotlib.collections import LineCollection
+        from matplotlib.patches import Circle
 
         self._axes = axes
         self._is_body = motion.mapping is not None
-        self._positions = motion.generic_positions() if self._is_body else motion.positions
-        self._views = (
-            project(self._positions, turn_deg=_TURN_DEG)
-            if self._is_body
-            else self._positions[..., [2, 1]]
-        )
+        if self._is_body:
+            self._positions = motion.generic_positions()
+            self._views = project(self._positions, turn_deg=_TURN_DEG)
+        else:
+            self._positions = motion.positions
+            self._views = self._positions[..., [2, 1]]
         self._centres = _follow(self._views[..., 0], motion.rate_hz)
         self._lines: dict[str, LineCollection] = {}
-        for part, colour in (
-            ("left", style.LEFT_SIDE), ("trunk", style.TRUNK), ("right", style.RIGHT_SIDE),
-        ):  # fmt: skip
+        for part, colour in SIDES.items():
             lines = LineCollection([], colors=colour, linewidths=2.2, capstyle="round")
             self._lines[part] = axes.add_collection(lines, autolim=False)  # type: ignore[assignment]
         (self._points,) = axes.plot([], [], ".", color=style.TRUNK, markersize=3)
-        self._head = axes.add_patch(_circle())
+        self._head = axes.add_patch(Circle((0.0, 0.0), 0.1, color=style.TRUNK))
         self._ground = axes.add_collection(
             LineCollection([], colors=style.RULE, linewidths=0.8), autolim=False
         )
@@ -234,8 +242,8 @@ class _Body:
     def show(self, frame: int) -> None:
         """Draw a frame."""
         centre = float(self._centres[frame])
-        self._axes.set_xlim(centre - self._half_width, centre + self._half_width)
         ends = centre - self._half_width, centre + self._half_width
+        self._axes.set_xlim(*ends)
         marks = [(x, self._floor) for x in np.arange(np.ceil(ends[0]), ends[1])]
         tall = 0.03 * self._half_width
         self._ground.set_segments(  # type: ignore[attr-defined]
@@ -248,19 +256,10 @@ class _Body:
         (pose,) = poses(self._positions, self._views, [frame])
         for part, lines in self._lines.items():
             lines.set_segments(list(getattr(pose, part)))
-        self._show_head(pose)
-
-    def _show_head(self, pose: Pose) -> None:
         is_seen = not np.isnan(pose.head).any()
         self._head.set_visible(is_seen)
         if is_seen:
             self._head.set(center=tuple(pose.head), radius=pose.head_radius)
-
-
-def _circle() -> Any:
-    from matplotlib.patches import Circle
-
-    return Circle((0.0, 0.0), 0.1, color=style.TRUNK)
 
 
 def _follow(across: Floats, rate_hz: float) -> Floats:
@@ -309,3 +308,41 @@ def _write_mp4(images: Iterator[Image], path: Path, *, rate_hz: float) -> None:
     if process.returncode:
         reason = said.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no reason"]
         raise UnwritableFile(f"ffmpeg could not write it: {reason[0][:200]}", file=path.name)
+
+
+def save_pages(figures: "Iterable[Figure]", path: str | Path) -> list[Path]:
+    """Write pictures, the second as `name-2.png` and so on; their paths come back."""
+    first, paths = Path(path), []
+    for number, figure in enumerate(figures, start=1):
+        paths.append(first if number == 1 else first.with_stem(f"{first.stem}-{number}"))
+        save(figure, paths[-1])
+    return paths
+
+
+@style.house_style()
+def save(figure: "Figure", path: str | Path) -> None:
+    """Write a picture; the suffix of the name says how: png, svg or pdf.
+
+    Parameters
+    ----------
+    figure : from any function of this package
+    path : file to write; is replaced only once the new one is complete
+
+    Raises
+    ------
+    InvalidInput
+        If the suffix is another one.
+    UnwritableFile
+        If the file cannot be written.
+    """
+    kind = Path(path).suffix.lower().lstrip(".")
+    if kind not in _METADATA:
+        raise InvalidInput(
+            "pictures are written as .png, .svg or .pdf, got "
+            f"{Path(path).suffix!r}; give the file one of these suffixes",
+            file=Path(path).name,
+        )
+    from matplotlib import rc_context
+
+    with write_atomically(path) as beside, rc_context({"svg.hashsalt": "motionary"}):
+        figure.savefig(beside, format=kind, metadata=_METADATA[kind])
