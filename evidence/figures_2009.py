@@ -24,7 +24,8 @@ from motionary.matching import distance_function
 from motionary.models.library import ClassLibrary, TrainingOptions, learn_classes, learn_queries
 from motionary.plots import plot_annotation, plot_distance
 from motionary.recording import Recording
-from motionary.retrieval.annotation import annotate, class_distance
+from motionary.retrieval.annotation import annotate
+from motionary.retrieval.class_distances import class_distance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

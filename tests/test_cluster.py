@@ -15,7 +15,8 @@ from motionary.errors import Unreachable
 from motionary.features import compute_features
 from motionary.io import read
 from motionary.models.keyframes import parse_queries
-from motionary.retrieval.index import Index, building
+from motionary.models.library import learn
+from motionary.retrieval.index import Index, building, collection
 from motionary.retrieval.search import search
 from motionary.samples import synthetic_motion
 
@@ -142,11 +143,22 @@ def other_version(_):
     return "0.0.0"
 
 
-def test_labels_and_counts_are_the_same_whoever_reads(folder, scheduler, motionary, monkeypatch):
+def test_labels_and_counts_are_the_same_whoever_makes_them(
+    folder, scheduler, motionary, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(collection, "_PORTION_FRAMES", 50)
     write_bvh(synthetic_motion("squat", seed=97, rate_hz=30), folder / "whole.bvh")
     monkeypatch.chdir(folder)
-    for command in ("annotate", "count"):
-        given = (command, "whole.bvh", "d.bvh", "--json")
-        here, there = motionary(*given), motionary(*given, "--scheduler", scheduler)
+    made = {name: [synthetic_motion(name, seed=1, rate_hz=30)] for name in ("squat", "bow")}
+    learn(made).save(tmp_path / "library")
+    kept = ("--index", tmp_path / "index")
+    for command, *given in (
+        ("annotate", "whole.bvh", "d.bvh"),
+        ("count", "whole.bvh", "d.bvh"),
+        ("annotate", ".", *kept, "--explain"),
+        ("count", ".", *kept),
+    ):
+        given = (command, *given, "--library", tmp_path / "library", "--json")
+        there, here = motionary(*given, "--scheduler", scheduler), motionary(*given)
         assert (there.code, there.out) == (here.code, here.out) == (1, here.out)
         assert '"recording": "whole.bvh"' in there.out

@@ -35,7 +35,8 @@ from motionary.models.library import (
     scoring_for,
 )
 from motionary.recording import split_runs
-from motionary.retrieval.annotation import ClassDistance, annotate, class_distance
+from motionary.retrieval.annotation import annotate
+from motionary.retrieval.class_distances import ClassDistance, class_distance
 
 #: Overlap at which average precision is reported.
 IOU = 0.5

@@ -239,11 +239,8 @@ def _map_ahead(
     function: Callable[[Item], Result], items: Iterable[Item], jobs: Workers
 ) -> Iterator[tuple[Item, Result | Failure[Item]]]:
     """Results by workers, which have a few items ahead of the one that is awaited."""
-    workers: Cluster | _Processes
-    if isinstance(jobs, Cluster):
-        workers = jobs
-    else:
-        workers, function = _Processes(jobs), _Packed(function)
+    workers = jobs if isinstance(jobs, Cluster) else _Processes(jobs)
+    function = _Packed(function)
     waiting: deque[tuple[Item, Any]] = deque()
     try:
         for item in items:

@@ -10,11 +10,8 @@ from motionary.features import FULL_BODY_2006, FeatureSequence
 from motionary.matching import align, distance_function, local_minima
 from motionary.models.library import ClassLibrary, TrainingOptions, learn
 from motionary.retrieval import annotation
-from motionary.retrieval.annotation import (
-    annotate_with_distances,
-    class_distance,
-    unassessed,
-)
+from motionary.retrieval.annotation import annotate_with_distances, unassessed
+from motionary.retrieval.class_distances import class_distance
 from motionary.retrieval.explanation import explain
 from oracles import annotation as oracle
 from packing_cases import N, random_rows, seconds, sequence, stream

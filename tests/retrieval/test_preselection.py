@@ -33,7 +33,8 @@ from motionary.models.keyframes import (
 )
 from motionary.models.library import ClassLibrary, MotionClass, Prototype, class_of_query, learn
 from motionary.packing import full_mask
-from motionary.retrieval.annotation import annotate, class_distance
+from motionary.retrieval.annotation import annotate
+from motionary.retrieval.class_distances import class_distance
 from motionary.retrieval.explanation import explain
 from motionary.retrieval.index import Collection
 from motionary.retrieval.search import Deriving, QueryExpansion, derive_queries, search

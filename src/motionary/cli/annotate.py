@@ -1,14 +1,15 @@
 """`motionary annotate` and `count`: labels by a library, and how many."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motionary.cli import screen
+from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.options import (
     AsJson,
     LabelFile,
@@ -18,19 +19,21 @@ from motionary.cli.options import (
     picture_path,
     wrong,
 )
-from motionary.cli.recordings import find_files, measure_files, warn_of_all
+from motionary.cli.recordings import (
+    IndexOptions,
+    Opener,
+    find_files,
+    measure_files,
+    warn_of_all,
+)
+from motionary.cli.tracks import say_json, say_tracks, show_counts
 from motionary.cli.workers import WorkOptions
-from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
-    from motionary.labels import Label, LabelTrack
+    from motionary.labels import LabelTrack
     from motionary.models.library import ClassLibrary
-    from motionary.retrieval.counting import ClassCount
-
-_COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
-_SCORE_COLUMNS = (">score", ">false/min", ">right")
 
 
 class AssignmentName(StrEnum):
@@ -94,6 +97,14 @@ class LabelOptions(TableOptions):
         bool,
         typer.Option("--count", help="Count labels by recording, class and side instead."),
     ] = False
+    index: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH",
+            help="Index of the files, as `motionary index` makes it: what it has of them is not "
+            "read again, and --jobs and --scheduler label, too.",
+        ),
+    ] = None
     explain: Annotated[
         bool, typer.Option("--explain", help="Say of each label which features held and failed.")
     ] = False
@@ -129,6 +140,22 @@ class LabelOptions(TableOptions):
         given = self.threshold is not None or self.thorough
         return not given and default_assignment(library) == "scores"
 
+    def assigning(self, library: "ClassLibrary") -> dict[str, Any]:
+        """How labels are assigned, as the library takes it."""
+        return {
+            "assignment": "scores" if self.assigns_by_scores(library) else "published",
+            "threshold": self.threshold,
+            "at_most_false_per_min": self.at_most_false,
+            "preselect": not self.thorough,
+        }
+
+    def check_number(self, n_recordings: int) -> None:
+        """Refuse a file that holds labels of one recording for those of several."""
+        if self.output and not self.count:
+            from motionary.io.labels import check_label_file
+
+            check_label_file(self.output, several=n_recordings > 1)
+
 
 def annotate(
     files: Annotated[
@@ -147,17 +174,45 @@ def annotate(
     motionary annotate long.bvh
     motionary annotate takes/*.amc --library my-classes -o labels.csv --explain
     motionary annotate takes/*.amc --library my-classes --assignment scores --count
+    motionary annotate /archive --index /archive-index -o labels.csv --jobs 4
     """
-    from motionary.batch import Failure
     from motionary.io import write_labels
-    from motionary.io.labels import check_label_file
 
     options.check(as_json=as_json)
     library = _library(options)
+    tracks: list[LabelTrack] = []
+
+    def keep(track: "LabelTrack") -> None:
+        tracks.append(track)
+        if as_json and not options.count:
+            say_json(track, explained=options.explain)
+
+    label = _label_files if options.index is None else _label_index
+    code = label(files, library, options, keep, work=work, reading=reading)
+    if options.count:
+        show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
+    elif options.output:
+        write_labels(tracks, options.output, excel=options.excel)
+    if not (as_json or options.count or options.takes_stdout):
+        say_tracks(tracks, explained=options.explain)
+    return code
+
+
+def _label_files(
+    files: Sequence[str],
+    library: "ClassLibrary",
+    options: LabelOptions,
+    keep: "Callable[[LabelTrack], None]",
+    *,
+    work: WorkOptions,
+    reading: ReadOptions,
+) -> int:
+    """Label what files hold; the exit code."""
+    from motionary.batch import Failure
+
     found = find_files(files, reading)
-    if options.output and not options.count:
-        check_label_file(options.output, several=len(found.files) > 1)
-    failures, tracks = [], []
+    options.check_number(len(found.files))
+    failures = []
     with work.open() as workers:
         for sequence in measure_files(
             work.find(found.files), "labelling", reading=reading,
@@ -165,18 +220,60 @@ def annotate(
         ):  # fmt: skip
             if isinstance(sequence, Failure):
                 failures.append(sequence)
-                continue
-            tracks.append(_label(sequence, library, options))
-            if as_json and not options.count:
-                screen.print_json(_to_json(tracks[-1], explained=options.explain))
-    if options.count:
-        _show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
-    elif options.output:
-        write_labels(tracks, options.output, excel=options.excel)
-    if not (as_json or options.count or options.takes_stdout):
-        _say(tracks, explained=options.explain)
-    failed = warn_of_all(found.missing.values(), failures, given=files)
-    return 1 if failed else 0
+            else:
+                keep(_label(sequence, library, options))
+    return 1 if warn_of_all(found.missing.values(), failures, given=files) else 0
+
+
+def _label_index(
+    files: Sequence[str],
+    library: "ClassLibrary",
+    options: LabelOptions,
+    keep: "Callable[[LabelTrack], None]",
+    *,
+    work: WorkOptions,
+    reading: ReadOptions,
+) -> int:
+    """Label what an index has of files, which are read where they are new; the exit code."""
+    from motionary.retrieval.annotation import annotate_collection
+
+    _check_set(files, library, options.index, reading)
+    with work.open() as workers:
+        opener = Opener(reading=reading, feature_set=library.feature_set, jobs=workers)
+        opened = opener.open(files, IndexOptions(index=options.index))
+        collection = opened.collection
+        options.check_number(len(collection))
+        tracks: Iterable[LabelTrack]
+        if options.plot:
+            tracks = map(partial(_label, library=library, options=options), collection.sequences)
+        else:
+            tracks = annotate_collection(
+                collection, library, **options.assigning(library),
+                explainable=options.explain, jobs=workers,
+            )  # fmt: skip
+        with screen.progress("labelling", len(collection)) as done:
+            for track in tracks:
+                keep(track)
+                done(track)
+    if opened.is_stopped:
+        return STOPPED_BY_KEYBOARD
+    return 0 if opened.is_complete else 1
+
+
+def _check_set(
+    files: Sequence[str], library: "ClassLibrary", place: str | None, reading: ReadOptions
+) -> None:
+    """Refuse an index of the published features alone for a library over more."""
+    from motionary.retrieval.index import Index
+
+    needed = library.feature_set
+    held = Index.choose_set(files, needed, at=place, reading=reading)
+    if len(held) < len(needed):
+        raise wrong(
+            "--index",
+            f"{place} is an index of the {len(held)} published features, the library needs the "
+            f"{len(needed)} of {needed.name}; name another place, where an index of these is made",
+        )
 
 
 def _library(options: LabelOptions) -> "ClassLibrary":
@@ -202,21 +299,13 @@ def _label(
     from motionary.models.library import format_thresholds
     from motionary.retrieval.annotation import annotate_fully
 
-    by_scores, given = options.assigns_by_scores(library), options.threshold
-    track, found, _ = annotate_fully(
-        sequence,
-        library,
-        assignment="scores" if by_scores else "published",
-        threshold=given,
-        at_most_false_per_min=options.at_most_false,
-        preselect=not options.thorough,
-    )
+    track, found, _ = annotate_fully(sequence, library, **options.assigning(library))
     if options.plot:
         from motionary.plots import plot_annotation, save
 
         note = ""
-        if by_scores:
-            least = format_thresholds(library, options.at_most_false, given=given)
+        if options.assigns_by_scores(library):
+            least = format_thresholds(library, options.at_most_false, given=options.threshold)
             note = f"least score {least}"
         distances = {name: distance.modified for name, distance in found.items()}
         # Scores have no distances, and a library may have many classes that do not occur.
@@ -226,76 +315,7 @@ def _label(
     return track
 
 
-def _to_json(track: "LabelTrack", *, explained: bool) -> dict[str, Any]:
-    from motionary.retrieval.explanation import explain
-
-    keys = (
-        "start_s", "end_s", "start_frame", "end_frame", "cost", "known", "score", "probability",
-        "false_per_min", "side",
-    )  # fmt: skip
-    labels = []
-    for label in track:
-        shown: dict[str, Any] = {"label": label.name}
-        shown |= {key: getattr(label, key) for key in keys}
-        if explained:
-            shown["explanation"] = str(explain(label))
-        labels.append(shown)
-    return {
-        "recording": track.recording.name,
-        "rate_hz": track.rate_hz,
-        "labels": labels,
-        "unassessed": [{"start_s": start, "end_s": end} for start, end in track.unassessed],
-        "nearest": track.nearest or None,
-    }
-
-
-def _say(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
-    from motionary.retrieval.explanation import explain
-
-    labels = [label for track in tracks for label in track]
-    columns: tuple[str, ...] = _COLUMNS
-    if any(label.score is not None for label in labels):
-        has_rates = any(label.false_per_min is not None for label in labels)
-        is_known = any(label.probability is not None for label in labels)
-        shown = 3 if is_known else 2 if has_rates else 1
-        columns = (*_COLUMNS, *_SCORE_COLUMNS[:shown])
-    rows: list[tuple[str, ...]] = []
-    below: dict[int, str] = {}
-    for track in tracks:
-        for label in track:
-            if explained:
-                below[len(rows)] = str(explain(label))
-            rows.append((track.recording.name, *_cells(label))[: len(columns)])
-        for start_s, end_s in track.unassessed:
-            times = (f"{start_s:.2f}", f"{end_s:.2f}")
-            rows.append(_fill((track.recording.name, "(too little seen)", *times), columns))
-        if not len(track):
-            below[len(rows)] = track.nearest
-            rows.append(_fill((track.recording.name, "(none)"), columns))
-    if rows:
-        screen.print_table(columns, rows, below=below)
-
-
-def _fill(cells: tuple[str, ...], columns: Sequence[str]) -> tuple[str, ...]:
-    """A row with empty cells at its end."""
-    return (*cells, *[""] * (len(columns) - len(cells)))
-
-
-def _cells(label: "Label") -> tuple[str, ...]:
-    cost = "" if label.cost is None else f"{label.cost:.3f}"
-    times = f"{label.start_s:.2f}", f"{label.end_s:.2f}"
-    score = "" if label.score is None else f"{label.score:.1f}"
-    rate = "" if label.false_per_min is None else f"{label.false_per_min:.2g}"
-    right = "" if label.probability is None else screen.percent(label.probability)
-    return (label.name, *times, cost, screen.percent(label.known), score, rate, right)
-
-
 # -- motionary count ----------------------------------------------------------------------
-
-
-_COUNT_COLUMNS = (
-    "recording", "label", "side", ">number", ">mean_s", ">total_s", ">per_min", ">unassessed_s",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -324,51 +344,3 @@ def count(
     motionary count training.c3d --library exercises -o counts.csv
     """
     return annotate(files, options, as_json, work=work, reading=reading)
-
-
-def _show_counts(
-    tracks: "Sequence[LabelTrack]", *, output: str | None, excel: bool, as_json: bool
-) -> None:
-    """Counts as a table or JSON, and as a file if one is named."""
-    from motionary.io.text import write_table
-    from motionary.retrieval.counting import count as count_labels
-
-    counts = count_labels(tracks)
-    rows = [_to_row(one) for one in counts]
-    if output:
-        columns = [name.lstrip(">") for name in _COUNT_COLUMNS]
-        table = [[row[name] for name in columns] for row in rows]
-        write_table([columns, *table], Path(output), excel=excel)
-    if output and is_stdout(output):
-        return
-    if as_json:
-        for one, row in zip(counts, rows, strict=True):
-            times = {"starts_s": list(one.starts_s), "durations_s": list(one.durations_s)}
-            screen.print_json(row | times)
-        return
-    shown = [tuple(_format(cell) for cell in row.values()) for row in rows]
-    counted = {one.recording for one in counts}
-    for track in tracks:
-        if track.recording.name not in counted:
-            shown.append(_fill((track.recording.name, "(none)"), _COUNT_COLUMNS))
-    if shown:
-        screen.print_table(_COUNT_COLUMNS, shown)
-
-
-def _to_row(one: "ClassCount") -> dict[str, Any]:
-    return {
-        "recording": one.recording,
-        "label": one.name,
-        "side": one.side,
-        "number": one.number,
-        "mean_s": one.mean_s,
-        "total_s": one.total_s,
-        "per_min": one.per_min,
-        "unassessed_s": one.unassessed_s,
-    }
-
-
-def _format(cell: Any) -> str:
-    if cell is None:
-        return ""
-    return f"{cell:.2f}" if isinstance(cell, float) else str(cell)

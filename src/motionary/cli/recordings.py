@@ -251,7 +251,8 @@ class Opener:
         if index is None:
             return self._read(paths)
         collection = self._features_in(index)
-        is_complete = not (warn_of_all(list_missing(index), collection.failures) or is_stopped)
+        failed = warn_of_all(list_missing(index), collection.failures, given=paths)
+        is_complete = not (failed or is_stopped)
         return Opened(collection, _FilesOf(index, collection), is_complete, is_stopped)
 
     def _update(self, paths: Sequence[str], at: str | None) -> "tuple[Index | None, bool]":
@@ -282,12 +283,9 @@ class Opener:
         from motionary.retrieval.index import read_collection
 
         return read_collection(
-            files.items(),
-            reading=self.reading,
-            feature_set=self.feature_set,
-            jobs=self.jobs,
+            files.items(), reading=self.reading, feature_set=self.feature_set, jobs=self.jobs,
             **on_done,
-        )
+        )  # fmt: skip
 
     def _open_several(self, paths: Sequence[str], folders: Sequence[str]) -> Opened:
         """Folders, each by its index, and single files, under names that tell them apart."""

@@ -1,10 +1,8 @@
 """Labels of the motions in a recording.
 
-The annotation procedure of Müller, Baak and Seidel (2009), section 4: per class a modified
-distance function that gives every frame of a match the cost of the match; per frame the
-class with the least; runs of one class, extended while the class's own function does not
-rise. Where a class has keyframes, its distance is computed around their hits only and
-infinite elsewhere (section 5).
+The annotation procedure of Müller, Baak and Seidel (2009), section 4: per frame the class whose
+modified distance function is least, see `class_distances`; runs of one class, extended while
+the class's own function does not rise.
 
 The other assignment ranks matches by what they tell and not by what they cost; see
 `scored_labels`.
@@ -12,70 +10,35 @@ The other assignment ranks matches by what they tell and not by what they cost; 
 Conventions: frames are those of the sequence, at 30 Hz, 0-based; ties go to the earlier class.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from motionary.batch import Failure, Workers, map_ordered
 from motionary.errors import InvalidInput, check_kind
 from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
 from motionary.labels import Label, LabelTrack
-from motionary.matching import (
-    SKIP_WEIGHT,
-    Alignment,
-    ClassSegment,
-    Pattern,
-    align,
-    annotate_distances,
-    concatenate,
-    corpus_distance,
-    local_minima,
-    modify,
-)
+from motionary.matching import SKIP_WEIGHT, ClassSegment, annotate_distances
 from motionary.models.library import (
     THRESHOLD,
     Candidates,
     ClassLibrary,
-    MotionClass,
-    Prototype,
     find_candidates,
     load_everyday,
 )
 from motionary.motion import Motion
-from motionary.packing import count, full_mask
+from motionary.packing import count
 from motionary.recording import Segment, find_runs
-from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, describe_nearest
+from motionary.retrieval.class_distances import ClassDistance, class_distance
+from motionary.retrieval.explanation import ASSESSED_FROM, describe_nearest
+from motionary.retrieval.index import Collection, Index, Portion
 from motionary.retrieval.scored_labels import label_by_scores, limits_for
-
-Floats = NDArray[np.float64]
-Single = NDArray[np.float32]
 
 #: How labels are assigned: by scores, or by costs as published in 2009.
 Assignment = Literal["scores", "published"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ClassDistance:
-    """Modified distance function of one class in one recording, and its matches.
-
-    Attributes
-    ----------
-    modified : array, shape (frames,), cost of the cheapest match that covers a frame
-    owner : array, shape (frames,), index into `matches` of that match, -1 without one
-    matches : every local minimum below the threshold of which enough was seen
-    least : cheapest match of the recording, whatever the threshold; None if none fits
-    unmodified : array, shape (frames,), least cost of a match that ends in a frame, infinite
-        where keyframes rule the class out
-    """
-
-    modified: Floats
-    owner: NDArray[np.intp]
-    matches: tuple[Evidence, ...]
-    least: Evidence | None
-    unmodified: Single
 
 
 class Annotation(NamedTuple):
@@ -164,6 +127,93 @@ def annotate_fully(
     return Annotation(track, {}, candidates)
 
 
+def annotate_collection(
+    recordings: Collection | Index,
+    library: ClassLibrary | None = None,
+    *,
+    assignment: Assignment | None = None,
+    threshold: float | None = None,
+    at_most_false_per_min: float | None = None,
+    preselect: bool = True,
+    explainable: bool = False,
+    jobs: Workers = 1,
+) -> Iterator[LabelTrack]:
+    """Labels of many recordings out of their features; the recordings are not read.
+
+    Parameters
+    ----------
+    recordings : an index, or a collection of features, over those of the library, or over the
+        everyday set for a library over the published ones
+    library, assignment, threshold, at_most_false_per_min, preselect : as of `annotate`
+    explainable : whether labels carry the evidence that `explain` reads, the features of their
+        recording; of an archive that is much to hold, and to be sent by processes
+    jobs : who labels: processes, or a cluster whose workers see the index under the same path
+
+    Yields
+    ------
+    LabelTrack of each recording, sorted by name; the same whoever labels
+
+    Raises
+    ------
+    InvalidInput
+        As of `annotate`.
+    Unreachable
+        If a cluster is gone.
+    """
+    library = load_everyday() if library is None else library
+    collection = _collection_of(recordings, library)
+    label = partial(
+        _label_one, library=library, explainable=explainable, assignment=assignment,
+        threshold=threshold, at_most_false_per_min=at_most_false_per_min, preselect=preselect,
+    )  # fmt: skip
+    if jobs == 1:
+        return map(label, collection.sequences)
+    return _label_portions(label, collection, jobs)
+
+
+def _label_one(
+    sequence: FeatureSequence, *, library: ClassLibrary, explainable: bool, **options: Any
+) -> LabelTrack:
+    track = annotate(sequence, library, **options)
+    if explainable:
+        return track
+    return replace(track, labels=tuple(replace(one, evidence=None) for one in track))
+
+
+def _label_portions(
+    label: Callable[[FeatureSequence], LabelTrack], collection: Collection, jobs: Workers
+) -> Iterator[LabelTrack]:
+    for tracks in map_ordered(
+        partial(_label_portion, label=label), collection.portions(), jobs=jobs
+    ):
+        if isinstance(tracks, Failure):
+            raise tracks.error
+        yield from tracks
+
+
+def _label_portion(
+    portion: Portion, *, label: Callable[[FeatureSequence], LabelTrack]
+) -> list[LabelTrack]:
+    return [label(sequence) for sequence in portion.open()]
+
+
+def _collection_of(recordings: Collection | Index, library: ClassLibrary) -> Collection:
+    """Features of recordings over those of a library, if they lead their own."""
+    remedy = "Index.open(folder), or motionary.retrieval.index.collect(folder)"
+    check_kind(recordings, (Collection, Index), name="recordings", remedy=remedy)
+    _check_library(library, "annotate_collection(index, ClassLibrary.load(folder))")
+    collection = recordings if isinstance(recordings, Collection) else recordings.collection()
+    for one in (collection, collection.published):
+        if one.feature_set.ids == library.feature_set.ids:
+            return one
+    raise InvalidInput(
+        f"the library is over {library.feature_set.name!r}, the recordings over "
+        f"{collection.feature_set.name!r}; open an index elsewhere with "
+        "feature_set=library.feature_set, and update it",
+        file=recordings.place if isinstance(recordings, Index) else "",
+    )
+
+
 def default_assignment(library: ClassLibrary) -> Assignment:
     """By scores, unless the library has none or was made to label by costs.
 
@@ -226,89 +276,6 @@ def annotate_with_distances(
     return Annotation(track, dict(zip(library.names, distances, strict=True)))
 
 
-def class_distance(
-    sequence: FeatureSequence,
-    motion_class: MotionClass,
-    *,
-    threshold: float | None = None,
-    preselect: bool = True,
-    skip_weight: float = SKIP_WEIGHT,
-) -> ClassDistance:
-    """Modified distance function of a class: the least over its templates."""
-    limit = motion_class.threshold if threshold is None else threshold
-    matches: list[Evidence] = []
-    cheapest: list[Evidence] = []
-    unmodified = np.full(len(sequence), np.inf, dtype=np.float32)
-    whole = [(0, len(sequence))]
-    for prototype, (template, pattern) in zip(
-        motion_class.prototypes, motion_class.patterns, strict=True
-    ):
-        windows = _windows(prototype, sequence) if preselect and prototype.queries else whole
-        distance = _distance(pattern, sequence, windows, skip_weight)
-        np.minimum(unmodified, distance, out=unmodified)
-        minima = local_minima(distance, threshold=limit)
-        least = [int(np.argmin(distance))] if np.isfinite(distance).any() else []
-        for ends, into in ((minima, matches), (least, cheapest)):
-            for found in _align(pattern, sequence, windows, np.asarray(ends), skip_weight):
-                evidence = Evidence(motion_class.name, template, pattern, sequence, found)
-                if evidence.is_assessed:
-                    into.append(evidence)
-    modified, owner = modify([match.alignment for match in matches], n_frames=len(sequence))
-    nearest = min(cheapest, key=lambda e: e.alignment.cost, default=None)
-    return ClassDistance(modified, owner, tuple(matches), nearest, unmodified)
-
-
-def _windows(prototype: Prototype, sequence: FeatureSequence) -> list[tuple[int, int]]:
-    """Where a prototype is matched: around the hits of its keyframes."""
-    from motionary.models.keyframes import select_in_sequence
-
-    ranges = select_in_sequence(
-        prototype.queries,
-        prototype.template.n_columns,
-        sequence.packed,
-        sequence.known,
-        votes=prototype.votes,
-    )
-    return ranges.of(0)
-
-
-def _distance(
-    pattern: Pattern,
-    sequence: FeatureSequence,
-    windows: Sequence[tuple[int, int]],
-    skip_weight: float,
-) -> Single:
-    """Distance function, infinite outside of the windows; no path leaves one."""
-    distance = np.full(len(sequence), np.inf, dtype=np.float32)
-    if not windows:
-        return distance
-    corpus = concatenate(
-        [sequence.packed[start:stop] for start, stop in windows],
-        [sequence.known[start:stop] for start, stop in windows],
-        full=full_mask(1, len(sequence.feature_set))[0],
-    )
-    inside = corpus_distance(pattern, corpus, skip_weight=skip_weight)
-    for (start, stop), part in zip(windows, corpus.split(inside), strict=True):
-        distance[start:stop] = part
-    return distance
-
-
-def _align(
-    pattern: Pattern,
-    sequence: FeatureSequence,
-    windows: Sequence[tuple[int, int]],
-    ends: NDArray[np.intp],
-    skip_weight: float,
-) -> list[Alignment]:
-    """Matches that end at some frames, each within the window of its end."""
-    if len(ends) == 0:
-        return []
-    starts = np.array([start for start, _ in windows])
-    since = starts[np.searchsorted(starts, ends, side="right") - 1]
-    packed, known = sequence.packed, sequence.known
-    return align(pattern, packed, known, ends, skip_weight=skip_weight, since=since)
-
-
 def unassessed(sequence: FeatureSequence) -> tuple[Segment, ...]:
     """Segments in which fewer than half of the features are known."""
     known = count(sequence.known) / len(sequence.feature_set)
@@ -325,14 +292,7 @@ def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> 
         remedy="read files first, and annotate one after the other: "
         "[annotate(read(path), library) for path in paths]",
     )
-    check_kind(
-        library,
-        (ClassLibrary,),
-        name="library",
-        remedy="it comes second: annotate(recording, ClassLibrary.load(folder))",
-    )
-    if not library:
-        raise InvalidInput("the library has no classes, so there is nothing to look for")
+    _check_library(library, "annotate(recording, ClassLibrary.load(folder))")
     if isinstance(recording, Motion):
         return compute_features(recording, feature_set=library.feature_set)
     if recording.feature_set.name != library.feature_set.name:
@@ -342,6 +302,12 @@ def _sequence_of(recording: Motion | FeatureSequence, library: ClassLibrary) -> 
             file=recording.source,
         )
     return recording
+
+
+def _check_library(library: ClassLibrary, call: str) -> None:
+    check_kind(library, (ClassLibrary,), name="library", remedy=f"it comes second: {call}")
+    if not library:
+        raise InvalidInput("the library has no classes, so there is nothing to look for")
 
 
 def _label(sequence: FeatureSequence, distance: ClassDistance, segment: ClassSegment) -> Label:

@@ -1,6 +1,6 @@
 """Collections: the features of many recordings, and what could not be read."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,9 +23,11 @@ from motionary.features import (
 from motionary.io import ReadOptions, name_recordings
 from motionary.matching import prior_of_counts
 from motionary.motion import Motion
-from motionary.retrieval.index.shard import Shard, make_shard, select
+from motionary.retrieval.index.shard import Shard, StoredShard, make_shard, select
 
 _MOST_REASONS = 3
+# Frames of a portion, five minutes: labelling them takes seconds, sending a library less.
+_PORTION_FRAMES = 1 << 13
 
 #: Collections of more frames, 19 hours, are large: what is derived is derived from a sample.
 LARGE_COLLECTION = 1 << 21
@@ -46,6 +48,25 @@ class Part(NamedTuple):
 
     shard: Shard
     numbers: NDArray[np.int64]
+
+
+class Portion(NamedTuple):
+    """Some recordings of a collection, for another process to open.
+
+    Attributes
+    ----------
+    shards : that they lie in
+    places : array, shape (recordings, 2): number of the shard, and of the recording in it
+    """
+
+    shards: tuple[Shard | StoredShard, ...]
+    places: NDArray[np.int64]
+
+    def open(self) -> Iterator[FeatureSequence]:
+        """The recordings' features; `UnreadableFile` where a shard cannot be seen from here."""
+        shards = [shard.open() for shard in self.shards]
+        for shard, place in self.places.tolist():
+            yield shards[shard].sequence(place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +144,34 @@ class Collection:
         if isinstance(self.sequences, _Sequences):
             return self.sequences.locate(number)
         return 0, number
+
+    def portions(self) -> Iterator[Portion]:
+        """The recordings in their order, in portions that are worth being handed over."""
+        if not self.sequences:
+            return
+        places: list[tuple[int, int]] = []
+        n_frames = 0
+        for number in range(len(self)):
+            part, place = self.locate(number)
+            places.append((part, place))
+            n_frames += int(self.parts[part].shard.table["length"][place])
+            if n_frames >= _PORTION_FRAMES or number == len(self) - 1:
+                yield self._portion(np.array(places, dtype=np.int64))
+                places, n_frames = [], 0
+
+    def _portion(self, places: NDArray[np.int64]) -> Portion:
+        numbers, shard_of = np.unique(places[:, 0], return_inverse=True)
+        opened: list[Shard | StoredShard] = []
+        inside = places[:, 1].copy()
+        for i, number in enumerate(numbers.tolist()):
+            handle = self.parts[number].shard.handle()
+            if isinstance(handle, Shard):
+                # Of one in memory only what is needed is sent.
+                chosen = np.flatnonzero(shard_of == i)
+                handle = select([handle], [inside[chosen]])
+                inside[chosen] = np.arange(len(chosen))
+            opened.append(handle)
+        return Portion(tuple(opened), np.column_stack([shard_of, inside]))
 
     @property
     def n_frames(self) -> int:

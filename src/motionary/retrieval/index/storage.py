@@ -194,7 +194,8 @@ def check_recipe(wanted: Recipe, found: Recipe, folder: Path) -> None:
     if found[:2] != wanted[:2]:
         raise InvalidInput(
             f"an index of {found.feature_set!r} ({len(found.features)} features), asked for is "
-            f"{wanted.feature_set!r} ({len(wanted.features)}); name another place for it",
+            f"{wanted.feature_set!r} ({len(wanted.features)}); name another place, where an index "
+            "of these is made",
             file=folder,
         )
     before, now = found.reading, wanted.reading
