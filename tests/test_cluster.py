@@ -12,17 +12,18 @@ import pytest
 from cli_cases import write_bvh
 from motionary.batch import Cluster, Failure, map_ordered
 from motionary.errors import Unreachable
-from motionary.features import compute_features
-from motionary.io import read
+from motionary.features import compute_features, files
+from motionary.io import ReadOptions, read, save_skeleton
 from motionary.models.keyframes import parse_queries
 from motionary.models.library import learn
-from motionary.retrieval.index import Index, building, collection
+from motionary.retrieval.index import Index, building, collect, collection
 from motionary.retrieval.search import search
 from motionary.samples import synthetic_motion
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
 
+measure = files._measure
 KILLS = """
 import json, sys, tempfile
 from pathlib import Path
@@ -99,6 +100,27 @@ def test_a_folder_may_be_named_from_where_one_is(cluster, tmp_path, monkeypatch)
     index = Index.open("here", at="index")
     index.update(jobs=cluster)
     assert (index.failures, len(index)) == ((), 1)
+
+
+def test_paths_hold_for_workers_in_other_folders(cluster, tmp_path, monkeypatch):
+    motion = synthetic_motion("squat", seed=1, rate_hz=30).cut(0, 12)
+    write_bvh(motion, tmp_path / "here" / "a.bvh")
+    save_skeleton(motion, tmp_path / "rig.toml")
+    (tmp_path / "away").mkdir()
+    monkeypatch.chdir(tmp_path)
+    reading = ReadOptions(skeleton="rig.toml")
+    (expected,) = collect("here", reading=reading).sequences
+    # Workers are threads of this process: its folder is theirs.
+    monkeypatch.setattr(files, "_measure", measure_elsewhere)
+    found = collect("here", reading=reading, jobs=cluster)
+    assert Path.cwd() == tmp_path / "away"
+    assert not found.failures
+    assert found.sequences[0].packed.tobytes() == expected.packed.tobytes()
+
+
+def measure_elsewhere(file, **how):
+    os.chdir(file[1].parents[1] / "away")
+    return measure(file, **how)
 
 
 def hits_of(result):

@@ -215,7 +215,7 @@ def _label_files(
     failures = []
     with work.open() as workers:
         for sequence in measure_files(
-            work.find(found.files), "labelling", reading=reading,
+            found.files, "labelling", reading=reading,
             feature_set=library.feature_set, jobs=workers,
         ):  # fmt: skip
             if isinstance(sequence, Failure):

@@ -145,7 +145,8 @@ def warn_of_all(
 def is_passed_over(failure: "Failure[NamedFile]", given: Collection[str]) -> bool:
     """Whether a file is no motion of a person, and was not named but found."""
     is_other = isinstance(failure.error, (NotAFile, NotAMotion, NotHuman))
-    return is_other and not {str(path) for path in _paths_of(failure)} & set(given)
+    named = {Path(path).absolute() for path in given}
+    return is_other and not {path.absolute() for path in _paths_of(failure)} & named
 
 
 def describe_failure(failure: "Failure[NamedFile]") -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.batch import Failure, Workers, map_ordered
+from motionary.batch import Cluster, Failure, Workers, map_ordered
 from motionary.errors import InvalidInput, check_path
 from motionary.features.batches import Computed, FeatureBatch
 from motionary.features.catalogue import FULL_BODY
@@ -42,10 +42,15 @@ def read_features(
     ----------
     files : pairs of a recording's name and its path
     options : what the files do not say themselves; each takes those that concern it
-    jobs : processes; the result does not depend on it
+    jobs : processes, or a cluster whose workers see the files under the same absolute paths; the
+        result does not depend on it
     on_done : called with each file once it is done
     """
-    work = partial(_measure, options=options or ReadOptions(), feature_set=feature_set)
+    options = options or ReadOptions()
+    if isinstance(jobs, Cluster):
+        # Its workers run in folders of their own.
+        options, files = options.absolute(), ((name, path.absolute()) for name, path in files)
+    work = partial(_measure, options=options, feature_set=feature_set)
     measured = map_ordered(work, files, jobs=jobs, on_done=on_done)
     # The set is here already: sending it takes as long as reading a short file.
     return (

@@ -7,7 +7,7 @@ Each field of `ReadOptions` carries in its metadata what a command line shows of
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -188,6 +188,17 @@ class ReadOptions:
         options = options_of(path)
         given = self.given()
         return type(self)(**{name: value for name, value in given.items() if name in options})
+
+    def absolute(self) -> ReadOptions:
+        """The same with the paths of files as whoever runs in another folder finds them."""
+        paths = {"asf": self.asf, "body_model": self.body_model, "skeleton": self.skeleton}
+        if not self._names_asf() and not str(self.skeleton).lower().endswith(_TABLE):
+            # The name of a known skeleton.
+            del paths["skeleton"]
+        found: dict[str, Any] = {
+            name: Path(path).absolute() for name, path in paths.items() if path is not None
+        }
+        return replace(self, **found)
 
     @property
     def acclaim_skeleton(self) -> str | Path | None:

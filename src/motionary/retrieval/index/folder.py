@@ -273,7 +273,7 @@ class Index:
             ToRead(n, Path(at).absolute(), states[n], sidecars[n], at * is_url(at))
             for n, at in ((name, self.address(name)) for name in changes.to_read)
         ]
-        building = Building(self.place.absolute(), self.feature_set, self.reading)
+        building = Building(self.place.absolute(), self.feature_set, self.reading.absolute())
         ready = _Ready(dict(self._manifest.failures), dict(self._shards))
         committed_at = time.monotonic()
         try:
