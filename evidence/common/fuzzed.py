@@ -314,7 +314,7 @@ def _open_fbx(folder: Path, name: str) -> None:
         if fbx.main([str(folder / name), str(target)]):
             raise MotionaryError("refused by ufbx")
     with np.errstate(all="ignore"):
-        fbx._to_content(dict(read_npz(target)), name, None, [])
+        fbx._to_content(dict(read_npz(target)), None, [])
 
 
 # -- labels, libraries, indexes, queries --------------------------------------------------

@@ -159,10 +159,10 @@ def test_lines_of_a_frame_may_come_in_any_sequence(tmp_path, small):
 
 
 def test_line_by_line_and_at_once_are_equal(data):
-    body = amc._find_body(amc.read_text(data / "cmu" / "49_08.amc"), "49_08.amc")
-    layout = amc._read_layout(body, "49_08.amc")
+    body = amc._find_body(amc.read_text(data / "cmu" / "49_08.amc"))
+    layout = amc._read_layout(body)
     at_once = amc._read_block(body, layout)
-    np.testing.assert_array_equal(at_once, amc._read_lines(body, layout, "49_08.amc"))
+    np.testing.assert_array_equal(at_once, amc._read_lines(body, layout))
 
 
 def replaced(old, new):

@@ -7,7 +7,7 @@ import pytest
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import compute_features
 from motionary.io import read
-from motionary.io.formats.c3d import write_c3d
+from motionary.io.formats.c3d_writing import write_c3d
 from motionary.motion import GENERIC_JOINTS, Event, Motion
 from motionary.recording import Recording
 from motionary.skeletons import named_mapping

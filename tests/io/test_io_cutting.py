@@ -227,11 +227,11 @@ def test_a_c3d_clip_keeps_analog_values_and_parameters(tmp_path, machine, scale)
     )
     (tmp_path / "a.c3d").write_bytes(content)
     cut_file(tmp_path / "a.c3d", 9, 12, tmp_path / "clip.c3d")
-    head, clip = parse_head(content, ""), (tmp_path / "clip.c3d").read_bytes()
+    head, clip = parse_head(content), (tmp_path / "clip.c3d").read_bytes()
     frame = (len(content) - (head.header.data_block - 1) * 512) // 40
     start = len(content) - 40 * frame
     assert clip[start:] == content[start + 2 * frame : start + 6 * frame]
-    cut_head = parse_head(clip, "")
+    cut_head = parse_head(clip)
     assert cut_head.texts("OWN", "NOTE") == ("kept",)
     assert (cut_head.header.first_frame, cut_head.header.last_frame) == (9, 12)
     assert cut_head.count("POINT", "FRAMES", 0) == cut_head.count("POINT", "LONG_FRAMES", 0) == 4

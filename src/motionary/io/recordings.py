@@ -112,7 +112,7 @@ def read_poses(path: str | Path, options: ReadOptions | None = None, **fields: A
     _check_options(options, form, path)
     table = options.skeleton_table()
     content: FileContent = load_function(form.read)(path, options)
-    motion = _to_motion(content, table)
+    motion = _to_motion(content, path.name, table)
     if content.metadata is not None:
         motion = normalise(motion, content.metadata, unit=options.unit, up=options.up)
     motion = normalise_sides(_note_mapping(motion, table), options.sides)
@@ -202,7 +202,7 @@ def _check_options(options: ReadOptions, form: Format, path: Path) -> None:
             raise InvalidInput(f"this format {reason}", file=path.name)
 
 
-def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
+def _to_motion(content: FileContent, source: str, table: SkeletonTable | None) -> Motion:
     """The motion, in the file's unit and axes, with its joints mapped."""
     # Before anything is told by the body; the joints of a rig are computed, and never missing.
     if content.rotations is None and content.skeleton is None:
@@ -219,9 +219,7 @@ def _to_motion(content: FileContent, table: SkeletonTable | None) -> Motion:
     return Motion(
         names=tuple(content.names),
         positions=content.positions,
-        recording=Recording(
-            content.source, rate_hz=content.rate_hz, first_frame=content.first_frame
-        ),
+        recording=Recording(source, rate_hz=content.rate_hz, first_frame=content.first_frame),
         mapping=mapping if isinstance(mapping, JointMapping) else None,
         skeleton=content.skeleton,
         rotations=content.rotations,

@@ -67,8 +67,8 @@ FORMATS = (
     Format(
         ".c3d",
         "c3d:read_c3d",
-        "c3d:write_c3d",
-        "clips:cut_c3d",
+        "c3d_writing:write_c3d",
+        "c3d_writing:cut_c3d",
         takes=("trust_points",),
         lacks=("rig",),
     ),
@@ -82,7 +82,7 @@ FORMATS = (
         lacks=("rig", "events"),
     ),
     # Tables named .csv, and JSON, are mostly labels: as with OpenSim's, where they are named only.
-    Format(".csv", "csv_points:read_csv", takes=("even_times",), is_text=True, in_folders=False),
+    Format(".csv", "point_tables:read_csv", takes=("even_times",), is_text=True, in_folders=False),
     Format(
         ".json",
         "json_points:read_json",
@@ -95,20 +95,24 @@ FORMATS = (
         ".npz",
         "arrays:read_npz_motion",
         "npz:write_npz",
-        "clips:cut_npz",
+        "arrays:cut_npz",
         takes=("body_model", "take"),
         several=True,
     ),
     Format(".npy", "arrays:read_array", takes=("take",), several=True),
-    Format(".pkl", "pickled:read_pickle", takes=("take",), several=True),
+    Format(".pkl", "arrays:read_pickle", takes=("take",), several=True),
     Format(".fbx", "fbx:read_fbx", takes=("take",)),
     *(
         Format(suffix, "gltf:read_gltf", takes=("take",))
         for suffix in (".glb", ".gltf", ".vrm", ".vrma")
     ),
     Format(".mvnx", "mvnx:read_mvnx", takes=("take", "even_times"), several=True),
-    Format(".sto", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
-    Format(".mot", "opensim:read_opensim", takes=("even_times",), is_text=True, in_folders=False),
+    Format(
+        ".sto", "point_tables:read_opensim", takes=("even_times",), is_text=True, in_folders=False
+    ),
+    Format(
+        ".mot", "point_tables:read_opensim", takes=("even_times",), is_text=True, in_folders=False
+    ),
 )
 _PYTORCH = (
     "holds Python objects of PyTorch, which run when they are opened; where you trust it: "

@@ -18,7 +18,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io.formats.asf import AcclaimSkeleton, Bone, find_asf, read_asf
-from motionary.io.formats.content import FileContent, place_joints
+from motionary.io.formats.content import FileContent, names_file, place_joints
 from motionary.io.formats.numbers import check_frames, end_alike, read_frames, to_number
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
@@ -35,6 +35,7 @@ from motionary.rotations import (
 
 RATE_HZ = 120.0
 
+_NO_FRAME = "no frame number found; expected an Acclaim motion (AMC)"
 _KEYWORDS = {":degrees": True, ":radians": False}
 
 # Lengths are inches or metres by definition; only what the body says is worth a note.
@@ -62,6 +63,7 @@ class _Body(NamedTuple):
     degrees: bool | None
 
 
+@names_file
 def read_amc(path: Path, options: ReadOptions) -> FileContent:
     """Content of an Acclaim motion: a position per bone (its end) and `root`.
 
@@ -71,19 +73,19 @@ def read_amc(path: Path, options: ReadOptions) -> FileContent:
         If a file is missing or broken, or the skeleton is not found; the message names
         the line, or the names that were looked for.
     """
-    body = _find_body(read_text(path), path.name)
-    acclaim = read_asf(options.acclaim_skeleton or find_asf(path))
+    body = _find_body(read_text(path))
+    acclaim = read_asf(Path(options.acclaim_skeleton or find_asf(path)))
     if options.unit is not None:
         # Lengths stay as they are written; what the skeleton says of them does not count.
         acclaim = replace(acclaim, metres=1.0)
-    layout = _read_layout(body, path.name)
+    layout = _read_layout(body)
     values = _read_block(body, layout)
     if values is None:
-        values = _read_lines(body, layout, path.name)
-    return _to_content(path.name, acclaim, layout, body, values, options.rate_hz)
+        values = _read_lines(body, layout)
+    return _to_content(acclaim, layout, body, values, options.rate_hz)
 
 
-def _find_body(text: str, name: str) -> _Body:
+def _find_body(text: str) -> _Body:
     """Skip comments and keywords up to the number of the first frame."""
     degrees = None
     place = 0
@@ -98,10 +100,10 @@ def _find_body(text: str, name: str) -> _Body:
             break
         degrees = _KEYWORDS.get(word.lower(), degrees)
         place += len(line) + 1
-    raise UnreadableFile("no frame number found; expected an Acclaim motion (AMC)", file=name)
+    raise UnreadableFile(_NO_FRAME)
 
 
-def _read_layout(body: _Body, name: str) -> _Layout:
+def _read_layout(body: _Body) -> _Layout:
     names, counts = [], []
     for words in _frame_lines(body.text):
         if len(words) == 1:
@@ -109,11 +111,9 @@ def _read_layout(body: _Body, name: str) -> _Layout:
         names.append(words[0])
         counts.append(len(words) - 1)
     if not names:
-        raise UnreadableFile("the first frame is empty", file=name, place=f"line {body.line}")
+        raise UnreadableFile("the first frame is empty", place=f"line {body.line}")
     if len(set(names)) != len(names):
-        raise UnreadableFile(
-            "a bone occurs twice in the first frame", file=name, place=f"line {body.line}"
-        )
+        raise UnreadableFile("a bone occurs twice in the first frame", place=f"line {body.line}")
     return _Layout(tuple(names), tuple(counts))
 
 
@@ -139,7 +139,7 @@ def _read_block(body: _Body, layout: _Layout) -> Floats | None:
     return values if np.array_equal(values[:, 0], counted) else None
 
 
-def _read_lines(body: _Body, layout: _Layout, name: str) -> Floats:
+def _read_lines(body: _Body, layout: _Layout) -> Floats:
     """The same line by line: lines in any sequence, errors with their place."""
     starts = dict(zip(layout.names, np.cumsum((1, *layout.counts[:-1])).tolist(), strict=True))
     counts = dict(zip(layout.names, layout.counts, strict=True))
@@ -147,7 +147,7 @@ def _read_lines(body: _Body, layout: _Layout, name: str) -> Floats:
     left: set[str] = set()
     for number, line in enumerate(body.text.split("\n"), start=body.line):
         words = line.split()
-        where = Where(file=name, place=f"line {number}")
+        where = Where(file="", place=f"line {number}")
         if len(words) == 1:
             rows.append(_start_frame(words[0], rows, left, where, 1 + sum(layout.counts)))
             left = set(layout.names)
@@ -166,7 +166,7 @@ def _read_lines(body: _Body, layout: _Layout, name: str) -> Floats:
             ]
             left.remove(words[0])
     if left:
-        raise UnreadableFile(f"the last frame ends without {_some(left)}; cut off?", file=name)
+        raise UnreadableFile(f"the last frame ends without {_some(left)}; cut off?")
     return np.array(rows)
 
 
@@ -195,7 +195,6 @@ def _some(names: set[str]) -> str:
 
 
 def _to_content(
-    name: str,
     acclaim: AcclaimSkeleton,
     layout: _Layout,
     body: _Body,
@@ -204,7 +203,7 @@ def _to_content(
 ) -> FileContent:
     first_frame, values = int(values[0, 0]), values[:, 1:]
     radians = acclaim.radians if body.degrees is None else (np.pi / 180 if body.degrees else 1.0)
-    columns = _match(layout, acclaim, name)
+    columns = _match(layout, acclaim)
     skeleton = acclaim.to_skeleton()
     turns = np.empty((len(skeleton.names), 4, len(values)))
     for joint, (bone, _) in enumerate(acclaim.in_order()):
@@ -222,9 +221,8 @@ def _to_content(
         notes.append(f"no values for {_some(still)}: kept at rest")
     return FileContent(
         names=skeleton.names,
-        positions=place_joints(skeleton, rotations, root, translations={}, source=name),
+        positions=place_joints(skeleton, rotations, root),
         rate_hz=RATE_HZ if rate_hz is None else rate_hz,
-        source=name,
         metadata=_METADATA,
         first_frame=first_frame,
         skeleton=skeleton,
@@ -233,19 +231,18 @@ def _to_content(
     )
 
 
-def _match(layout: _Layout, skeleton: AcclaimSkeleton, name: str) -> dict[str, dict[str, int]]:
+def _match(layout: _Layout, skeleton: AcclaimSkeleton) -> dict[str, dict[str, int]]:
     """Column of each degree of freedom, by bone."""
     columns: dict[str, dict[str, int]] = {bone.name: {} for bone, _ in skeleton.in_order()}
     place = 0
     for bone_name, count in zip(layout.names, layout.counts, strict=True):
         if bone_name not in columns:
-            raise UnreadableFile(f"bone {bone_name!r} is not in {skeleton.name}", file=name)
+            raise UnreadableFile(f"bone {bone_name!r} is not in {skeleton.name}")
         bone = skeleton.root if bone_name == "root" else skeleton.bones[bone_name]
         if len(bone.dof) != count:
             raise UnreadableFile(
                 f"{bone_name} has {count} values, "
-                f"{skeleton.name} expects {len(bone.dof)} ({' '.join(bone.dof)})",
-                file=name,
+                f"{skeleton.name} expects {len(bone.dof)} ({' '.join(bone.dof)})"
             )
         columns[bone_name] = {dof: place + i for i, dof in enumerate(bone.dof)}
         place += count
@@ -285,7 +282,7 @@ def write_amc(motion: Motion, path: str | Path, *, asf: str | Path | None = None
     UnwritableFile
         If the file cannot be written.
     """
-    skeleton = read_asf(asf if asf is not None else find_asf(Path(path)))
+    skeleton = read_asf(Path(asf if asf is not None else find_asf(Path(path))))
     rotations = _check(motion, skeleton)
     columns = {
         bone.name: _values(skeleton, bone, rotations[:, joint], motion)
@@ -376,7 +373,7 @@ def cut_amc(lines: list[str], first: int, last: int, name: str) -> list[str]:
     """Lines of a clip, numbered from 1; frames as the file counts them, both included."""
     starts = [i for i, line in enumerate(lines) if line.strip().isdecimal()]
     if not starts:
-        raise UnreadableFile("no frame number found; expected an Acclaim motion (AMC)", file=name)
+        raise UnreadableFile(_NO_FRAME, file=name)
     number = int(lines[starts[0]])
     check_frames(first, last, first_number=number, n_frames=len(starts), name=name)
     starts.append(len(lines))

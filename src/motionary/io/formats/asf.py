@@ -17,6 +17,7 @@ from typing import NoReturn
 import numpy as np
 
 from motionary.errors import UnreadableFile
+from motionary.io.formats.content import names_file
 from motionary.io.text import read_text, stem_of
 from motionary.motion import Skeleton
 from motionary.rotations import Floats, euler_to_quaternions
@@ -106,7 +107,8 @@ class AcclaimSkeleton:
         return euler_to_quaternions(angles * self.radians, bone.order[::-1])
 
 
-def read_asf(path: str | Path) -> AcclaimSkeleton:
+@names_file
+def read_asf(path: Path) -> AcclaimSkeleton:
     """Read an Acclaim skeleton.
 
     Raises
@@ -114,7 +116,6 @@ def read_asf(path: str | Path) -> AcclaimSkeleton:
     UnreadableFile
         If the file cannot be read or is no valid skeleton; the message names the line.
     """
-    path = Path(path)
     return _Reader(path.name).read(read_text(path))
 
 
@@ -174,7 +175,7 @@ class _Reader:
         self.line = 0
 
     def fail(self, problem: str) -> NoReturn:
-        raise UnreadableFile(problem, file=self.skeleton.name, place=f"line {self.line}")
+        raise UnreadableFile(problem, place=f"line {self.line}")
 
     def read(self, text: str) -> AcclaimSkeleton:
         section = ""
@@ -274,11 +275,11 @@ class _Reader:
     def check(self) -> None:
         skeleton = self.skeleton
         if not skeleton.bones:
-            raise UnreadableFile("no bones; expected an Acclaim skeleton (ASF)", file=skeleton.name)
+            raise UnreadableFile("no bones; expected an Acclaim skeleton (ASF)")
         placed = [child for children in skeleton.children.values() for child in children]
         if len(set(placed)) != len(placed) or ROOT in placed:
-            raise UnreadableFile("a bone occurs twice in the hierarchy", file=skeleton.name)
+            raise UnreadableFile("a bone occurs twice in the hierarchy")
         missing = set(skeleton.bones) - {bone.name for bone, _ in skeleton.in_order()}
         if missing:
             names = ", ".join(sorted(missing))
-            raise UnreadableFile(f"the hierarchy does not reach {names}", file=skeleton.name)
+            raise UnreadableFile(f"the hierarchy does not reach {names}")

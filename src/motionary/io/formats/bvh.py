@@ -20,10 +20,12 @@ from motionary.errors import UnreadableFile
 from motionary.io.formats.content import (
     RATE_HINT,
     FileContent,
+    name_some,
+    names_file,
     number_doubles,
     place_joints,
 )
-from motionary.io.formats.numbers import parse_number, read_table
+from motionary.io.formats.numbers import check_length, parse_number, read_table
 from motionary.io.formats.times import rate_of_frame_time
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
@@ -34,7 +36,6 @@ from motionary.rotations import Floats, euler_to_quaternions
 _CHANNELS = {f"{axis}{kind}": axis.upper() for axis in "xyz" for kind in ("position", "rotation")}
 # Below this fraction of an offset a translation is none.
 _NOTHING = 1e-3
-_MOST_NAMES = 6
 _MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAMES = re.compile(r"\s*Frames\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*Frame\s+Time\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
@@ -63,6 +64,7 @@ class _Table(NamedTuple):
     line: int
 
 
+@names_file
 def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     """Content of a BVH file.
 
@@ -74,23 +76,23 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     text = read_text(path)
     start = _MOTION.search(text)
     if start is None:
-        raise UnreadableFile(f"no line MOTION found; {_say_cut(text)}", file=path.name)
-    nodes, notes = _HierarchyReader(path.name).read(text[: start.start()])
-    table = _read_header(text, start.end(), path.name)
+        raise UnreadableFile(f"no line MOTION found; {_say_cut(text)}")
+    nodes, notes = _HierarchyReader().read(text[: start.start()])
+    table = _read_header(text, start.end())
     # Hours of text are let go as soon as they are numbers, and numbers when they are turns.
     del text, start
-    values = _read_values(table, sum(len(node.channels) for node in nodes), path.name)
+    values = _read_values(table, sum(len(node.channels) for node in nodes))
     table = table._replace(text="")
-    notes += _compare_length(table, len(values), path.name)
+    notes += _compare_length(table, len(values))
     rate = options.rate_hz
     if rate is None:
-        rate, guessed = _rate(table, path.name)
+        rate, guessed = _rate(table)
         notes += guessed
     turns, moves, collapsed = _split_channels(nodes, values)
     del values
     if collapsed:
         notes.append(_note_collapsed(collapsed))
-    return _to_content(path.name, nodes, turns, moves, rate, notes)
+    return _to_content(nodes, turns, moves, rate, notes)
 
 
 def _say_cut(text: str) -> str:
@@ -104,14 +106,13 @@ def _say_cut(text: str) -> str:
 class _HierarchyReader:
     """Walks the lines above MOTION and remembers where it is, for the errors."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self) -> None:
         self.line = 0
         self.nodes: list[_Node] = []
         self.open: list[int] = []
 
     def fail(self, problem: str) -> NoReturn:
-        raise UnreadableFile(problem, file=self.name, place=f"line {self.line}")
+        raise UnreadableFile(problem, place=f"line {self.line}")
 
     def read(self, text: str) -> tuple[list[_Node], list[str]]:
         """Joints, parents first and End Sites without length left out, and notes."""
@@ -212,54 +213,44 @@ def _number_doubles(nodes: list[_Node]) -> list[str]:
     return [name for name, count in counts.items() if count > 1]
 
 
-def _read_header(text: str, start: int, name: str) -> _Table:
+def _read_header(text: str, start: int) -> _Table:
     frames = _FRAMES.match(text, start)
     frame_time = _FRAME_TIME.match(text, frames.end()) if frames else None
     if frames is None or frame_time is None:
         line = text.count("\n", 0, start) + 2
-        raise UnreadableFile(
-            "expected 'Frames: N' and 'Frame Time: seconds'", file=name, place=f"line {line}"
-        )
+        raise UnreadableFile("expected 'Frames: N' and 'Frame Time: seconds'", place=f"line {line}")
     end = frame_time.end()
     line = text.count("\n", 0, end) + 1
     return _Table(frames.group(1), frame_time.group(1), text[end:], line)
 
 
-def _read_values(table: _Table, n_channels: int, name: str) -> Floats:
+def _read_values(table: _Table, n_channels: int) -> Floats:
     if not n_channels:
-        raise UnreadableFile("no joint has channels, so nothing moves", file=name)
-    values = read_table(table.text, n_channels, source=name, line=table.line)
+        raise UnreadableFile("no joint has channels, so nothing moves")
+    values = read_table(table.text, n_channels, line=table.line)
     if not len(values):
-        raise UnreadableFile(f"expected {n_channels} numbers per frame, got 0 in all", file=name)
+        raise UnreadableFile(f"expected {n_channels} numbers per frame, got 0 in all")
     return values
 
 
-def _compare_length(table: _Table, n_frames: int, name: str) -> list[str]:
+def _compare_length(table: _Table, n_frames: int) -> list[str]:
     """Notes on a wrong number of frames; a file that was cut off is an error."""
     if not table.n_frames.isdecimal():
-        raise UnreadableFile(
-            f"'Frames:' needs a whole number, got {table.n_frames[:40]!r}", file=name
-        )
+        raise UnreadableFile(f"'Frames:' needs a whole number, got {table.n_frames[:40]!r}")
+    check_length(table.n_frames, n_frames, key="'Frames:' ")
     promised = int(table.n_frames[:20])
-    if promised > n_frames:
-        raise UnreadableFile(
-            f"'Frames:' promises {promised} frames, the file ends after {n_frames}; "
-            "get the whole file, or correct the number to read what is there",
-            file=name,
-        )
     if promised < n_frames:
         return [f"'Frames:' promises {promised} frames, all {n_frames} in the file were read"]
     return []
 
 
-def _rate(table: _Table, name: str) -> tuple[float, list[str]]:
+def _rate(table: _Table) -> tuple[float, list[str]]:
     """Frames per second, and a note where few digits were printed."""
     time_s = parse_number(table.frame_time)
     rate = rate_of_frame_time(time_s)
     if math.isnan(rate):
         raise UnreadableFile(
-            f"'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; {RATE_HINT}",
-            file=name,
+            f"'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; {RATE_HINT}"
         )
     usual = _usual_rate(table.frame_time, time_s, rate)
     if usual is None:
@@ -277,7 +268,6 @@ def _usual_rate(printed: str, time_s: float, rate_hz: float) -> float | None:
 
 
 def _to_content(
-    name: str,
     nodes: list[_Node],
     rotations: Floats,
     translations: dict[int, Floats],
@@ -290,9 +280,8 @@ def _to_content(
     origin = np.zeros((len(rotations), 3))
     return FileContent(
         names=names,
-        positions=place_joints(skeleton, rotations, origin, translations=translations, source=name),
+        positions=place_joints(skeleton, rotations, origin, translations=translations),
         rate_hz=rate_hz,
-        source=name,
         metadata=FileMetadata(),
         skeleton=skeleton,
         rotations=rotations,
@@ -335,9 +324,8 @@ def _split_channels(
 
 def _note_collapsed(names: list[str]) -> str:
     """A note on joints whose position channels leave nothing of a bone."""
-    said = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
     bones = "1 bone" if len(names) == 1 else f"{len(names)} bones"
     return (
-        f"position channels of {said} are zero, which leaves {bones} without length: the offsets "
-        "count there"
+        f"position channels of {name_some(names, 6)} are zero, which leaves {bones} without "
+        "length: the offsets count there"
     )

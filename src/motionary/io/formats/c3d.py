@@ -1,4 +1,4 @@
-"""C3D files: reading and writing markers and events.
+"""C3D files: reading markers and events; see `c3d_writing` for writing and cutting.
 
 Conventions: positions become metres with y up. A point is not seen in a frame where its
 residual is negative, its coordinates are all exactly zero, or one of them is no number.
@@ -17,19 +17,9 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, UnreadableFile
-from motionary.files import open_regular, write_atomically
-from motionary.io.formats.c3d_head import (
-    BLOCK,
-    MOST_COUNTED,
-    Floats,
-    Groups,
-    Head,
-    Header,
-    Value,
-    format_head,
-    parse_head,
-)
+from motionary.errors import InvalidInput, MotionaryError, UnreadableFile
+from motionary.files import open_regular
+from motionary.io.formats.c3d_head import LONGEST_HEAD, MOST_LABELS, Floats, Head, parse_head
 from motionary.io.formats.c3d_layout import Layout, find_layout, read_segments, read_table
 from motionary.io.formats.content import (
     MOST_RATE_HZ,
@@ -37,15 +27,15 @@ from motionary.io.formats.content import (
     RATE_HINT,
     FileContent,
     hide_sentinels,
+    name_some,
+    names_file,
     number_doubles,
 )
-from motionary.io.normalise.axes import check_up, turn_back
+from motionary.io.normalise.axes import check_up
 from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
-from motionary.motion import Event, Motion
+from motionary.motion import Event
 
-# Enough for header and parameters of any file: a parameter section has at most 255 blocks.
-_LONGEST_HEAD = 600 * BLOCK
 # Frames that are converted together.
 _TOGETHER = 2048
 
@@ -59,10 +49,9 @@ _VALUE_UNITS = re.compile(r"(deg|rad|N|N\W?m+|Nmm?|W)\b(/kg)?$", re.IGNORECASE)
 # Later events are none.
 _LATEST_S = 1e9
 _SIDES = {"left": "left", "right": "right", "l": "left", "r": "right"}
-# Points of a name parameter, and bytes of a name: a length is one byte.
-_MOST_LABELS, _LONGEST_LABEL = 255, 127
 
 
+@names_file
 def read_c3d(path: Path, options: ReadOptions) -> FileContent:
     """Points and events of a C3D file; of one without points the places of its segments.
 
@@ -71,30 +60,28 @@ def read_c3d(path: Path, options: ReadOptions) -> FileContent:
     UnreadableFile
         If the file is missing, damaged or cut off, or holds no labelled point.
     """
-    try:
-        with open_regular(path) as file:
-            head = parse_head(file.read(_LONGEST_HEAD), path.name)
-            content = _read_content(file, head, path.name, options)
-    except OSError as error:
-        if isinstance(error, UnreadableFile):
+    with open_regular(path) as file:
+        try:
+            return _read_content(file, options)
+        except MotionaryError:
             raise
-        raise UnreadableFile(f"cannot be read: {error.strerror or error}", file=path) from error
-    return content
+        except OSError as error:
+            raise UnreadableFile(f"cannot be read: {error.strerror or error}", file=path) from error
 
 
-def _read_content(file: BinaryIO, head: Head, name: str, options: ReadOptions) -> FileContent:
-    rate = _rate(head, name) if options.rate_hz is None else options.rate_hz
+def _read_content(file: BinaryIO, options: ReadOptions) -> FileContent:
+    head = parse_head(file.read(LONGEST_HEAD))
+    rate = _rate(head) if options.rate_hz is None else options.rate_hz
     units = head.texts("POINT", "UNITS")
     unit = NAMES_OF_UNITS.get(units[0].lower()) if units else None
-    places = _read_places(file, head, name, trust=bool(options.trust_points))
+    places = _read_places(file, head, trust=bool(options.trust_points))
     return FileContent(
         names=places.names,
         positions=places.positions,
         rate_hz=rate,
-        source=name,
         metadata=FileMetadata(unit, _stated_up(head), "mm", "z", POINT_UNITS),
         first_frame=places.first_frame,
-        events=_read_events(head, places.first_frame, rate, name),
+        events=_read_events(head, places.first_frame, rate),
         notes=(*places.notes, *_note_subjects(head)),
     )
 
@@ -108,36 +95,34 @@ class _Places(NamedTuple):
     notes: tuple[str, ...]
 
 
-def _read_places(file: BinaryIO, head: Head, name: str, *, trust: bool) -> _Places:
+def _read_places(file: BinaryIO, head: Head, *, trust: bool) -> _Places:
     counts = (head.header.n_points, head.count("POINT", "USED", 0))
     if not any(counts):
         if head.count("ROTATION", "USED", 0):
-            return _Places(*read_segments(file, head, name))
-        raise UnreadableFile("holds no points (analog signals only?)", file=name)
-    layout, notes = find_layout(file, head, name)
-    kept, names, left_out = _choose_points(head, layout.n_points, name)
+            return _Places(*read_segments(file, head))
+        raise UnreadableFile("holds no points (analog signals only?)")
+    layout, notes = find_layout(file, head)
+    kept, names, left_out = _choose_points(head, layout.n_points)
     positions, distrusted = _read_points(file, head, layout, kept, trust=trust)
     seen = ~np.isnan(positions[..., 0]).all(axis=0)
     if distrusted.any() and not seen.any():
         raise UnreadableFile(
             "every point is marked unseen (residual -1), though places are there; "
-            "--trust-points (trust_points=True) reads them",
-            file=name,
+            "--trust-points (trust_points=True) reads them"
         )
     marked = [names[i] for i in np.flatnonzero(distrusted & ~seen)]
     if marked:
-        some = ", ".join(marked[:3]) + (", ..." if len(marked) > 3 else "")
         notes.append(
-            f"{len(marked)} points are marked unseen throughout, though places are there ({some}); "
-            "--trust-points (trust_points=True) reads them"
+            f"{len(marked)} points are marked unseen throughout, though places are there "
+            f"({name_some(marked)}); --trust-points (trust_points=True) reads them"
         )
     notes += hide_sentinels(positions, names)
     return _Places(names, positions, layout.first_frame, (*notes, *left_out))
 
 
-def _choose_points(head: Head, n_points: int, name: str) -> tuple[list[int], list[str], list[str]]:
+def _choose_points(head: Head, n_points: int) -> tuple[list[int], list[str], list[str]]:
     """Places and names of the points that are places and have a name, and notes."""
-    more = [f"LABELS{i}" for i in range(2, 2 + n_points // _MOST_LABELS)]
+    more = [f"LABELS{i}" for i in range(2, 2 + n_points // MOST_LABELS)]
     labels = head.texts("POINT", "LABELS", *more)[:n_points]
     values = _value_points(head, labels)
     kept = [
@@ -145,21 +130,18 @@ def _choose_points(head: Head, n_points: int, name: str) -> tuple[list[int], lis
         for i, label in enumerate(labels)
         if label and not _bare(label).startswith("*") and i not in values
     ]
+    some = name_some([labels[i] for i in sorted(values)])
     if not kept and values:
-        some = ", ".join(labels[i] for i in sorted(values)[:3])
         raise UnreadableFile(
-            f"holds angles, forces, moments or powers ({some}"
-            f"{', ...' if len(values) > 3 else ''}) and no places; export its markers",
-            file=name,
+            f"holds angles, forces, moments or powers ({some}) and no places; export its markers"
         )
     if not kept:
-        raise UnreadableFile(f"none of its {n_points} points has a name", file=name)
+        raise UnreadableFile(f"none of its {n_points} points has a name")
     notes = []
     if values:
-        some = ", ".join(labels[i] for i in sorted(values)[:3])
         notes.append(
             f"{len(values)} of {n_points} points are angles, forces, moments or powers and "
-            f"left out ({some}{', ...' if len(values) > 3 else ''})"
+            f"left out ({some})"
         )
     unlabelled = n_points - len(kept) - len(values)
     if unlabelled:
@@ -220,11 +202,11 @@ def _read_points(
     return positions, distrusted
 
 
-def _rate(head: Head, name: str) -> float:
+def _rate(head: Head) -> float:
     rate = head.number("POINT", "RATE", 0.0)
     rate = rate if rate > 0 else head.header.rate_hz
     if not 0 < rate < MOST_RATE_HZ:
-        raise UnreadableFile(f"says {rate:g} frames per second; {RATE_HINT}", file=name)
+        raise UnreadableFile(f"says {rate:g} frames per second; {RATE_HINT}")
     # 32-bit floats: 59.94 is written as 59.9399986.
     return float(np.format_float_positional(np.float32(rate)))
 
@@ -244,7 +226,7 @@ def _stated_up(head: Head) -> str | None:
         return None
 
 
-def _read_events(head: Head, first_frame: int, rate_hz: float, name: str) -> tuple[Event, ...]:
+def _read_events(head: Head, first_frame: int, rate_hz: float) -> tuple[Event, ...]:
     labels = head.texts("EVENT", "LABELS", "LABELS2")
     sides = head.texts("EVENT", "CONTEXTS", "CONTEXTS2")
     times = head.numbers("EVENT", "TIMES")
@@ -252,8 +234,7 @@ def _read_events(head: Head, first_frame: int, rate_hz: float, name: str) -> tup
     if len(times) % 2 and labels:
         raise UnreadableFile(
             f"EVENT:TIMES has {len(times)} numbers; expected minutes and seconds of each "
-            "event; remove the group EVENT or correct it",
-            file=name,
+            "event; remove the group EVENT or correct it"
         )
     if len(labels) and len(times) >= 2 * len(labels):
         # Minutes and seconds of the first event, of the second ...: flat in that sequence.
@@ -277,91 +258,3 @@ def _note_subjects(head: Head) -> list[str]:
     if n_used > 1:
         return [f"{n_used} subjects in the file"]
     return []
-
-
-def write_c3d(motion: Motion, path: str | Path) -> None:
-    """Write positions and events as C3D: millimetres, z up, unseen points with residual -1.
-
-    Raises
-    ------
-    InvalidInput
-        If there are more points, or longer names, than the format holds.
-    UnwritableFile
-        If the file cannot be written.
-    """
-    if len(motion.names) > MOST_COUNTED:
-        raise InvalidInput(f"C3D holds at most {MOST_COUNTED} points, got {len(motion.names)}")
-    too_long = [n for n in motion.names if len(n.encode()) > _LONGEST_LABEL or not n.strip()]
-    if too_long:
-        raise InvalidInput(
-            f"names of C3D points have 1 to {_LONGEST_LABEL} bytes, got {too_long[0]!r}"
-        )
-    # A file counts from 1, as programs expect, where the motion counts from 0.
-    first = max(1, motion.first_frame)
-    header = Header(
-        n_points=len(motion.names),
-        n_analog=0,
-        first_frame=min(first, MOST_COUNTED),
-        last_frame=min(first + motion.n_frames - 1, MOST_COUNTED),
-        scale=-1.0,
-        data_block=0,
-        rate_hz=motion.rate_hz,
-        events=(),
-    )
-    with write_atomically(path) as beside, beside.open("wb") as file:
-        file.write(format_head(header, _describe(motion, first)))
-        for start in range(0, motion.n_frames, _TOGETHER):
-            file.write(_format_frames(motion.positions[start : start + _TOGETHER]))
-
-
-def _format_frames(positions: Floats) -> bytes:
-    table = np.zeros((*positions.shape[:2], 4), dtype="<f4")
-    table[..., :3] = turn_back(positions, "z") * 1000
-    unseen = np.isnan(positions).any(axis=2)
-    # A point exactly at the origin would read as not seen.
-    table[~unseen & (table[..., :3] == 0).all(axis=2), 0] = 1e-6
-    table[unseen] = (0, 0, 0, -1)
-    return table.tobytes()
-
-
-def _describe(motion: Motion, first: int) -> Groups:
-    labels = {
-        f"LABELS{'' if i == 0 else 1 + i // _MOST_LABELS}": motion.names[i : i + _MOST_LABELS]
-        for i in range(0, len(motion.names), _MOST_LABELS)
-    }
-    point: dict[str, Value] = {
-        "USED": _word(len(motion.names)),
-        "SCALE": np.array(-1.0),
-        "RATE": np.array(motion.rate_hz),
-        "FRAMES": _word(min(motion.n_frames, MOST_COUNTED)),
-        "LONG_FRAMES": np.array(float(motion.n_frames)),
-        "UNITS": ("mm",),
-        "X_SCREEN": ("+X",),
-        "Y_SCREEN": ("+Z",),
-        **labels,
-    }
-    trial: dict[str, Value] = {
-        "ACTUAL_START_FIELD": _long(first),
-        "ACTUAL_END_FIELD": _long(first + motion.n_frames - 1),
-    }
-    analog: dict[str, Value] = {"USED": _word(0), "RATE": np.array(motion.rate_hz)}
-    groups = {"POINT": point, "TRIAL": trial, "ANALOG": analog}
-    if motion.events:
-        times = np.array([e.time_s + (first - 1) / motion.rate_hz for e in motion.events])
-        groups["EVENT"] = {
-            "USED": _word(len(times)),
-            "CONTEXTS": tuple(e.side.capitalize() or "General" for e in motion.events),
-            "LABELS": tuple(e.name for e in motion.events),
-            "TIMES": np.stack((times // 60, times % 60)),
-        }
-    return groups
-
-
-def _word(number: int) -> NDArray[np.int16]:
-    """A 16-bit number, unsigned."""
-    return np.array(number, dtype=np.uint16).astype(np.int16)
-
-
-def _long(number: int) -> NDArray[np.int16]:
-    """A number in two 16-bit words, the lower one first."""
-    return np.array([number % 65536, number // 65536], dtype=np.uint16).astype(np.int16)

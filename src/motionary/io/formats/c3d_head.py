@@ -24,12 +24,16 @@ Value = tuple[str, ...] | Floats | NDArray[np.int16]
 Groups = Mapping[str, Mapping[str, Value]]
 
 BLOCK = 512
+#: Enough for header and parameters of any file: a parameter section has at most 255 blocks.
+LONGEST_HEAD = 600 * BLOCK
 KEY = 0x50
 #: The largest number that the header's 16 bits hold; longer recordings stop counting there.
 MOST_COUNTED = 65535
+#: Names of points in a parameter.
+MOST_LABELS = 255
 
-_INTEL, _DEC, _MIPS = 84, 85, 86
-_TEXT, _BYTE, _INTEGER, _FLOAT = -1, 1, 2, 4
+INTEL, _DEC, _MIPS = 84, 85, 86
+TEXT, _BYTE, INTEGER, FLOAT = -1, 1, 2, 4
 _EVENTS_KEY, _MOST_EVENTS = 12345, 18
 
 
@@ -64,11 +68,12 @@ class Machine:
         """16-bit numbers."""
         return np.frombuffer(content, dtype=f"{self.order}i2")
 
-    def format_float(self, value: float) -> bytes:
-        """The bytes of a 32-bit number."""
+    def format_floats(self, values: Floats) -> bytes:
+        """The bytes of 32-bit numbers, the first dimension fastest."""
         if not self.dec:
-            return struct.pack(f"{self.order}f", value)
-        return struct.pack("<2H", *struct.unpack("<2H", struct.pack("<f", value * 4))[::-1])
+            return values.astype(f"{self.order}f4").tobytes(order="F")
+        halves = (4 * values.ravel(order="F")).astype("<f4").view("<u2").reshape(-1, 2)
+        return halves[:, ::-1].tobytes()
 
     def floats(self, content: bytes) -> Floats:
         """32-bit numbers; what no number is becomes NaN."""
@@ -124,13 +129,12 @@ class Head:
         return int(values[0]) % 65536 if values[0] < 0 else int(min(values[0], 2**31))
 
 
-def parse_head(content: bytes, name: str) -> Head:
+def parse_head(content: bytes) -> Head:
     """Header and parameters.
 
     Parameters
     ----------
     content : the file's first blocks; more does no harm
-    name : of the file, for errors
 
     Raises
     ------
@@ -138,27 +142,25 @@ def parse_head(content: bytes, name: str) -> Head:
         If this is no C3D file or its parameters are damaged.
     """
     if len(content) < 2 or content[1] != KEY or not content[0]:
-        raise UnreadableFile("expected a C3D file, its first bytes are others", file=name)
+        raise UnreadableFile("expected a C3D file, its first bytes are others")
     if len(content) < 2 * BLOCK:
         raise UnreadableFile(
-            f"a C3D file has at least {2 * BLOCK} bytes, this one ends after {len(content)}",
-            file=name,
+            f"a C3D file has at least {2 * BLOCK} bytes, this one ends after {len(content)}"
         )
     start = (content[0] - 1) * BLOCK
     processor = content[start + 3] if start + 4 <= len(content) else 0
-    if processor not in (_INTEL, _DEC, _MIPS):
+    if processor not in (INTEL, _DEC, _MIPS):
         raise UnreadableFile(
             f"the parameters name no known processor (84, 85 or 86), got {processor}; "
-            "is the file damaged?",
-            file=name,
+            "is the file damaged?"
         )
     machine = Machine(">" if processor == _MIPS else "<", dec=processor == _DEC)
     header = _parse_header(content[:BLOCK], machine)
     end = (header.data_block - 1) * BLOCK if header.data_block > content[0] else len(content)
     try:
-        groups = _collect(_parse_records(content[:end], start + 4, machine))
+        groups = _collect(content[:end], start + 4, machine)
     except (struct.error, IndexError, ValueError):
-        raise UnreadableFile("the parameters are damaged", file=name) from None
+        raise UnreadableFile("the parameters are damaged") from None
     return Head(machine, header, groups, end_block=content[0] + content[start + 2])
 
 
@@ -190,44 +192,49 @@ def _parse_events(
     return tuple((name, float(t)) for name, t in zip(names, times, strict=True) if np.isfinite(t))
 
 
-class _Record(NamedTuple):
-    """A group (no value, a negative number) or a parameter of one, and where its value stands."""
+class Record(NamedTuple):
+    """A group (a negative number) or a parameter of one: where it starts, its value, and it ends.
+
+    Where the last one ends nothing says: 0.
+    """
 
     name: str
     number: int
-    value: Value | None
-    at: int
+    start: int
+    value: int
+    end: int
 
 
-def _parse_records(content: bytes, at: int, machine: Machine) -> Iterator[_Record]:
+def find_records(content: bytes, at: int, machine: Machine) -> Iterator[Record]:
+    """Groups and parameters one after the other, each with a link to the next."""
     while at + 2 <= len(content):
         length, number = struct.unpack_from("bb", content, at)
         if length == 0 or number == 0:
             return
-        name = decode(content[at + 2 : at + 2 + abs(length)]).upper()
-        at += 2 + abs(length)
-        (offset,) = struct.unpack_from(f"{machine.order}h", content, at)
-        value = _parse_value(content, at + 2, machine) if number > 0 else None
-        yield _Record(name, number, value, at + 2)
-        if offset <= 0:
+        link = at + 2 + abs(length)
+        (offset,) = struct.unpack_from(f"{machine.order}h", content, link)
+        end = link + offset if offset > 0 else 0
+        yield Record(decode(content[at + 2 : link]).upper(), number, at, link + 2, end)
+        if not end:
             return
-        at += offset
+        at = end
 
 
-def _parse_value(content: bytes, at: int, machine: Machine) -> Value:
+def parse_value(content: bytes, at: int, machine: Machine) -> Value:
+    """The value of a parameter; what damaged ones raise is up to Python."""
     kind, n_dimensions = struct.unpack_from("bB", content, at)
     shape = tuple(content[at + 2 : at + 2 + n_dimensions])
     size = abs(kind) * math.prod(shape)
     start = at + 2 + n_dimensions
     raw = content[start : start + size]
-    if kind not in (_TEXT, _BYTE, _INTEGER, _FLOAT) or len(raw) < size:
+    if kind not in (TEXT, _BYTE, INTEGER, FLOAT) or len(raw) < size:
         raise ValueError("a parameter of unknown type, or cut off")
-    if kind == _TEXT:
+    if kind == TEXT:
         width = shape[0] if shape else 1
         return tuple(decode(raw[i : i + width]) for i in range(0, size, width)) if width else ()
-    if kind == _FLOAT:
+    if kind == FLOAT:
         values = machine.floats(raw)
-    elif kind == _INTEGER:
+    elif kind == INTEGER:
         values = machine.integers(raw).astype(np.float64)
     else:
         values = np.frombuffer(raw, dtype=np.uint8).astype(np.float64)
@@ -235,47 +242,20 @@ def _parse_value(content: bytes, at: int, machine: Machine) -> Value:
     return values.reshape(shape[::-1]).T
 
 
-def _collect(records: Iterator[_Record]) -> Groups:
+def _collect(content: bytes, at: int, machine: Machine) -> Groups:
     """Parameters by group and name; groups may be defined after their parameters."""
     names: dict[int, str] = {}
     values: dict[int, dict[str, Value]] = {}
-    for record in records:
-        if record.value is None:
+    for record in find_records(content, at, machine):
+        if record.number < 0:
             names[-record.number] = record.name
         else:
-            values.setdefault(record.number, {})[record.name] = record.value
+            value = parse_value(content, record.value, machine)
+            values.setdefault(record.number, {})[record.name] = value
     groups: dict[str, dict[str, Value]] = {}
-    for number, content in values.items():
-        groups.setdefault(names.get(number, str(number)), {}).update(content)
+    for number, parameters in values.items():
+        groups.setdefault(names.get(number, str(number)), {}).update(parameters)
     return groups
-
-
-def recount(content: bytes, machine: Machine, *, first_frame: int, last_frame: int) -> bytes:
-    """The blocks before the frames, with the numbers of other frames wherever they stand."""
-    changed = bytearray(content)
-    n_frames = last_frame - first_frame + 1
-    words = (min(first_frame, MOST_COUNTED), min(last_frame, MOST_COUNTED))
-    struct.pack_into(f"{machine.order}2H", changed, 6, *words)
-    counts = {
-        ("POINT", "FRAMES"): n_frames,
-        ("POINT", "LONG_FRAMES"): n_frames,
-        ("TRIAL", "ACTUAL_START_FIELD"): first_frame,
-        ("TRIAL", "ACTUAL_END_FIELD"): last_frame,
-    }
-    records = list(_parse_records(content, (content[0] - 1) * BLOCK + 4, machine))
-    groups = {-record.number: record.name for record in records if record.value is None}
-    for record in records:
-        count = counts.get((groups.get(record.number, ""), record.name))
-        if count is None or record.value is None or isinstance(record.value, tuple):
-            continue
-        kind, n_dimensions = struct.unpack_from("bB", content, record.at)
-        start, size = record.at + 2 + n_dimensions, record.value.size
-        if kind == _FLOAT and size == 1:
-            changed[start : start + 4] = machine.format_float(float(count))
-        elif kind == _INTEGER and size in (1, 2):
-            numbers = [min(count, MOST_COUNTED)] if size == 1 else [count % 65536, count // 65536]
-            struct.pack_into(f"{machine.order}{size}H", changed, start, *numbers)
-    return bytes(changed)
 
 
 def decode(raw: bytes) -> str:
@@ -285,55 +265,3 @@ def decode(raw: bytes) -> str:
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
     return text.split("\0", 1)[0].strip() if text.strip("\0 ") else ""
-
-
-def format_head(header: Header, groups: Groups) -> bytes:
-    """Header and parameters of a new file, Intel, up to the block where frames begin.
-
-    Parameters
-    ----------
-    header : its `data_block` is worked out here, and so is POINT:DATA_START
-    groups : parameters by group and name; texts, or numbers that become 32-bit floats, or
-        integers where the array is of 16-bit integers
-    """
-    n_blocks = len(_format_records(groups, data_block=0)) // BLOCK
-    data_block = 2 + n_blocks
-    block = bytearray(BLOCK)
-    last = min(header.last_frame, MOST_COUNTED)
-    struct.pack_into("<BBHHHH", block, 0, 2, KEY, header.n_points, 0, header.first_frame, last)
-    struct.pack_into("<HfHHf", block, 10, 0, header.scale, data_block, 0, header.rate_hz)
-    return bytes(block) + _format_records(groups, data_block=data_block)
-
-
-def _format_records(groups: Groups, *, data_block: int) -> bytes:
-    records = []
-    for number, (group, parameters) in enumerate(groups.items(), start=1):
-        records.append(_format_record(group, -number, b"\0"))
-        if group == "POINT":
-            parameters = {**parameters, "DATA_START": np.array(data_block, dtype=np.int16)}
-        records += [_format_record(n, number, _format_value(v)) for n, v in parameters.items()]
-    content = b"".join(records) + b"\0\0"
-    n_blocks = -(-(4 + len(content)) // BLOCK)
-    start = bytes((1, KEY, min(n_blocks, 255), _INTEL))
-    return (start + content).ljust(n_blocks * BLOCK, b"\0")
-
-
-def _format_record(name: str, number: int, body: bytes) -> bytes:
-    return struct.pack("bb", len(name), number) + name.encode() + _offset(body) + body
-
-
-def _offset(body: bytes) -> bytes:
-    return struct.pack("<h", 2 + len(body))
-
-
-def _format_value(value: Value) -> bytes:
-    if isinstance(value, tuple):
-        texts = [text.encode() for text in value]
-        width = max((len(text) for text in texts), default=0)
-        shape = (width, len(texts))
-        kind, raw = _TEXT, b"".join(text.ljust(width) for text in texts)
-    else:
-        integer = value.dtype == np.int16
-        kind, shape = _INTEGER if integer else _FLOAT, value.shape
-        raw = value.astype("<i2" if integer else "<f4").tobytes(order="F")
-    return struct.pack("bB", kind, len(shape)) + bytes(shape) + raw + b"\0"

@@ -19,7 +19,7 @@ import numpy as np
 
 from motionary.errors import UnreadableFile
 from motionary.io.formats.c3d_head import BLOCK, MOST_COUNTED, Floats, Head
-from motionary.io.formats.content import number_doubles
+from motionary.io.formats.content import name_some, number_doubles
 
 # Frames that are looked at where several layouts fit.
 _LOOKED_AT = 50
@@ -48,7 +48,7 @@ class Layout(NamedTuple):
         return self.item * (4 * self.n_points + self.n_analog)
 
 
-def find_layout(file: BinaryIO, head: Head, name: str) -> tuple[Layout, list[str]]:
+def find_layout(file: BinaryIO, head: Head) -> tuple[Layout, list[str]]:
     """Where frames lie, and notes.
 
     Raises
@@ -62,10 +62,10 @@ def find_layout(file: BinaryIO, head: Head, name: str) -> tuple[Layout, list[str
     if len(head.numbers("TRIAL", "ACTUAL_START_FIELD")):
         first = head.count("TRIAL", "ACTUAL_START_FIELD", first)
     if not np.isfinite(scale) or scale == 0:
-        raise UnreadableFile("the header says no scale of the points", file=name)
+        raise UnreadableFile("the header says no scale of the points")
     stated = [Layout(*counts, scale, first, 0) for counts in _statements(head)]
     if not stated:
-        raise UnreadableFile("the header says no place of the frames", file=name)
+        raise UnreadableFile("the header says no place of the frames")
     usual = stated[0]
     fitting = list(_fitting(stated, head, size))
     chosen = _smoothest(file, head, fitting, usual) if fitting else None
@@ -77,8 +77,7 @@ def find_layout(file: BinaryIO, head: Head, name: str) -> tuple[Layout, list[str
         raise UnreadableFile(
             f"promises {n_frames} frames, the file ends after {there} (by POINT:USED of "
             f"{usual.n_points} points and {usual.n_analog} analog values a frame); get the whole "
-            "file",
-            file=name,
+            "file"
         )
     return usual._replace(n_frames=n_frames), notes
 
@@ -228,9 +227,7 @@ _NAME_END = "_4X4"
 _TOLERANCE = 1e-2
 
 
-def read_segments(
-    file: BinaryIO, head: Head, name: str
-) -> tuple[list[str], Floats, int, tuple[str, ...]]:
+def read_segments(file: BinaryIO, head: Head) -> tuple[list[str], Floats, int, tuple[str, ...]]:
     """Names of segments, where they begin in file units, the first frame, and notes.
 
     Raises
@@ -241,7 +238,7 @@ def read_segments(
     labels = head.texts("ROTATION", "LABELS", "LABELS2")
     n_used, ratio = head.count("ROTATION", "USED", 0), head.count("ROTATION", "RATIO", 1) or 1
     labels = (*labels, *(f"segment {i + 1}" for i in range(len(labels), n_used)))[:n_used]
-    shown = f"{', '.join(labels[:3])}{', ...' if n_used > 3 else ''}"
+    shown = name_some(labels)
     about = f"holds no points, but rotations of {n_used} segments ({shown})"
     n_frames = head.count("POINT", "FRAMES", 0) or max(
         0, head.header.last_frame - head.header.first_frame + 1
@@ -252,8 +249,7 @@ def read_segments(
     starts = [(block - 1) * BLOCK for block in blocks if block > 1]
     start = next((place for place in starts if 0 < size <= end - place), None)
     if start is None:
-        problem = f"{about} of {n_frames} frames, and ends before the last one"
-        raise UnreadableFile(problem, file=name)
+        raise UnreadableFile(f"{about} of {n_frames} frames, and ends before the last one")
     file.seek(start)
     numbers = head.machine.floats(file.read(size)).reshape(n_frames, ratio, n_used, _MATRIX)
     matrices = numbers[:, 0, :, :16].reshape(n_frames, n_used, 4, 4).swapaxes(2, 3)
@@ -262,7 +258,7 @@ def read_segments(
         away = np.abs(turns @ turns.swapaxes(2, 3) - np.eye(3)).max(axis=(2, 3))
     positions = np.where((away < _TOLERANCE)[..., None], matrices[..., :3, 3], np.nan)
     if np.isnan(positions).all():
-        raise UnreadableFile(f"{about}, and none of its matrices is a rotation", file=name)
+        raise UnreadableFile(f"{about}, and none of its matrices is a rotation")
     names = number_doubles([_bare(label) for label in labels])
     note = f"no points: places where {n_used} segments begin, of their rotations ({shown})"
     return names, positions, head.header.first_frame, (note,)

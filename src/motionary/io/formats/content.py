@@ -1,22 +1,31 @@
-"""What readers return: the content of a file, in its own unit and axes, and its rate."""
+"""What readers return: the content of a file, in its own unit and axes, and its rate.
 
-from collections.abc import Sequence
+Readers raise errors without the file's name: `names_file` adds it.
+"""
+
+import functools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import UnreadableFile
+from motionary.errors import MotionaryError, UnreadableFile
 from motionary.io.normalise.units import FileMetadata
 from motionary.motion import Event, JointMapping, Skeleton, forward_kinematics
 from motionary.rotations import (
+    Floats,
     conjugate_quaternions,
     multiply_quaternions,
     quaternions_to_matrices,
     rotate,
 )
 
-Floats = NDArray[np.float64]
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
 #: No unit is so small that a person is this many of them away.
 FARTHEST = 1e9
@@ -40,6 +49,29 @@ _MOST_GIVEN_HZ = 1e6
 _TOGETHER = 512
 
 
+@contextmanager
+def at_fault(file: str) -> Iterator[None]:
+    """Errors on the way name this file, unless they name another one."""
+    try:
+        yield
+    except MotionaryError as error:
+        error.file = error.file or file
+        raise
+
+
+def names_file(
+    function: Callable[Concatenate[Path, P], Result],
+) -> Callable[Concatenate[Path, P], Result]:
+    """A function of a file whose errors name it, as of `at_fault`."""
+
+    @functools.wraps(function)
+    def named(path: Path, /, *args: P.args, **kwargs: P.kwargs) -> Result:
+        with at_fault(path.name):
+            return function(path, *args, **kwargs)
+
+    return named
+
+
 @dataclass(frozen=True, slots=True)
 class FileContent:
     """Motion of a file, as it stands there.
@@ -50,7 +82,6 @@ class FileContent:
     positions : array, shape (frames, joints, 3), file units; NaN = not seen; given away:
         normalising changes it
     rate_hz : frames per second, as given or as the file says
-    source : name of the file, without its folder
     metadata : what the file says of unit and axes; None where it is known to be normal
     first_frame, skeleton, rotations, events, notes : as in `Motion`
     mapping : where the file, or the order of its joints, gives it
@@ -59,7 +90,6 @@ class FileContent:
     names: Sequence[str]
     positions: Floats
     rate_hz: float
-    source: str
     metadata: FileMetadata | None
     first_frame: int = 0
     skeleton: Skeleton | None = None
@@ -70,24 +100,20 @@ class FileContent:
 
     def __post_init__(self) -> None:
         if not len(self.positions):
-            raise UnreadableFile("holds no frames", file=self.source)
+            raise UnreadableFile("holds no frames")
         if not 0 < self.rate_hz <= _MOST_GIVEN_HZ:
-            raise UnreadableFile(
-                f"says {self.rate_hz:g} frames a second; {RATE_HINT}", file=self.source
-            )
+            raise UnreadableFile(f"says {self.rate_hz:g} frames a second; {RATE_HINT}")
         # Comparing with NaN is False: what is not seen is not too far away.
         far = self.rotations is None and (np.abs(self.positions) > FARTHEST).any()
         if far:
-            raise UnreadableFile("has impossibly large numbers", file=self.source)
+            raise UnreadableFile("has impossibly large numbers")
 
 
 def place_joints(
     skeleton: Skeleton,
     quaternions: Floats,
     root_positions: Floats,
-    *,
-    translations: dict[int, Floats],
-    source: str,
+    translations: dict[int, Floats] | None = None,
 ) -> Floats:
     """Joint positions of a tree over hours of frames, shape (frames, joints, 3).
 
@@ -97,7 +123,6 @@ def place_joints(
     quaternions : array, shape (frames, joints, 4), local rotations wxyz
     root_positions : array, shape (frames, 3)
     translations : per joint index, (frames, 3), in place of the offset
-    source : name of the file, for the error
 
     Raises
     ------
@@ -115,15 +140,13 @@ def place_joints(
                 skeleton,
                 np.swapaxes(turns, 0, 1),
                 root_positions[part],
-                {joint: moved[part] for joint, moved in translations.items()},
+                {joint: moved[part] for joint, moved in (translations or {}).items()},
             )
     # NaN is no possible place either.
     if not (positions.max() < FARTHEST and positions.min() > -FARTHEST):
         possible = np.abs(positions).max(axis=(1, 2)) < FARTHEST
         frame = 1 + int(np.flatnonzero(~possible)[0])
-        raise UnreadableFile(
-            f"frame {frame} from the start has impossibly large numbers", file=source
-        )
+        raise UnreadableFile(f"frame {frame} from the start has impossibly large numbers")
     return positions
 
 
@@ -165,15 +188,25 @@ def hide_sentinels(positions: Floats, names: Sequence[str]) -> tuple[str, ...]:
         hidden = (sizes >= _FARTHEST_SEEN).any(axis=2) | (alike & (sizes[..., 0] >= _SENTINEL))
         part[hidden] = np.nan
         counts += hidden.sum(axis=0)
-    at_fault = [names[i] for i in np.flatnonzero(counts).tolist()]
-    if not at_fault:
-        return ()
-    some = ", ".join(at_fault[:3]) + (", ..." if len(at_fault) > 3 else "")
     n = int(counts.sum())
+    if not n:
+        return ()
+    some = name_some([names[i] for i in np.flatnonzero(counts).tolist()])
     return (
         f"{n} {'place' if n == 1 else 'places'} of {some} {'is' if n == 1 else 'are'} impossibly "
         f"far away (9999999 and the like) and {'counts' if n == 1 else 'count'} as not seen",
     )
+
+
+def hide_unseen(positions: Floats, names: Sequence[str]) -> tuple[str, ...]:
+    """As `hide_sentinels`, and what is zero throughout, or known in part, is NaN, too."""
+    positions[(positions == 0).all(axis=2) | np.isnan(positions).any(axis=2)] = np.nan
+    return hide_sentinels(positions, names)
+
+
+def name_some(names: Sequence[object], most: int = 3) -> str:
+    """The first of some names, as they stand in a text."""
+    return ", ".join(map(str, names[:most])) + (", ..." if len(names) > most else "")
 
 
 def number_doubles(names: Sequence[str]) -> list[str]:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import open_regular
 from motionary.io.formats import blender_line
-from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
+from motionary.io.formats.content import FileContent, names_file, number_doubles, rest_offsets
 from motionary.io.formats.npz import Array, read_npz
 from motionary.io.formats.takes import choose_take, note_take
 from motionary.io.normalise.units import FileMetadata
@@ -52,6 +52,7 @@ _LOOKED_AT, _STILL, _FRAMES_HZ = 9, 1e-6, 30.0
 _kept: list[Any] = []
 
 
+@names_file
 def read_fbx(path: Path, options: ReadOptions) -> FileContent:
     """Bones of an FBX file, in metres with y up by what the file says.
 
@@ -67,8 +68,7 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
     if importlib.util.find_spec("ufbx") is None:
         raise UnreadableFile(
             "FBX needs ufbx: pip install 'motionary[fbx]'; or convert the file with "
-            f"Blender: {blender_line(path)}",
-            file=path.name,
+            f"Blender: {blender_line(path)}"
         )
     arrays = _read_in_child(path, options.take)
     is_given = options.unit is not None or options.up is not None
@@ -78,7 +78,7 @@ def read_fbx(path: Path, options: ReadOptions) -> FileContent:
         notes.append("holds no take: one frame, the pose that the bones have")
     is_named = options.take is not None
     notes += note_take(takes, int(arrays["take"]), is_given=is_named, called="take")
-    return _to_content(arrays, path.name, options.rate_hz, notes)
+    return _to_content(arrays, options.rate_hz, notes)
 
 
 def _read_in_child(path: Path, take: str | int | None) -> dict[str, Array]:
@@ -94,39 +94,36 @@ def _read_in_child(path: Path, take: str | int | None) -> dict[str, Array]:
                 command, capture_output=True, timeout=_PATIENCE_S, check=False, cwd=folder, env=env
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise UnreadableFile(f"its reader did not finish: {error}", file=path.name) from error
+            raise UnreadableFile(f"its reader did not finish: {error}") from error
         if done.returncode < 0:
-            raise UnreadableFile("the reader of FBX crashed on it; is it damaged?", file=path.name)
+            raise UnreadableFile("the reader of FBX crashed on it; is it damaged?")
         if done.returncode or not target.is_file():
             lines = done.stderr.decode(errors="replace").strip().splitlines()
             reason = lines[-1] if lines else "its reader says nothing"
             if done.returncode == _NO_SUCH_TAKE:
-                raise InvalidInput(reason, file=path.name)
-            raise UnreadableFile(f"cannot be read as FBX: {reason}", file=path.name)
+                raise InvalidInput(reason)
+            raise UnreadableFile(f"cannot be read as FBX: {reason}")
         return dict(read_npz(target))
 
 
-def _to_content(
-    arrays: dict[str, Array], source: str, rate_hz: float | None, notes: list[str]
-) -> FileContent:
+def _to_content(arrays: dict[str, Array], rate_hz: float | None, notes: list[str]) -> FileContent:
     names = tuple(number_doubles([str(name) for name in arrays["names"].tolist()]))
     if not names:
-        raise UnreadableFile("holds no bones", file=source)
+        raise UnreadableFile("holds no bones")
     turns = np.array(arrays["turns"], dtype=np.float64)
     finite = np.isfinite(turns).all() and (np.linalg.norm(turns, axis=-1) > 0.5).all()
     parents = arrays["parents"].astype(np.intp)
     if not finite:
-        raise UnreadableFile("its bones have impossible turns", file=source)
+        raise UnreadableFile("its bones have impossible turns")
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     positions = _place(arrays, parents, turns)
     if not (np.abs(positions) < _FARTHEST_M).all():
-        raise UnreadableFile("has impossibly large numbers", file=source)
+        raise UnreadableFile("has impossibly large numbers")
     skeleton = Skeleton(names, parents, rest_offsets(positions[0], turns[0], parents))
     return FileContent(
         names=names,
         positions=positions,
         rate_hz=float(arrays["rate_hz"]) if rate_hz is None else rate_hz,
-        source=source,
         metadata=FileMetadata("m", "y", noted=()),
         skeleton=skeleton,
         rotations=turns,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion
-from motionary.io.formats.content import FileContent, number_doubles, rest_offsets
+from motionary.io.formats.content import FileContent, names_file, number_doubles, rest_offsets
 from motionary.io.formats.gltf_document import (
     Channel,
     Document,
@@ -60,6 +60,7 @@ class _Joints(NamedTuple):
     numbers: dict[int, int]
 
 
+@names_file
 def read_gltf(path: Path, options: ReadOptions) -> FileContent:
     """Joints of a glTF file, in metres with y up by definition.
 
@@ -96,7 +97,6 @@ def read_gltf(path: Path, options: ReadOptions) -> FileContent:
         names=joints.names,
         positions=sampled.positions,
         rate_hz=rate_hz,
-        source=path.name,
         metadata=FileMetadata("m", "y", noted=()),
         skeleton=skeleton,
         rotations=None if sampled.is_mirrored else sampled.turns,
@@ -130,7 +130,7 @@ def _find_joints(
         wanted = _animated(document, animations, len(nodes))
         wanted |= {i for i, is_shown in enumerate(shown) if wanted and not is_shown}
     if not wanted:
-        raise NotAMotion("holds no motion; expected a skin or an animation", file=document.name)
+        raise NotAMotion("holds no motion; expected a skin or an animation")
     for node in order:
         if parents[node] in wanted and not shown[node]:
             wanted.add(node)

@@ -9,13 +9,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion, UnreadableFile
 from motionary.files import most_unpacked
 from motionary.io.formats.content import FARTHEST
+from motionary.rotations import Floats
 
-Floats = NDArray[np.float64]
 Points = dict[str | int, Any]
 
 PEOPLE = ("people", "persons", "bodies", "instances", "skeletons", "subjects", "annotations")
@@ -43,25 +42,24 @@ class Person(NamedTuple):
     key: str
 
 
-def find_people(frames: Sequence[Any], source: str) -> dict[str, Person]:
+def find_people(frames: Sequence[Any]) -> dict[str, Person]:
     """People by what the file calls them, else by their number in a frame."""
     people: dict[str, Person] = {}
     for number, frame in enumerate(frames):
         for index, (who, key, points) in enumerate(_people_of(frame, "")):
             if points is None:
-                refuse_flat(source)
+                refuse_flat()
             name = who or str(index + 1)
             person = people.setdefault(name, Person({}, key))
             person.frames.setdefault(number, points)
             if len(people) > _MOST_PEOPLE:
                 raise UnreadableFile(
                     f"holds more than {_MOST_PEOPLE} people; are their ids those of a "
-                    "frame? leave ids out, or save one file for each person",
-                    file=source,
+                    "frame? leave ids out, or save one file for each person"
                 )
     if not people:
         raise NotAMotion(
-            f"holds no motion; none of {len(frames)} frames has points with x, y and z", file=source
+            f"holds no motion; none of {len(frames)} frames has points with x, y and z"
         )
     return people
 
@@ -129,20 +127,20 @@ def _is_point(value: Any) -> bool:
     )
 
 
-def _place(point: Any, source: str) -> tuple[float, float, float]:
+def _place(point: Any) -> tuple[float, float, float]:
     """Coordinates of a point, NaN where it was not seen."""
     if isinstance(point, dict):
         if "position" in point:
-            return _place(point["position"], source)
+            return _place(point["position"])
         if "z" not in point:
-            refuse_flat(source)
+            refuse_flat()
         point = [point.get(axis, "") for axis in "xyz"]
     if point is None:
         return (np.nan,) * 3
     if not isinstance(point, list) or not all(n is None or is_number(n) for n in point):
-        raise UnreadableFile(f"expected a point [x, y, z], got {str(point)[:60]}", file=source)
+        raise UnreadableFile(f"expected a point [x, y, z], got {str(point)[:60]}")
     if len(point) < 3:
-        refuse_flat(source)
+        refuse_flat()
     x, y, z = (np.nan if number is None else number for number in point[:3])
     # Whole numbers may have thousands of digits.
     return (
@@ -150,22 +148,18 @@ def _place(point: Any, source: str) -> tuple[float, float, float]:
     )
 
 
-def fill_positions(
-    person: Person, n_frames: int, size: int, source: str
-) -> tuple[list[str | int], Floats]:
+def fill_positions(person: Person, n_frames: int, size: int) -> tuple[list[str | int], Floats]:
     """Names or numbers of a person's points, and their places (frames, points, 3)."""
     columns: dict[str | int, int] = {}
     for points in person.frames.values():
         for key in points:
             columns.setdefault(key, len(columns))
     if 24 * n_frames * len(columns) > most_unpacked(size):
-        raise UnreadableFile(
-            f"has {len(columns)} names of points in {n_frames} frames", file=source
-        )
+        raise UnreadableFile(f"has {len(columns)} names of points in {n_frames} frames")
     positions = np.full((n_frames, len(columns), 3), np.nan)
     for number, points in person.frames.items():
         for key, point in points.items():
-            positions[number, columns[key]] = _place(point, source)
+            positions[number, columns[key]] = _place(point)
     positions[np.isnan(positions).any(axis=2)] = np.nan
     return list(columns), positions
 
@@ -173,17 +167,16 @@ def fill_positions(
 # ---- two dimensions
 
 
-def refuse_flat(source: str) -> NoReturn:
+def refuse_flat() -> NoReturn:
     """Say what to do about keypoints of an image."""
     raise NotAMotion(
         "holds keypoints of an image, in two dimensions, and features need places in "
         "space; lift them (MotionBERT, VideoPose3D, MMPose), or take a tracker's 3-D output: "
-        "pose_world_landmarks of MediaPipe",
-        file=source,
+        "pose_world_landmarks of MediaPipe"
     )
 
 
-def refuse_image(positions: Floats, key: str, source: str) -> None:
+def refuse_image(positions: Floats, key: str) -> None:
     """Refuse points whose third number is none, or a score, or MediaPipe's guess of a depth."""
     seen = positions[~np.isnan(positions).any(axis=2)]
     if len(seen) < 2 or positions.shape[1] < 2:
@@ -192,10 +185,10 @@ def refuse_image(positions: Floats, key: str, source: str) -> None:
     third = seen[:, 2]
     is_score = wide > _PIXELS and (third >= 0).all() and (third <= 1).all()
     if is_score or (wide > 0 and not np.ptp(third)):
-        refuse_flat(source)
+        refuse_flat()
     if positions.shape[1] == MEDIAPIPE and key not in WORLD:
         hips = np.abs(positions[:, _MEDIAPIPE_HIPS, :2].mean(axis=1))
         inside = (seen[:, :2] > -0.5).all() and (seen[:, :2] < 1.5).all()
         # In the world the hips are the origin, in an image nobody stands in its corner.
         if inside and not np.nanmedian(hips.max(axis=1)) < 0.1:
-            refuse_flat(source)
+            refuse_flat()

@@ -10,21 +10,28 @@ a point that a frame lacks, was not seen.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, NotAMotion, UnreadableFile, describe_cause
 from motionary.files import open_regular
-from motionary.io.formats.array_layouts import Layout, split_array
-from motionary.io.formats.arrays import NAMES, RATES, check_positions, name_joints, read_layout
+from motionary.io.formats.array_layouts import (
+    NAMES,
+    RATES,
+    Layout,
+    check_positions,
+    name_joints,
+    read_layout,
+    split_array,
+)
 from motionary.io.formats.content import (
-    FARTHEST,
     POINT_UNITS,
     RATE_HINT,
     FileContent,
+    names_file,
     number_doubles,
 )
 from motionary.io.formats.json_people import (
@@ -40,13 +47,12 @@ from motionary.io.formats.json_people import (
     refuse_image,
 )
 from motionary.io.formats.takes import choose_take, recall
-from motionary.io.formats.times import time_frames
+from motionary.io.formats.times import timed_content
 from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import parse_json, read_text
+from motionary.rotations import Floats
 from motionary.skeletons import named_table
-
-Floats = NDArray[np.float64]
 
 _FRAMES = (
     "frames", "instance_info", "data", "poses", "results", "sequence", "positions",
@@ -66,6 +72,7 @@ _LONGEST_STEP_S = 1.0
 _MOST_BYTES = 1 << 30
 
 
+@names_file
 def read_json(path: Path, options: ReadOptions) -> FileContent:
     """Content of a JSON file of keypoints in three dimensions.
 
@@ -82,10 +89,10 @@ def read_json(path: Path, options: ReadOptions) -> FileContent:
             return _read_numbers(loaded.layout, loaded.head, path.name, options)
         takes = list(loaded.people)
         person = loaded.people[takes[choose_take(takes, options.take, path.name)]]
-        keys, positions = fill_positions(person, len(loaded.frames), loaded.size, path.name)
+        keys, positions = fill_positions(person, len(loaded.frames), loaded.size)
     except RecursionError as error:
-        raise UnreadableFile(describe_cause(error), file=path.name) from None
-    refuse_image(positions, person.key, path.name)
+        raise UnreadableFile(describe_cause(error)) from None
+    refuse_image(positions, person.key)
     head = loaded.head
     names, mapping = head.names or None, None
     notes: tuple[str, ...] = ()
@@ -95,19 +102,20 @@ def read_json(path: Path, options: ReadOptions) -> FileContent:
         table = options.skeleton_table()
         if table is None and names is None and person.key in WORLD:
             table = named_table("mediapipe") if len(keys) == MEDIAPIPE else None
-        joints = name_joints(positions, path.name, table, names=names)
+        joints = name_joints(positions, table, names=names)
         names, notes, mapping = joints.names, joints.notes, joints.mapping
-    timed = _time(loaded.frames, positions, head.rate_hz, options, path.name)
-    return FileContent(
-        names=names,
-        positions=timed.positions,
-        rate_hz=timed.rate_hz,
-        source=path.name,
+    times, first_frame, time_notes = _find_times(loaded.frames, options.rate_hz or head.rate_hz)
+    content = timed_content(
+        names or (),
+        positions,
+        times,
+        options,
         metadata=head.metadata(person.key),
-        mapping=mapping,
-        first_frame=timed.first_frame,
-        notes=(*notes, *timed.notes),
+        stated_hz=head.rate_hz or np.nan,
+        first_frame=first_frame,
+        notes=(*notes, *time_notes),
     )
+    return replace(content, mapping=mapping)
 
 
 class _Loaded(NamedTuple):
@@ -128,15 +136,14 @@ def _load(path: Path) -> _Loaded:
         size = file.seek(0, 2)
     if size > _MOST_BYTES:
         raise UnreadableFile(
-            f"{size >> 20} MB of JSON are more than is read; save positions and names as .npz",
-            file=path.name,
+            f"{size >> 20} MB of JSON are more than is read; save positions and names as .npz"
         )
     text = read_text(path)
-    content = parse_json(text, file=path.name)
-    frames, head = _find_frames(content, path.name), _Head(content)
+    content = parse_json(text)
+    frames, head = _find_frames(content), _Head(content)
     if _is_array(frames):
-        return _Loaded([], head, {}, _split_numbers(frames, path.name), len(text))
-    return _Loaded(frames, head, find_people(frames, path.name), None, len(text))
+        return _Loaded([], head, {}, _split_numbers(frames), len(text))
+    return _Loaded(frames, head, find_people(frames), None, len(text))
 
 
 class _Head:
@@ -176,10 +183,10 @@ class _Head:
         return []
 
 
-# ---- frames, people, points
+# ---- frames
 
 
-def _find_frames(content: Any, source: str) -> list[Any]:
+def _find_frames(content: Any) -> list[Any]:
     """The list of frames, of which one is there."""
     found = [content]
     if isinstance(content, dict):
@@ -195,8 +202,7 @@ def _find_frames(content: Any, source: str) -> list[Any]:
             return list(value.values())
     raise NotAMotion(
         "holds no motion; expected keypoints in three dimensions: "
-        '{"fps": 30, "frames": [{"joints": {"hip": [x, y, z]}}]}, or lists with "names"',
-        file=source,
+        '{"fps": 30, "frames": [{"joints": {"hip": [x, y, z]}}]}, or lists with "names"'
     )
 
 
@@ -209,25 +215,24 @@ def _is_array(value: Any) -> bool:
     return depth >= 3 and is_number(value)
 
 
-def _split_numbers(frames: list[Any], source: str) -> Layout:
+def _split_numbers(frames: list[Any]) -> Layout:
     try:
         array = np.array(frames, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise UnreadableFile(
             "frames differ in their number of points; give points names, or null to "
-            "those that were not seen",
-            file=source,
+            "those that were not seen"
         ) from None
     if array.shape[-1] == 2:
-        refuse_flat(source)
+        refuse_flat()
     # A fourth number of a point is its score.
     array = array[..., :3] if array.ndim >= 3 and array.shape[-1] == 4 else array
-    return split_array(array, source)
+    return split_array(array)
 
 
 def _read_numbers(layout: Layout, head: _Head, source: str, options: ReadOptions) -> FileContent:
     if layout.rate_hz is None:
-        refuse_image(check_positions(layout.motions[0], source), "", source)
+        refuse_image(check_positions(layout.motions[0]), "")
     rate = options.rate_hz or head.rate_hz or layout.rate_hz
     return read_layout(layout, source, options, names=head.names or None, rate_hz=rate)
 
@@ -235,38 +240,25 @@ def _read_numbers(layout: Layout, head: _Head, source: str, options: ReadOptions
 # ---- times
 
 
-class _Timed(NamedTuple):
-    positions: Floats
-    rate_hz: float
-    first_frame: int
-    notes: tuple[str, ...]
+def _find_times(
+    frames: Sequence[Any], rate_hz: float | None
+) -> tuple[Floats | None, float, tuple[str, ...]]:
+    """Times in seconds, the first frame's number, and a note on a unit told by steps.
 
-
-def _time(
-    frames: Sequence[Any],
-    positions: Floats,
-    stated_hz: float | None,
-    options: ReadOptions,
-    source: str,
-) -> _Timed:
-    """Frames at the rate of their times, of their numbers, or of the file."""
+    Times are those of the file, or of its frames' numbers at the rate; None where none are needed.
+    """
     numbers = _column(frames, _NUMBERS)
-    first = int(numbers[0]) if numbers is not None and abs(numbers[0]) < FARTHEST else 0
-    given = options.rate_hz if options.rate_hz is not None else stated_hz
-    times, notes = _find_times(frames)
-    if times is None and numbers is not None and given is not None:
-        times = (numbers - numbers[0]) / given
+    times, notes = _read_times(frames)
+    if times is None and numbers is not None and rate_hz is not None:
+        times = (numbers - numbers[0]) / rate_hz
     if times is None or len(times) < 2:
-        if given is None:
-            raise InvalidInput(f"says neither times nor a rate; {RATE_HINT}", file=source)
-        return _Timed(positions, given, first, ())
-    timed = time_frames(
-        positions, times, options=options, source=source, stated_hz=stated_hz or np.nan
-    )
-    return _Timed(timed.positions, timed.rate_hz, first, (*notes, *timed.notes))
+        if rate_hz is None:
+            raise InvalidInput(f"says neither times nor a rate; {RATE_HINT}")
+        times = None
+    return times, 0 if numbers is None else float(numbers[0]), notes
 
 
-def _find_times(frames: Sequence[Any]) -> tuple[Floats | None, tuple[str, ...]]:
+def _read_times(frames: Sequence[Any]) -> tuple[Floats | None, tuple[str, ...]]:
     """Times in seconds, and a note where their unit is taken from their steps."""
     for key, seconds in _TIMES.items():
         times = _column(frames, (key,))

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion, SeveralRecordings, UnreadableFile
 from motionary.files import open_regular
-from motionary.io.formats.content import FileContent, number_doubles
+from motionary.io.formats.content import FileContent, names_file, number_doubles
 from motionary.io.formats.numbers import parse_number
 from motionary.io.formats.takes import EVERY, choose_take
-from motionary.io.formats.times import time_frames
+from motionary.io.formats.times import time_frames, timed_content
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
@@ -80,7 +80,7 @@ class _Subject:
     indices: list[float] = field(default_factory=list)
     numbers: dict[str, list[Floats]] = field(default_factory=dict)
 
-    def table(self, name: str, n: int, source: str) -> Floats | None:
+    def table(self, name: str, n: int) -> Floats | None:
         """Numbers of an element, (frames, n); None where no frame has it."""
         rows = self.numbers.get(name, [])
         if not rows:
@@ -89,12 +89,12 @@ class _Subject:
         if wrong is not None or len(rows) != len(self.times_s):
             raise UnreadableFile(
                 f"a frame needs {n} numbers in <{name}>, "
-                + (f"one has {len(wrong)}" if wrong is not None else "some have none"),
-                file=source,
+                + (f"one has {len(wrong)}" if wrong is not None else "some have none")
             )
         return np.array(rows)
 
 
+@names_file
 def read_mvnx(path: Path, options: ReadOptions) -> FileContent:
     """Segments of an MVNX file, in metres with z up, with their turns.
 
@@ -107,35 +107,30 @@ def read_mvnx(path: Path, options: ReadOptions) -> FileContent:
     """
     subject = _choose(path, ("position", "orientation"), options)
     n = len(subject.segments)
-    places = subject.table("position", 3 * n, path.name)
+    places = subject.table("position", 3 * n)
     if places is None or not n:
         raise NotAMotion(
             "holds no motion; expected frames with <position> of segments; export "
-            "MVNX with segment positions",
-            file=path.name,
+            "MVNX with segment positions"
         )
-    turns = subject.table("orientation", 4 * n, path.name)
+    turns = subject.table("orientation", 4 * n)
     positions = places.reshape(-1, n, 3)
     positions[~np.isfinite(positions).all(axis=2)] = np.nan
-    times = np.array(subject.times_s)
-    timed = time_frames(
-        positions, times, options=options, source=path.name, stated_hz=subject.rate_hz
-    )
-    first = subject.indices[0]
-    content = FileContent(
-        names=number_doubles(subject.segments),
-        positions=timed.positions,
-        rate_hz=timed.rate_hz,
-        source=path.name,
+    content = timed_content(
+        subject.segments,
+        positions,
+        np.array(subject.times_s),
+        options,
         metadata=_XSENS,
-        first_frame=int(first) if abs(first) < 1e9 else 0,
-        notes=timed.notes,
+        stated_hz=subject.rate_hz,
+        first_frame=subject.indices[0],
     )
     if turns is None or options.even_times:
         return content
     return _with_turns(content, subject, turns.reshape(-1, n, 4))
 
 
+@names_file
 def read_mvnx_sensors(path: Path, options: ReadOptions) -> Sensors:
     """What the sensors of an MVNX file measured.
 
@@ -149,22 +144,15 @@ def read_mvnx_sensors(path: Path, options: ReadOptions) -> Sensors:
     names = ("sensorOrientation", "sensorFreeAcceleration", "sensorAcceleration")
     subject = _choose(path, names, options)
     n = len(subject.sensors)
-    turns = subject.table(names[0], 4 * n, path.name)
+    turns = subject.table(names[0], 4 * n)
     if turns is None or not n:
-        raise UnreadableFile(
-            "holds no data of sensors; export MVNX with sensor data", file=path.name
-        )
-    free = subject.table(names[1], 3 * n, path.name)
-    sensed = subject.table(names[2], 3 * n, path.name) if free is None else free
+        raise UnreadableFile("holds no data of sensors; export MVNX with sensor data")
+    free = subject.table(names[1], 3 * n)
+    sensed = subject.table(names[2], 3 * n) if free is None else free
     orientations = turns.reshape(-1, n, 4)
     unseen = np.full((len(turns), n, 3), np.nan)
-    timed = time_frames(
-        unseen,
-        np.array(subject.times_s),
-        options=options,
-        source=path.name,
-        stated_hz=subject.rate_hz,
-    )
+    times = np.array(subject.times_s)
+    timed = time_frames(unseen, times, options=options, stated_hz=subject.rate_hz)
     return Sensors(
         tuple(number_doubles(subject.sensors)),
         timed.rate_hz,
@@ -181,9 +169,9 @@ def _choose(path: Path, wanted: tuple[str, ...], options: ReadOptions) -> _Subje
         if _has_one_subject(path):
             raise SeveralRecordings(path.name, ["1"])
         wanted = ()
-    subjects = [s for s in _Reader(path.name, wanted).read(path) if s.times_s]
+    subjects = [s for s in _Reader(wanted).read(path) if s.times_s]
     if not subjects:
-        raise NotAMotion("holds no frames of motion; expected an MVNX file", file=path.name)
+        raise NotAMotion("holds no frames of motion; expected an MVNX file")
     labels = number_doubles([subject.label or "subject" for subject in subjects])
     return subjects[choose_take(labels, options.take, path.name)]
 
@@ -204,8 +192,8 @@ def _has_one_subject(path: Path) -> bool:
 class _Reader:
     """Walks the document and keeps what is asked for."""
 
-    def __init__(self, name: str, wanted: tuple[str, ...]) -> None:
-        self.name, self.wanted = name, wanted
+    def __init__(self, wanted: tuple[str, ...]) -> None:
+        self.wanted = wanted
         self.subjects: list[_Subject] = []
         self.text: list[str] = []
         self.segment = self.point = self.connector = ""
@@ -225,14 +213,13 @@ class _Reader:
                 self.parser.Parse(b"", True)
             except expat.ExpatError as error:
                 problem = f"{expat.ErrorString(error.code)}; is the file whole?"
-                place = f"line {error.lineno}"
-                raise UnreadableFile(problem, file=self.name, place=place) from None
+                raise UnreadableFile(problem, place=f"line {error.lineno}") from None
             except LookupError as error:
-                raise UnreadableFile(f"{error}; save it as UTF-8", file=self.name) from None
+                raise UnreadableFile(f"{error}; save it as UTF-8") from None
         return self.subjects
 
     def fail(self, problem: str) -> NoReturn:
-        raise UnreadableFile(problem, file=self.name, place=f"line {self.parser.CurrentLineNumber}")
+        raise UnreadableFile(problem, place=f"line {self.parser.CurrentLineNumber}")
 
     def refuse_types(self, *_: object) -> None:
         self.fail("has a document type, as no MVNX file does; remove it")

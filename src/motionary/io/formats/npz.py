@@ -209,7 +209,7 @@ def is_own(arrays: Mapping[str, Array]) -> bool:
     return "motionary_motion" in arrays
 
 
-def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> FileContent:
+def read_own(arrays: Mapping[str, Array], options: ReadOptions) -> FileContent:
     """Content of a file that `write_npz` wrote.
 
     Raises
@@ -219,7 +219,7 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
     """
     try:
         if int(arrays["motionary_motion"]) > _FORMAT:
-            raise UnreadableFile("was written by a newer version; update motionary", file=source)
+            raise UnreadableFile("was written by a newer version; update motionary")
         names = tuple(str(name) for name in arrays["names"].tolist())
         # Of a file's own numbers, -0.0 and all, none is touched.
         positions = np.array(arrays["positions"], dtype=np.float64)
@@ -241,7 +241,6 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
             names=names,
             positions=positions,
             rate_hz=rate,
-            source=source,
             metadata=None if options.unit is None and options.up is None else _OWN,
             first_frame=int(arrays["first_frame"]),
             skeleton=skeleton,
@@ -252,7 +251,7 @@ def read_own(arrays: Mapping[str, Array], source: str, options: ReadOptions) -> 
     except UnreadableFile:
         raise
     except (KeyError, ValueError, TypeError, OverflowError) as error:
-        raise UnreadableFile(f"is no whole motion: {describe_cause(error)}", file=source) from error
+        raise UnreadableFile(f"is no whole motion: {describe_cause(error)}") from error
 
 
 def _mapping(arrays: Mapping[str, Array], names: tuple[str, ...]) -> JointMapping | None:

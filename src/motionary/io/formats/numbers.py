@@ -40,8 +40,8 @@ def read_table(
     text: str,
     width: int,
     *,
-    source: str,
     line: int,
+    source: str = "",
     separator: str | None = None,
     gaps: Collection[str] = (),
 ) -> Floats:
@@ -51,7 +51,7 @@ def read_table(
     ----------
     text : the frames
     width : numbers of a frame
-    source, line : name of the file and the line at which the text starts, for errors
+    line, source : the line at which the text starts, and name of the file, for errors
     separator : between cells; by default blanks
     gaps : words in lower case that become NaN; with "" among them also cells that are missing
 
@@ -344,7 +344,27 @@ def _read_rows(words: Words, width: int, separator: int, gaps: Collection[str]) 
     return result.reshape(n_rows, width)
 
 
-# ---- lines of clips
+# ---- frames that are promised, and lines of clips
+
+
+def check_length(promised: str, n: int, *, what: str = "frames", key: str = "") -> None:
+    """Refuse a table that is shorter than its file says.
+
+    Parameters
+    ----------
+    promised : as the file says it; what is no whole number promises nothing
+    n : how many are there
+    what, key : what is counted, and how the file calls their number
+
+    Raises
+    ------
+    UnreadableFile
+    """
+    if promised.isdecimal() and int(promised[:20]) > n:
+        raise UnreadableFile(
+            f"{key}promises {promised[:20]} {what}, the file ends after {n}; get the whole file, "
+            "or correct the number to read what is there"
+        )
 
 
 def find_line(lines: list[str], pattern: str, start: int = 0) -> int:

@@ -5,26 +5,28 @@ of our own, with the average proportions of Drillis and Contini (1966) as fracti
 stature. Features scale with the body, so they hardly change; with `body_model=` the
 person's own joints are used. AMASS has z up and metres.
 
+Files write a turn as a rotation vector (radians, by mistake degrees), as a matrix of nine
+numbers, as six of them (two columns, or two rows), or as a unit quaternion with w first or last.
+Numbers of matrices are orthonormal, quaternions have length one; what is neither are vectors.
+Whether six numbers in sequence are rows or columns no value tells: a knee bends but one way.
+
 Conventions: in the rest pose the body stands in a T, y up, looking along z, its left at +x.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.content import RATE_HINT, FileContent, place_joints
 from motionary.io.formats.npz import Array, read_npz
-from motionary.io.formats.smpl_turns import read_turns
 from motionary.io.normalise.units import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
+from motionary.rotations import Floats, matrices_to_quaternions, rotation_vectors_to_quaternions
 from motionary.skeletons import named_mapping
-
-Floats = NDArray[np.float64]
 
 N_BODY = 22
 STATURE_M = 1.70
@@ -65,6 +67,13 @@ _AMASS = FileMetadata(
 # Farther away from the origin, at their median, walks none who is recorded in metres.
 _FAR_M = 50.0
 
+_TOLERANCE = 2e-2
+_LOOKED_AT = 200
+# A joint turns by less than half a turn; vectors that were never wrapped may go on a while.
+_LARGEST_RAD = 2 * np.pi
+_MANY = 0.05
+_LEFT_KNEE, _RIGHT_KNEE = 4, 5
+
 
 class Pose(NamedTuple):
     """Parameters of a motion, and notes on how they are written.
@@ -77,7 +86,7 @@ class Pose(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-class _Source(NamedTuple):
+class Source(NamedTuple):
     """Names under which programs keep turns (in sequence) and places, and how they stand."""
 
     turns: tuple[str, ...]
@@ -92,18 +101,20 @@ _CAMERA = FileMetadata(
 )
 _VIDEO = FileMetadata("m", usual_up="y", origin="the tool", noted=("up",), takes_unit=False)
 _SEEN = "places are as the camera sees them; it may move"
+#: How 322 parameters a frame of Motion-X hold it.
+MOTION_X = Source(("global_orient", "body_pose"), ("transl",), _VIDEO)
 _SOURCES = (
-    _Source(("poses",), ("trans",), _AMASS),
-    _Source(("root_orient", "pose_body"), ("trans",), _AMASS),
-    _Source(("pose_aa",), ("trans", "root_trans_offset", "root_trans"), _AMASS),
-    _Source(("smpl_thetas",), ("cam_trans",), _CAMERA, _SEEN),
-    _Source(("global_orient", "body_pose"), ("pred_cam_t", "cam_trans"), _CAMERA, _SEEN),
-    _Source(("global_orient", "body_pose"), ("transl", "trans"), _VIDEO),
-    _Source(("global_orient", "body_pose"), (), _CAMERA, "holds no places: the pelvis rests"),
+    Source(("poses",), ("trans",), _AMASS),
+    Source(("root_orient", "pose_body"), ("trans",), _AMASS),
+    Source(("pose_aa",), ("trans", "root_trans_offset", "root_trans"), _AMASS),
+    Source(("smpl_thetas",), ("cam_trans",), _CAMERA, _SEEN),
+    Source(("global_orient", "body_pose"), ("pred_cam_t", "cam_trans"), _CAMERA, _SEEN),
+    Source(("global_orient", "body_pose"), ("transl", "trans"), _VIDEO),
+    Source(("global_orient", "body_pose"), (), _CAMERA, "holds no places: the pelvis rests"),
 )
 
 
-def find_source(arrays: Mapping[str, Array]) -> _Source | None:
+def find_source(arrays: Mapping[str, Array]) -> Source | None:
     """How arrays hold a motion of an SMPL body; None if they hold none."""
     for source in _SOURCES:
         root = next((name for name in source.root if name in arrays), None)
@@ -112,15 +123,10 @@ def find_source(arrays: Mapping[str, Array]) -> _Source | None:
     return None
 
 
-def is_smpl(arrays: Mapping[str, Array]) -> bool:
-    """Whether arrays are a motion of an SMPL body."""
-    return find_source(arrays) is not None
-
-
 def read_smpl_arrays(
-    arrays: Mapping[str, Array], source: str, *, rate_hz: float | None, options: ReadOptions
+    arrays: Mapping[str, Array], source: Source, *, rate_hz: float | None, options: ReadOptions
 ) -> FileContent:
-    """Content of a file of AMASS; a unit that is given is that of `trans`.
+    """Content of arrays of an SMPL body; a unit that is given is that of the root's places.
 
     Raises
     ------
@@ -130,33 +136,27 @@ def read_smpl_arrays(
         If there is no rate.
     """
     if rate_hz is None:
-        raise InvalidInput(f"holds no frame rate; {RATE_HINT}", file=source)
-    found = find_source(arrays)
-    if found is None:
-        raise UnreadableFile(f"expected poses and trans, got {', '.join(arrays)}", file=source)
-    turns = [arrays[name] for name in found.turns]
-    root = arrays[found.root[0]] if found.root else np.zeros((len(turns[0]), 3))
-    pose = check_pose(turns, root, source)
+        raise InvalidInput(f"holds no frame rate; {RATE_HINT}")
+    turns = [arrays[name] for name in source.turns]
+    root = arrays[source.root[0]] if source.root else np.zeros((len(turns[0]), 3))
+    pose = check_pose(turns, root)
     metres = 1.0 if options.unit is None else metres_per_unit(options.unit)
     pose = pose._replace(root=pose.root * metres)
     skeleton = None
     if options.body_model is not None:
         betas = arrays.get("betas", np.zeros(0)).astype(np.float64).ravel()
         skeleton = read_body_model(options.body_model, betas)
-    notes = (found.note,) if found.note else ()
-    return pose_content(
-        pose, source, rate_hz=rate_hz, metadata=found.metadata, skeleton=skeleton, notes=notes
-    )
+    pose = pose._replace(notes=(*[source.note][: bool(source.note)], *pose.notes))
+    return pose_content(pose, rate_hz=rate_hz, metadata=source.metadata, skeleton=skeleton)
 
 
-def check_pose(parts: Sequence[Array], trans: Array, source: str) -> Pose:
+def check_pose(parts: Sequence[Array], trans: Array) -> Pose:
     """The turns of the body's joints and the places of its root.
 
     Parameters
     ----------
     parts : turns of the root and of further joints, in the sequence of the joints
     trans : places of the root
-    source : name of the file
 
     Raises
     ------
@@ -170,22 +170,19 @@ def check_pose(parts: Sequence[Array], trans: Array, source: str) -> Pose:
     if not fits or not n_frames:
         raise UnreadableFile(
             f"expected poses (frames, {3 * N_BODY} or more) and trans (frames, 3) of the "
-            f"same frames, got {shapes}",
-            file=source,
+            f"same frames, got {shapes}"
         )
     if any(array.dtype.kind not in "fiu" for array in (*parts, trans)):
-        raise UnreadableFile("poses and trans must be numbers", file=source)
+        raise UnreadableFile("poses and trans must be numbers")
     sizes = {_numbers_per_joint(part) for part in parts}
     numbers = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
     numbers, root = numbers.astype(np.float64), trans.astype(np.float64)
     if numbers.shape[1] < 3 * N_BODY:
-        raise UnreadableFile(
-            f"expected poses (frames, {3 * N_BODY} or more), got {shapes}", file=source
-        )
+        raise UnreadableFile(f"expected poses (frames, {3 * N_BODY} or more), got {shapes}")
     # NaN compares as False.
     if not ((np.abs(numbers) < _MOST).all() and (np.abs(root) < _MOST).all()):
-        raise UnreadableFile("poses and trans must be finite, and of possible size", file=source)
-    turns = read_turns(numbers, sizes.pop() if len(sizes) == 1 else None, N_BODY, source)
+        raise UnreadableFile("poses and trans must be finite, and of possible size")
+    turns = _read_turns(numbers, sizes.pop() if len(sizes) == 1 else None)
     return Pose(turns.quaternions, root, turns.notes)
 
 
@@ -198,28 +195,14 @@ def _numbers_per_joint(part: Array) -> int | None:
 
 
 def pose_content(
-    pose: Pose,
-    source: str,
-    *,
-    rate_hz: float,
-    metadata: FileMetadata,
-    notes: tuple[str, ...] = (),
-    skeleton: Skeleton | None = None,
+    pose: Pose, *, rate_hz: float, metadata: FileMetadata, skeleton: Skeleton | None = None
 ) -> FileContent:
-    """Forward kinematics of a pose, in the file's axes.
-
-    Parameters
-    ----------
-    pose : turns, and places in metres
-    skeleton : by default the one of average proportions
-    """
-    notes = (*notes, *pose.notes)
+    """Forward kinematics of a pose in metres, in the file's axes; by default of average bones."""
+    notes = pose.notes
     far = float(np.abs(np.median(pose.root, axis=0)).max())
     if far > _FAR_M:
-        notes = (
-            *notes,
-            f"pelvis at {far:.0f} m: are the places in mm or cm? --unit mm (unit='mm') reads them",
-        )
+        unit = "are the places in mm or cm? --unit mm (unit='mm') reads them"
+        notes = (*notes, f"pelvis at {far:.0f} m: {unit}")
     if skeleton is None:
         skeleton = average_skeleton()
         notes = (*notes, f"proportions of an average body of {STATURE_M:.2f} m")
@@ -228,9 +211,8 @@ def pose_content(
     rotations[:, :N_BODY] = pose.turns
     return FileContent(
         names=NAMES,
-        positions=place_joints(skeleton, rotations, pose.root, translations={}, source=source),
+        positions=place_joints(skeleton, rotations, pose.root),
         rate_hz=rate_hz,
-        source=source,
         metadata=metadata,
         skeleton=skeleton,
         rotations=rotations,
@@ -245,8 +227,7 @@ def average_skeleton() -> Skeleton:
     offsets[0] = _PELVIS
     for joint, name in enumerate(NAMES[1:], start=1):
         own = name if name in _PROPORTIONS else name.replace("right", "left")
-        mirrored = np.multiply(_PROPORTIONS[own], 1.0 if own == name else _MIRROR)
-        offsets[joint] = mirrored
+        offsets[joint] = np.multiply(_PROPORTIONS[own], 1.0 if own == name else _MIRROR)
     return Skeleton(NAMES, np.array(PARENTS, dtype=np.intp), offsets * STATURE_M)
 
 
@@ -281,3 +262,132 @@ def read_body_model(path: str | Path, betas: Floats) -> Skeleton:
         parent = PARENTS[joint]
         offsets[joint] = joints[joint] - (joints[parent] if parent >= 0 else 0)
     return Skeleton(skeleton.names, skeleton.parents, offsets)
+
+
+# ---- turns, whichever way they are written: told by shape and value
+
+
+class _Turns(NamedTuple):
+    """Unit quaternions wxyz, (frames, joints, 4), and notes on how they were written."""
+
+    quaternions: Floats
+    notes: tuple[str, ...]
+
+
+def _read_turns(numbers: Floats, per_joint: int | None) -> _Turns:
+    """_Turns of the first joints.
+
+    Parameters
+    ----------
+    numbers : array, shape (frames, numbers of all joints)
+    per_joint : numbers of a joint, where the shape of the array in the file says it
+
+    Raises
+    ------
+    UnreadableFile
+        If the numbers are no turns that are known.
+    """
+    some = numbers[:: 1 + len(numbers) // _LOOKED_AT]
+    for kind in _KINDS:
+        if per_joint not in (None, kind.size) or numbers.shape[1] % kind.size:
+            continue
+        if numbers.shape[1] < N_BODY * kind.size:
+            continue
+        if kind.fits(some.reshape(len(some), -1, kind.size)):
+            wanted = numbers[:, : N_BODY * kind.size].reshape(len(numbers), N_BODY, -1)
+            return kind.read(wanted)
+    shape = numbers.shape if per_joint is None else (len(numbers), "joints", per_joint)
+    raise UnreadableFile(
+        f"turns of shape {shape} of {N_BODY} joints or more are neither rotation "
+        f"vectors (3 numbers a joint), nor matrices (9), two of their columns (6) or unit "
+        "quaternions (4)"
+    )
+
+
+def _are_unit(vectors: Floats) -> bool:
+    return bool((np.abs(np.linalg.norm(vectors, axis=-1) - 1) < _TOLERANCE).all())
+
+
+def _are_square(a: Floats, b: Floats) -> bool:
+    """Whether vectors are of length one and at right angles."""
+    return _are_unit(a) and _are_unit(b) and bool((np.abs((a * b).sum(-1)) < _TOLERANCE).all())
+
+
+def _are_matrices(numbers: Floats) -> bool:
+    a, b, c = np.moveaxis(numbers.reshape(*numbers.shape[:-1], 3, 3), -2, 0)
+    return _are_square(a, b) and bool((np.abs(np.cross(a, b) - c) < _TOLERANCE).all())
+
+
+def _matrices(numbers: Floats) -> _Turns:
+    matrices = numbers.reshape(*numbers.shape[:-1], 3, 3)
+    return _Turns(matrices_to_quaternions(matrices), ("turns are rotation matrices",))
+
+
+def _are_columns_in_turn(numbers: Floats) -> bool:
+    return _are_square(numbers[..., ::2], numbers[..., 1::2])
+
+
+def _columns_in_turn(numbers: Floats) -> _Turns:
+    turns = _complete(numbers[..., ::2], numbers[..., 1::2])
+    return _Turns(turns, ("turns are two columns of a matrix (6 numbers), row by row",))
+
+
+def _are_two_vectors(numbers: Floats) -> bool:
+    return _are_square(numbers[..., :3], numbers[..., 3:])
+
+
+def _two_vectors(numbers: Floats) -> _Turns:
+    by_columns = _complete(numbers[..., :3], numbers[..., 3:])
+    # About x a knee bends forward: backwards by the wrong reading, which is the inverse.
+    bends = by_columns[:, [_LEFT_KNEE, _RIGHT_KNEE], 1] * np.sign(
+        by_columns[:, [_LEFT_KNEE, _RIGHT_KNEE], 0]
+    )
+    are_rows = bool(bends.mean() < 0)
+    if are_rows:
+        by_columns = by_columns * (1.0, -1.0, -1.0, -1.0)
+    what = "rows" if are_rows else "columns"
+    return _Turns(by_columns, (f"turns are two {what} of a matrix (6 numbers), by the knees",))
+
+
+def _complete(a: Floats, b: Floats) -> Floats:
+    """Quaternions of matrices by their first two columns."""
+    a = a / np.linalg.norm(a, axis=-1, keepdims=True)
+    b = b - (a * b).sum(-1, keepdims=True) * a
+    b = b / np.linalg.norm(b, axis=-1, keepdims=True)
+    return matrices_to_quaternions(np.stack((a, b, np.cross(a, b)), axis=-1))
+
+
+def _quaternions(numbers: Floats) -> _Turns:
+    # Most joints turn little: the largest component is the cosine.
+    first, last = np.abs(numbers[..., 0]).mean(), np.abs(numbers[..., 3]).mean()
+    w_is_last = bool(last > first)
+    quaternions = np.roll(numbers, 1, axis=-1) if w_is_last else numbers
+    quaternions = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    quaternions = np.where(quaternions[..., :1] < 0, -quaternions, quaternions)
+    return _Turns(quaternions, (f"turns are quaternions, w {'last' if w_is_last else 'first'}",))
+
+
+def _vectors(numbers: Floats) -> _Turns:
+    lengths = np.linalg.norm(numbers[:, 1:], axis=-1)
+    notes: tuple[str, ...] = ()
+    if lengths.size and (lengths > _LARGEST_RAD).mean() > _MANY:
+        numbers = np.radians(numbers)
+        notes = (f"turns are in degrees, by their size (up to {lengths.max():.0f})",)
+    return _Turns(rotation_vectors_to_quaternions(numbers), notes)
+
+
+class _Kind(NamedTuple):
+    """A way to write turns: numbers of a joint, whether some are, and what they say."""
+
+    size: int
+    fits: Callable[[Floats], bool]
+    read: Callable[[Floats], _Turns]
+
+
+_KINDS = (
+    _Kind(9, _are_matrices, _matrices),
+    _Kind(6, _are_columns_in_turn, _columns_in_turn),
+    _Kind(6, _are_two_vectors, _two_vectors),
+    _Kind(4, _are_unit, _quaternions),
+    _Kind(3, lambda numbers: True, _vectors),
+)

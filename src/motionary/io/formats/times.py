@@ -1,18 +1,19 @@
 """Rates and times of frames, as files print them: rounded, with gaps, and sometimes wrong."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
-from motionary.io.formats.content import MOST_RATE_HZ, RATE_HINT
+from motionary.io.formats.content import MOST_RATE_HZ, RATE_HINT, FileContent, number_doubles
+from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
+from motionary.rotations import Floats
 
-Floats = NDArray[np.float64]
-
-# Times beyond are none that a clock shows.
+# Times beyond are none that a clock shows, and numbers beyond none of frames.
 _LATEST_S = 1e9
+_LAST_FRAME = 1e15
 
 # Rates are printed rounded: within this fraction of a whole number they are that number, but
 # video's rates lie just as near: 29.97 is 30 / 1.001. A hair above 0.1 %: .0333 is 30.
@@ -39,13 +40,38 @@ class TimedFrames(NamedTuple):
     notes: tuple[str, ...]
 
 
-def time_frames(
+def timed_content(
+    names: Sequence[str],
     positions: Floats,
-    times: Floats,
-    *,
+    times: Floats | None,
     options: ReadOptions,
-    source: str,
+    *,
+    metadata: FileMetadata,
     stated_hz: float = np.nan,
+    first_frame: float = 0,
+    notes: Sequence[str] = (),
+) -> FileContent:
+    """Content of points, at the rate of `time_frames`, or where there are no times as stated.
+
+    The number of the first frame may be NaN.
+    """
+    if times is None:
+        timed = TimedFrames(positions, options.rate_hz or stated_hz, ())
+    else:
+        timed = time_frames(positions, times, options=options, stated_hz=stated_hz)
+    return FileContent(
+        names=number_doubles(names),
+        positions=timed.positions,
+        rate_hz=timed.rate_hz,
+        metadata=metadata,
+        # Comparing with NaN is False.
+        first_frame=int(first_frame) if abs(first_frame) < _LAST_FRAME else 0,
+        notes=(*notes, *timed.notes),
+    )
+
+
+def time_frames(
+    positions: Floats, times: Floats, *, options: ReadOptions, stated_hz: float = np.nan
 ) -> TimedFrames:
     """Frames at the rate that their times tell, on an even grid of it where asked for.
 
@@ -54,7 +80,6 @@ def time_frames(
     positions : array, shape (frames, points, 3)
     times : array, shape (frames,), seconds as printed
     options : `rate_hz` goes before all times, `even_times` asks for the grid
-    source : name of the file
     stated_hz : what the file's header says; NaN for nothing
 
     Raises
@@ -70,28 +95,24 @@ def time_frames(
     uneven = unevenness > _EVEN
     notes: tuple[str, ...] = ()
     if uneven:
-        _refuse_backward(times, source)
+        _refuse_backward(times)
         timed = _rate_between_gaps(times)
     if options.rate_hz is not None:
         rate = options.rate_hz
     else:
-        rate, notes = _agree(stated_hz, timed, times, source)
+        rate, notes = _agree(stated_hz, timed, times)
     if options.even_times:
-        return TimedFrames(_resample(positions, times, rate, source), rate, notes)
+        return TimedFrames(_resample(positions, times, rate), rate, notes)
     if uneven:
         notes = (*notes, _say_unevenness(times, rate))
     return TimedFrames(positions, rate, notes)
 
 
-def _agree(
-    stated_hz: float, timed: float, times: Floats, source: str
-) -> tuple[float, tuple[str, ...]]:
+def _agree(stated_hz: float, timed: float, times: Floats) -> tuple[float, tuple[str, ...]]:
     """The rate of header and times, and a note where they differ a little."""
     if not 0 < stated_hz < MOST_RATE_HZ:
         if not 0 < timed < MOST_RATE_HZ:
-            raise UnreadableFile(
-                f"says no rate, and its times give no frame rate; {RATE_HINT}", file=source
-            )
+            raise UnreadableFile(f"says no rate, and its times give no frame rate; {RATE_HINT}")
         whole = float(round(timed))
         return (whole if abs(whole / timed - 1) < _SAME_RATE else round(timed, 6)), ()
     if np.isnan(timed) or _allow(times, stated_hz, timed):
@@ -99,8 +120,7 @@ def _agree(
     if abs(timed / stated_hz - 1) > _OTHER_RATE:
         raise InvalidInput(
             f"says {stated_hz:g} frames per second, its times {timed:.4g}; pass the "
-            "right one with --rate (rate_hz=...)",
-            file=source,
+            "right one with --rate (rate_hz=...)"
         )
     note = (
         f"the header says {stated_hz:g} frames per second, the times {timed:.5g}: the times count"
@@ -120,15 +140,14 @@ def _allow(times: Floats, stated_hz: float, timed: float) -> bool:
     return bool(abs(n / timed - n / stated_hz) <= unit + 1e-9)
 
 
-def _refuse_backward(times: Floats, source: str) -> None:
+def _refuse_backward(times: Floats) -> None:
     back = np.flatnonzero(np.diff(times) < 0)
     if len(back):
         i = int(back[0])
         raise UnreadableFile(
             f"time runs backward after frame {i + 1} of the table, from {times[i]:g} to "
             f"{times[i + 1]:g} s; put its frames in order, or pass --rate (rate_hz=...) to read "
-            "them as they stand",
-            file=source,
+            "them as they stand"
         )
 
 
@@ -159,18 +178,17 @@ def _say_unevenness(times: Floats, rate: float) -> str:
     )
 
 
-def _resample(positions: Floats, times: Floats, rate: float, source: str) -> Floats:
+def _resample(positions: Floats, times: Floats, rate: float) -> Floats:
     """Positions at even times; NaN where no frame is near on both sides."""
     if np.isnan(times).any():
-        raise UnreadableFile("some frames have no time, so they cannot be put evenly", file=source)
+        raise UnreadableFile("some frames have no time, so they cannot be put evenly")
     steps, kept = np.unique((times - times[0]) * rate, return_index=True)
-    _refuse_backward(times, source)
+    _refuse_backward(times)
     n_frames = int(np.floor(steps[-1] + 0.5)) + 1
     if n_frames > _MOST_FILLED * len(times):
         raise UnreadableFile(
             f"its times reach over {steps[-1] / rate:g} s, {n_frames} frames of which "
-            f"{len(times)} are there; correct the times",
-            file=source,
+            f"{len(times)} are there; correct the times"
         )
     if len(steps) < 2:
         return positions[kept]

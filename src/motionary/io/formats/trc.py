@@ -19,17 +19,20 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.content import (
     POINT_UNITS,
     FileContent,
-    hide_sentinels,
+    at_fault,
+    hide_unseen,
+    names_file,
     number_doubles,
 )
 from motionary.io.formats.numbers import (
     UNKNOWN_NUMBERS,
     check_frames,
+    check_length,
     end_alike,
     parse_number,
     read_table,
 )
-from motionary.io.formats.times import time_frames
+from motionary.io.formats.times import timed_content
 from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import PACKED, read_text, write_text
@@ -62,6 +65,7 @@ class _Head(NamedTuple):
     line: int
 
 
+@names_file
 def read_trc(path: Path, options: ReadOptions) -> FileContent:
     """Content of a TRC file.
 
@@ -73,49 +77,41 @@ def read_trc(path: Path, options: ReadOptions) -> FileContent:
         If the rate that the file says contradicts the times of its frames.
     """
     text = read_text(path)
-    head = _read_head(text, path.name)
-    table, notes = _read_table(text, head, path.name)
+    head = _read_head(text)
+    table, notes = _read_table(text, head)
     kept = [
         i
         for i, name in enumerate(head.names)
         if name and not name.rpartition(":")[2].startswith("*")
     ]
     if not kept:
-        raise UnreadableFile("no marker has a name", file=path.name)
+        raise UnreadableFile("no marker has a name")
     names = number_doubles([head.names[i] for i in kept])
     places = table[:, _COLUMNS_BEFORE:].reshape(len(table), -1, 3)[:, kept]
-    places[(places == 0).all(axis=2) | np.isnan(places).any(axis=2)] = np.nan
     n_left = len(head.names) - len(kept)
     if n_left:
         notes.append(f"{n_left} markers have no label and are left out")
-    notes.extend(hide_sentinels(places, names))
-    timed = time_frames(
+    notes.extend(hide_unseen(places, names))
+    return timed_content(
+        names,
         places,
         table[:, 1],
-        options=options,
-        source=path.name,
-        stated_hz=parse_number(head.values.get("DataRate", "").replace(",", ".")),
-    )
-    first = table[0, 0]
-    return FileContent(
-        names=names,
-        positions=timed.positions,
-        rate_hz=timed.rate_hz,
-        source=path.name,
+        options,
         metadata=FileMetadata(
             unit=NAMES_OF_UNITS.get(head.values.get("Units", "").lower()),
             usual_unit="mm",
             likely=POINT_UNITS,
         ),
-        first_frame=int(first) if np.isfinite(first) and abs(first) < 1e15 else 0,
-        notes=(*notes, *timed.notes),
+        stated_hz=parse_number(head.values.get("DataRate", "").replace(",", ".")),
+        first_frame=table[0, 0],
+        notes=notes,
     )
 
 
-def _read_head(text: str, name: str) -> _Head:
+def _read_head(text: str) -> _Head:
     lines = text.split("\n", 8)
     if len(lines) < 5 or not lines[0].strip().startswith(_TITLE):
-        raise UnreadableFile(f"expected a TRC file, which begins with {_TITLE}", file=name)
+        raise UnreadableFile(f"expected a TRC file, which begins with {_TITLE}")
     separator = next((mark for mark in "\t," if mark in lines[3]), None)
     keys, cells = lines[1].split(separator), lines[2].split(separator)
     if len(keys) < 2:
@@ -123,9 +119,7 @@ def _read_head(text: str, name: str) -> _Head:
     values = {k.strip(): c.strip() for k, c in zip(keys, cells, strict=False)}
     titles = [cell.strip() for cell in lines[3].split(separator)]
     if len(titles) < 3 or not titles[0].lower().startswith("frame"):
-        raise UnreadableFile(
-            "expected Frame#, Time and names of markers", file=name, place="line 4"
-        )
+        raise UnreadableFile("expected Frame#, Time and names of markers", place="line 4")
     # Some programs leave out the line that numbers the columns.
     begins = 4 if math.isfinite(parse_number(lines[4].split(separator)[0] or "-")) else 5
     counted = sum(bool(_SUB_HEADER.fullmatch(c.strip())) for c in lines[4].split(separator))
@@ -138,7 +132,7 @@ def _read_head(text: str, name: str) -> _Head:
         n_points = max(n_points, most // 3 if most % 3 == 0 else 0)
     names = _name_points(titles[_COLUMNS_BEFORE:], n_points)
     if not any(names):
-        raise UnreadableFile("names no markers", file=name, place="line 4")
+        raise UnreadableFile("names no markers", place="line 4")
     return _Head(values, names, separator, begins)
 
 
@@ -167,7 +161,7 @@ def _name_points(titles: list[str], n_points: int) -> list[str]:
     return names + [""] * (n_points - len(names))
 
 
-def _read_table(text: str, head: _Head, name: str) -> tuple[Floats, list[str]]:
+def _read_table(text: str, head: _Head) -> tuple[Floats, list[str]]:
     """Frame number, time and coordinates, (frames, 2 + 3 points), NaN in empty cells; notes."""
     body = text.split("\n", head.line)[head.line :]
     content = body[0] if body else ""
@@ -178,26 +172,20 @@ def _read_table(text: str, head: _Head, name: str) -> tuple[Floats, list[str]]:
     table = read_table(
         content,
         _COLUMNS_BEFORE + 3 * len(head.names),
-        source=name,
         line=head.line + 1,
         separator=head.separator,
         gaps=UNKNOWN_NUMBERS if head.separator is None else ("", *UNKNOWN_NUMBERS),
     )
     if not len(table):
-        raise UnreadableFile("holds no frames", file=name)
-    promised = head.values.get("NumFrames", "")
-    if promised.isdecimal() and int(promised[:20]) > len(table):
-        raise UnreadableFile(
-            f"promises {promised[:20]} frames, the file ends after {len(table)}; "
-            "get the whole file, or correct the number to read what is there",
-            file=name,
-        )
+        raise UnreadableFile("holds no frames")
+    check_length(head.values.get("NumFrames", ""), len(table))
     return table, notes
 
 
 def cut_trc(lines: list[str], first: int, last: int, name: str) -> list[str]:
     """Lines of a clip; frames count as the file numbers them, both are included."""
-    head = _read_head("".join(lines), name)
+    with at_fault(name):
+        head = _read_head("".join(lines))
     frames = [line for line in lines[head.line :] if line.strip()]
     if not frames:
         raise UnreadableFile("holds no frames", file=name)

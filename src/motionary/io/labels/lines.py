@@ -272,7 +272,7 @@ def read_c3d_events(path: Path, *, rate_hz: float | None = None) -> dict[str, La
 
 def write_c3d_events(track: LabelTrack, path: Path, *, recording: Path) -> None:
     """Write the track of one recording into a copy of its C3D file; see `write_labels`."""
-    from motionary.io.formats.c3d_events import copy_with_events
+    from motionary.io.formats.c3d_writing import copy_with_events
     from motionary.io.recordings import read
 
     if format_suffix(recording) != ".c3d":
