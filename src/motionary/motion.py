@@ -26,8 +26,8 @@ GENERIC_JOINTS = (
 )  # fmt: skip
 
 Floats = NDArray[np.float64]
-# Frames that are resampled at once: few enough for the cache, and to get the same memory again.
-_BLOCK = 512
+# Frames that are resampled at once: few enough to get the same memory again.
+_BLOCK = 1200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -306,7 +306,7 @@ def forward_kinematics(
     root_positions: Floats,
     translations: dict[int, Floats] | None = None,
 ) -> Floats:
-    """Joint positions of a tree from local rotation matrices.
+    """Joint positions of a tree, shape (frames, joints, 3), from local rotation matrices.
 
     Parameters
     ----------
@@ -315,10 +315,6 @@ def forward_kinematics(
     root_positions : array, shape (frames, 3), metres; added to each root's offset
     translations : per joint index, local translations (frames, 3), metres, that replace
         the joint's offset
-
-    Returns
-    -------
-    array, shape (frames, joints, 3), metres
     """
     translations = translations or {}
     n_frames, n_joints = rotations.shape[:2]
@@ -349,17 +345,13 @@ def _multiply(left: Floats, right: Floats, out: Floats | None = None) -> Floats:
 def resample(positions: Floats, *, rate_hz: float, to_hz: float) -> Floats:
     """Positions at another rate, by a cubic through the four nearest frames.
 
-    The cubic (Catmull-Rom) is local: a gap stays a gap of its own length plus the
-    neighbouring frames, and a part gives what the whole gives.
+    The first frame stays at the same time. The cubic (Catmull-Rom) is local: a gap stays a gap
+    of its own length plus the neighbouring frames, and a part gives what the whole gives.
 
     Parameters
     ----------
     positions : array, shape (frames, ...), NaN = not seen
     rate_hz, to_hz : frames per second
-
-    Returns
-    -------
-    array, shape (new frames, ...), first frame at the same time
     """
     if rate_hz == to_hz or len(positions) == 1:
         return positions
@@ -389,12 +381,20 @@ def interpolate(
     left = np.minimum(at.astype(np.intp), last - 1)
     u = (at - left).reshape((-1,) + (1,) * (positions.ndim - 1))
     # Terms of the cubic belong to the old frames, of which there are as a rule far fewer.
-    used, of = np.unique(left, return_inverse=True) if step < 1 else (left, slice(None))
+    used = np.arange(left[0], left[-1] + 1) if step < 1 else left
+    of = left - left[0] if step < 1 else np.arange(len(left))
     p0, p1, p2, p3 = (positions[np.clip(used + i, first, last) - first] for i in (-1, 0, 1, 2))
     # A missing outer neighbour costs curvature, not the frame.
-    p0, p3 = np.where(np.isnan(p0), p1, p0), np.where(np.isnan(p3), p2, p3)
-    curve: Floats = 0.5 * (
-        (2 * p1)[of] + u * (p2 - p0)[of] + u**2 * (2 * p0 - 5 * p1 + 4 * p2 - p3)[of]
-        + u**3 * (3 * (p1 - p2) + p3 - p0)[of]
-    )  # fmt: skip
-    return np.where(u < 1e-9, p1[of], np.where(u > 1 - 1e-9, p2[of], curve))
+    np.copyto(p0, p1, where=np.isnan(p0))
+    np.copyto(p3, p2, where=np.isnan(p3))
+    curve: Floats = (2 * p1)[of]
+    terms = (p2 - p0, 2 * p0 - 5 * p1 + 4 * p2 - p3, 3 * (p1 - p2) + p3 - p0)
+    for power, term in enumerate(terms, start=1):
+        part = term[of]
+        part *= u**power
+        curve += part
+    curve *= 0.5
+    for whole, is_there in ((p1, u < 1e-9), (p2, u > 1 - 1e-9)):
+        there = np.flatnonzero(is_there)
+        curve[there] = whole[of[there]]
+    return curve

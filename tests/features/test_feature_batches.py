@@ -1,6 +1,7 @@
 """Many motions at once: arrays, files, splits by person, tables, and the step of scikit-learn."""
 
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ from motionary.features import (
     FULL_BODY,
     LEGS,
     FeatureBatch,
+    FeatureSet,
     MotionFeatures,
     compute_batch,
     compute_features,
+    load_everyday_set,
     match_names,
     read_features,
     write_features,
@@ -54,6 +57,32 @@ def test_a_batch_is_its_motions(array, batch):
     assert unnamed.persons == ("",) * 5
     again = compute_batch(list(batch), feature_set=FULL_BODY)
     assert (again.names, again.persons) == (batch.names, batch.persons)
+
+
+@pytest.mark.parametrize("feature_set", [FULL_BODY, load_everyday_set()], ids=len)
+def test_short_and_long_motions_with_gaps_are_as_alone(array, feature_set):
+    """Also motions shorter than a window, and bodies whose lengths are seen late or never."""
+    motions = [array[0], array[1, :1], array[2, :3], array[3].copy(), np.tile(array[4], (9, 1, 1))]
+    motions[3][:5] = np.nan
+    motions.append(array[0].copy())
+    motions[-1][:, [15, 16, 17, 21]] = np.nan
+    motions[-1][7:12, 1:4] = np.nan
+    together = compute_batch(motions, rate_hz=20, feature_set=feature_set)
+    for one, item in zip(motions, together, strict=True):
+        alone = compute_features(one, rate_hz=20, feature_set=feature_set)
+        np.testing.assert_array_equal(item.packed, alone.packed)
+        np.testing.assert_array_equal(item.known, alone.known)
+
+
+def test_quantities_from_elsewhere_see_one_motion_at_a_time(array):
+    def drift(body, window_s, joint):
+        assert body.starts == (0,)
+        return body[joint][0] - body[joint][0, 0]
+
+    feature = replace(FULL_BODY.features[12], quantity=drift, mirror="", id="X")
+    own = FeatureSet("own", (feature,))
+    assert not own.is_of_package
+    assert len(compute_batch(array, rate_hz=20, feature_set=own)) == len(array)
 
 
 def test_results_do_not_depend_on_processes(array, batch, tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from motionary.features import FULL_BODY, FULL_BODY_2006, feature_matrix
 from motionary.features.body import smoothed_velocity, window_frames
-from motionary.features.computing import hysteresis
+from motionary.features.feature_set import hysteresis
 from oracles import features as oracle
 
 # Together they show all relations both ways.
@@ -65,6 +65,30 @@ def test_velocity_equals_its_definition(seed, frames, window_ms, n_gaps):
     got = smoothed_velocity(track.T, width=width, rate_hz=120).T
     expected = oracle.smoothed_velocity(track, window_ms)
     np.testing.assert_allclose(got, expected, rtol=0, atol=1e-9)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    lengths=st.lists(st.integers(1, 60), min_size=2, max_size=5),
+    width=st.sampled_from([1, 2, 12, 30]),
+)
+def test_recordings_one_after_the_other_are_those_alone(seed, lengths, width):
+    rng = np.random.default_rng(seed)
+    tracks = [np.cumsum(rng.normal(size=(3, n)), axis=1) for n in lengths]
+    for track in tracks:
+        track[:, rng.random(track.shape[1]) < 0.03] = np.nan
+    starts = (0, *np.cumsum(lengths[:-1]).tolist())
+    alone = [smoothed_velocity(track, width=width, rate_hz=120) for track in tracks]
+    joined = np.concatenate(tracks, axis=1)
+    together = smoothed_velocity(joined, width=width, rate_hz=120, starts=starts)
+    np.testing.assert_array_equal(together, np.concatenate(alone, axis=1))
+
+    states = [
+        switch_inputs(rng.choice(["unknown", "neither", "weak", "strong"], n)) for n in lengths
+    ]
+    switched = [hysteresis(*each) for each in states]
+    whole = hysteresis(*map(np.concatenate, zip(*states, strict=True)), starts=starts)
+    np.testing.assert_array_equal(whole, np.concatenate(switched))
 
 
 def test_windows_are_those_of_the_table():

@@ -22,7 +22,13 @@ from motionary.batch import Failure, map_ordered
 from motionary.errors import InvalidInput, check_kind
 from motionary.features.body import Floats
 from motionary.features.catalogue import FULL_BODY
-from motionary.features.computing import SEQUENCE_HZ, FeatureSequence, compute_features
+from motionary.features.computing import (
+    SEQUENCE_HZ,
+    FeatureSequence,
+    compute_together,
+    motion_from_array,
+    resample_motion,
+)
 from motionary.features.feature_set import FeatureSet
 from motionary.motion import Motion
 from motionary.packing import PackedFeatures
@@ -31,6 +37,9 @@ from motionary.tables import Table, Tabular, build_frame
 
 #: What motions are: one array, or arrays, motions and sequences of features.
 Motions = ArrayLike | Sequence[Motion | FeatureSequence | ArrayLike]
+
+#: Name of a skeleton, or of the joints in the order of an array.
+Skeleton = str | Sequence[str] | None
 
 #: Parts of a split by person, and how much of the recordings each should hold.
 SPLITS = {"train": 0.8, "validation": 0.1, "test": 0.1}
@@ -179,18 +188,14 @@ def _deal_people(people: dict[str, int], parts: Mapping[str, float], seed: int) 
     total = sum(people.values()) / sum(parts.values())
     wanted = {part: fraction * total for part, fraction in parts.items()}
     held = dict.fromkeys(parts, 0)
-    order = sorted(people, key=partial(_hash_person, seed=seed))
     part_of = {}
-    for person in order:
+    # Names of files may hold bytes that are no text.
+    seeded = {person: f"{seed} {person}".encode("utf-8", "surrogateescape") for person in people}
+    for person in sorted(people, key=lambda person: hashlib.blake2b(seeded[person]).digest()):
         part = max(parts, key=lambda part: (wanted[part] - held[part]) / wanted[part])
         part_of[person] = part
         held[part] += people[person]
     return part_of
-
-
-def _hash_person(person: str, *, seed: int) -> bytes:
-    # Names of files may hold bytes that are no text.
-    return hashlib.blake2b(f"{seed} {person}".encode("utf-8", "surrogateescape")).digest()
 
 
 def match_names(names: Iterable[str], pattern: str, *, each: str, has: str) -> list[str]:
@@ -226,7 +231,7 @@ def compute_batch(
     motions: Motions,
     *,
     rate_hz: float | None = None,
-    skeleton: str | Sequence[str] | None = None,
+    skeleton: Skeleton = None,
     names: Sequence[str] | None = None,
     persons: Sequence[str] | None = None,
     feature_set: FeatureSet = FULL_BODY,
@@ -295,27 +300,23 @@ class Computed(NamedTuple):
 
 
 def _compute_some(
-    motions: Sequence[Any],
-    *,
-    rate_hz: float | None,
-    skeleton: str | Sequence[str] | None,
-    feature_set: FeatureSet,
+    motions: Sequence[Any], *, rate_hz: float | None, skeleton: Skeleton, feature_set: FeatureSet
 ) -> list[Computed]:
     # glibc from then on keeps freed memory up to this size, which it would otherwise give back
     # and ask for again with each motion: a quarter of the time.
     np.empty(_KEPT_BYTES, dtype=np.uint8)
-    results = []
-    for motion in motions:
-        if isinstance(motion, FeatureSequence):
-            sequence = motion.leading(feature_set)
-        elif isinstance(motion, Motion):
-            sequence = compute_features(motion, feature_set=feature_set)
-        else:
-            sequence = compute_features(
-                motion, rate_hz=rate_hz, skeleton=skeleton, feature_set=feature_set
-            )
-        results.append(Computed.of(sequence))
-    return results
+    arrays = (
+        motion if isinstance(motion, Motion) else motion_from_array(motion, rate_hz, skeleton)
+        for motion in motions
+        if not isinstance(motion, FeatureSequence)
+    )
+    computed = compute_together(map(resample_motion, arrays), feature_set)
+    return [
+        Computed.of(
+            motion.leading(feature_set) if isinstance(motion, FeatureSequence) else next(computed)
+        )
+        for motion in motions
+    ]
 
 
 class MotionFeatures:
@@ -336,7 +337,7 @@ class MotionFeatures:
         self,
         *,
         rate_hz: float | None = None,
-        skeleton: str | Sequence[str] | None = None,
+        skeleton: Skeleton = None,
         feature_set: FeatureSet | None = None,
         jobs: int = 1,
     ) -> None:

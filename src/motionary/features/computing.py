@@ -9,9 +9,9 @@ Conventions: frame i of a sequence describes the time i / 30 s after the recordi
 frame; parts are half-open; the file's own frame numbers are inclusive, as people look them up.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from motionary.errors import InvalidInput, UnknownSkeleton, WrongKind
 from motionary.features.body import Body, Floats
 from motionary.features.catalogue import FULL_BODY
-from motionary.features.feature_set import FeatureSet, holds, needs_travel
+from motionary.features.feature_set import FeatureSet, holds, hysteresis, needs_travel
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, resample
 from motionary.packing import PackedFeatures, count_integers, full_mask, pack, unpack
 from motionary.recording import Recording, Segment
@@ -34,6 +34,8 @@ _STEP = 4
 
 # Below, a frame tells nothing of speed, and a wrong rate would fill the memory.
 _LEAST_HZ = 1.0
+# Frames at 120 Hz of short motions that are computed together: a minute.
+_FRAMES_TOGETHER = 7200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,6 +221,20 @@ def compute_features(
             "rate_hz=, skeleton= and source= go with arrays; a Motion has its own: read(..., "
             "rate_hz=, skeleton=), motion.renamed(name) or dataclasses.replace change them"
         )
+    (sequence,) = _compute_some([resample_motion(motion)], feature_set)
+    return sequence
+
+
+class Resampled(NamedTuple):
+    """Generic joints of a motion at 120 Hz, shape (frames, 24, 3), and what else counts."""
+
+    positions: Floats
+    recording: Recording
+    in_place: bool
+
+
+def resample_motion(motion: Motion) -> Resampled:
+    """What features of a motion are computed from; raises as `compute_features`."""
     if motion.rate_hz < _LEAST_HZ:
         raise InvalidInput(
             f"features need at least {_LEAST_HZ:g} frames per "
@@ -226,16 +242,42 @@ def compute_features(
             file=motion.source or "motion",
         )
     positions = resample(motion.generic_positions(), rate_hz=motion.rate_hz, to_hz=MEASURE_HZ)
-    features, known = feature_matrix(positions, feature_set)
-    if motion.in_place:
-        lost = [needs_travel(feature) for feature in feature_set.features]
-        features[:, lost] = known[:, lost] = False
-    return FeatureSequence(
-        packed=pack(features[::_STEP]),
-        known=pack(known[::_STEP]),
-        feature_set=feature_set,
-        recording=motion.recording,
-    )
+    return Resampled(positions, motion.recording, motion.in_place)
+
+
+def compute_together(
+    motions: Iterable[Resampled], feature_set: FeatureSet
+) -> Iterator[FeatureSequence]:
+    """Features of motions, of which short ones are one array for arithmetic."""
+    # Quantities from elsewhere may know nothing of several recordings in one body.
+    most = _FRAMES_TOGETHER if feature_set.is_of_package else 0
+    some: list[Resampled] = []
+    for motion in motions:
+        if some and sum(len(one.positions) for one in (*some, motion)) > most:
+            yield from _compute_some(some, feature_set)
+            some = []
+        some.append(motion)
+    if some:
+        yield from _compute_some(some, feature_set)
+
+
+def _compute_some(motions: Sequence[Resampled], feature_set: FeatureSet) -> list[FeatureSequence]:
+    body = Body.from_recordings([motion.positions for motion in motions], rate_hz=MEASURE_HZ)
+    before = np.zeros(len(feature_set), dtype=np.bool_)
+    features, known = switch_features(body, feature_set, before, slice(None))
+    for motion, part in zip(motions, body.parts, strict=True):
+        if motion.in_place:
+            lost = [needs_travel(feature) for feature in feature_set.features]
+            features[part, lost] = known[part, lost] = False
+    frames = np.concatenate([np.arange(part.start, part.stop, _STEP) for part in body.parts])
+    packed, known_bits = pack(features[frames]), pack(known[frames])
+    ends = np.cumsum([-(-len(motion.positions) // _STEP) for motion in motions])[:-1]
+    return [
+        FeatureSequence(bits, mask, feature_set, motion.recording)
+        for bits, mask, motion in zip(
+            np.split(packed, ends), np.split(known_bits, ends), motions, strict=True
+        )
+    ]
 
 
 def feature_matrix(
@@ -296,38 +338,8 @@ def switch_features(
             features[i] = strong
             continue
         weak = holds(value, feature.test, feature.weak)
-        features[i] = hysteresis(strong, weak, known[i], before=bool(before[i]))
+        features[i] = hysteresis(strong, weak, known[i], before=bool(before[i]), starts=body.starts)
     return features.T, known.T
-
-
-def hysteresis(strong: Bools, weak: Bools, known: Bools, *, before: bool = False) -> Bools:
-    """State of a two-threshold switch.
-
-    As what passes the strong test passes the weak one too, the switch is on after a
-    strong frame until the weak test fails.
-
-    Parameters
-    ----------
-    strong, weak, known : arrays, shape (frames,)
-    before : state before the first frame; of a stream, the last state so far
-
-    Returns
-    -------
-    array, shape (frames,), bool; False where not known
-    """
-    on = strong & known
-    off = ~(weak & known)
-    has_event = on | off
-    on &= ~off
-    if has_event.all():
-        return on
-    # The last event decides: odd = on, even = off; 1 and 0 come before the first frame.
-    event = np.arange(2, 2 * len(strong) + 2, 2, dtype=np.int32)
-    event *= has_event
-    event += on
-    event[:1] = np.maximum(event[:1], np.int32(before))
-    np.maximum.accumulate(event, out=event)
-    return (event & 1).astype(np.bool_)
 
 
 def motion_from_array(

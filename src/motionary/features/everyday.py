@@ -61,7 +61,7 @@ class Quantity(NamedTuple):
     def measure(self, body: Body) -> Floats:
         """The quantity in its unit, shape (frames,); NaN = unknown."""
         value = self.function(body, self.window_s, *self.joints)
-        return value if self.unit == DEGREE else value / body.length(self.unit)
+        return value if self.unit == DEGREE else body.in_units(value, self.unit)
 
     @property
     def is_sided(self) -> bool:

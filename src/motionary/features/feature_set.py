@@ -21,9 +21,11 @@ from motionary.errors import InvalidInput
 from motionary.features import quantities
 from motionary.features.body import LENGTHS, Body, Floats
 from motionary.motion import GENERIC_JOINTS
+from motionary.recording import find_runs
 
 Comparison = Literal[">", ">=", "<", "<=", "within"]
 Threshold = float | tuple[float, float]
+Bools = NDArray[np.bool_]
 
 DEGREE = "degree"
 UNITS = (*LENGTHS, DEGREE)
@@ -100,7 +102,7 @@ class Feature:
                 f"{self.id}: its quantity must give one value a frame, shape "
                 f"({body.n_frames},), got {np.shape(value)}"
             )
-        return value if self.unit == DEGREE else value / body.length(self.unit)
+        return value if self.unit == DEGREE else body.in_units(value, self.unit)
 
 
 _FIELDS = tuple(field.name for field in fields(Feature))
@@ -117,6 +119,42 @@ def holds(value: Floats, test: Comparison, threshold: Threshold) -> NDArray[np.b
     if test == "<":
         return np.asarray(value < threshold)
     return np.asarray(value <= threshold)
+
+
+def hysteresis(
+    strong: Bools,
+    weak: Bools,
+    known: Bools,
+    *,
+    before: bool = False,
+    starts: tuple[int, ...] = (0,),
+) -> Bools:
+    """State of a two-threshold switch.
+
+    As what passes the strong test passes the weak one too, the switch is on after a
+    strong frame until the weak test fails.
+
+    Parameters
+    ----------
+    strong, weak, known : arrays, shape (frames,)
+    before : state before a recording; of a stream, the last state so far
+    starts : first frame of each recording
+
+    Returns
+    -------
+    array, shape (frames,), bool; False where not known
+    """
+    on = strong & known
+    off = ~(weak & known)
+    has_event = on | off
+    on &= ~off
+    # A recording begins as what was before it ended.
+    first = list(starts)
+    on[first] |= before & ~has_event[first]
+    has_event[first] = True
+    begins, ends = find_runs(~has_event).T
+    on[~has_event] = np.repeat(on[begins - 1], ends - begins)
+    return on
 
 
 @dataclass(frozen=True)
@@ -163,6 +201,12 @@ class FeatureSet:
     def names(self) -> tuple[str, ...]:
         """Phrases, in the order of the bits."""
         return tuple(r.name for r in self.features)
+
+    @cached_property
+    def is_of_package(self) -> bool:
+        """Whether all quantities are of this package."""
+        own = set(_quantities().values())
+        return all(feature.quantity in own for feature in self.features)
 
     @cached_property
     def mirror_order(self) -> NDArray[np.intp]:
@@ -219,9 +263,9 @@ def needs_travel(feature: Feature) -> bool:
 
 def describe_set(feature_set: FeatureSet) -> list[dict[str, Any]] | None:
     """Rows that `set_from_rows` reads; None if a quantity is not of this package."""
-    named = {function: name for name, function in _quantities().items()}
-    if any(feature.quantity not in named for feature in feature_set.features):
+    if not feature_set.is_of_package:
         return None
+    named = {function: name for name, function in _quantities().items()}
     rows = []
     for feature in feature_set.features:
         row = {name: getattr(feature, name) for name in _FIELDS}

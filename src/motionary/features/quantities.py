@@ -18,7 +18,7 @@ import numpy as np
 from motionary.features.body import (
     Body,
     Floats,
-    angle_between,
+    angle_of,
     dot,
     norm,
     smoothed_velocity,
@@ -122,7 +122,7 @@ def above_feet(body: Body, window_s: float, joint: str) -> Floats:
 
 def distance(body: Body, window_s: float, joint: str, other: str) -> Floats:
     """Distance between two joints."""
-    return norm(body[joint] - body[other])
+    return body.distance(joint, other)
 
 
 # -- angles -----------------------------------------------------------------------------
@@ -130,15 +130,13 @@ def distance(body: Body, window_s: float, joint: str, other: str) -> Floats:
 
 def angle(body: Body, window_s: float, a: str, b: str, c: str, d: str) -> Floats:
     """Angle between the segments from a to b and from c to d, degrees."""
-    return angle_between(body[b] - body[a], body[d] - body[c])
+    product = dot(body[b] - body[a], body[d] - body[c])
+    return angle_of(product, body.distance(a, b) * body.distance(c, d))
 
 
 def tilt(body: Body, window_s: float, a: str, b: str) -> Floats:
     """Angle between the segment from a to b and the vertical, degrees."""
-    segment = body[b] - body[a]
-    up = np.zeros_like(segment)
-    up[1] = 1.0
-    return angle_between(segment, up)
+    return angle_of(body.height(b) - body.height(a), body.distance(a, b))
 
 
 def lean_ahead(body: Body, window_s: float, a: str, b: str) -> Floats:
@@ -194,14 +192,14 @@ def turning(body: Body, window_s: float, a: str, b: str) -> Floats:
     turn: NaN.
     """
     line = body[b] - body[a]
-    if body.n_frames == 1:
-        return np.full(1, np.nan)
     x, z = line[0], line[2]
     crossed = x[:-1] * z[1:] - z[:-1] * x[1:]
     aligned = x[:-1] * x[1:] + z[:-1] * z[1:]
     turns = np.empty(body.n_frames)
     turns[:-1] = np.degrees(np.arctan2(np.abs(crossed), aligned)) * body.rate_hz
-    turns[-1] = 0.0 * x[-1]
+    for part in body.parts:
+        last = part.stop - 1
+        turns[last] = 0.0 * x[last] if last > part.start else np.nan
     return turns
 
 
@@ -212,16 +210,20 @@ def turning_left(body: Body, window_s: float, a: str, b: str) -> Floats:
     """
     line = body[b] - body[a]
     # Seen from above, with x to the right, z points down.
-    angle = np.arctan2(-line[2], line[0])
-    seen = np.flatnonzero(np.isfinite(angle))
+    angles = np.arctan2(-line[2], line[0])
+    width = window_frames(window_s, body.rate_hz)
+    return np.concatenate([_turned(angles[part], width, body.rate_hz) for part in body.parts])
+
+
+def _turned(angles: Floats, width: int, rate_hz: float) -> Floats:
+    """Degrees a second by which angles in radians grow, shape (frames,)."""
+    seen = np.flatnonzero(np.isfinite(angles))
     if len(seen) < 2:
-        return np.full(body.n_frames, np.nan)
-    frames = np.arange(body.n_frames)
-    whole = np.interp(frames, seen, np.unwrap(angle[seen]))
+        return np.full(len(angles), np.nan)
+    whole = np.interp(np.arange(len(angles)), seen, np.unwrap(angles[seen]))
     track = np.stack([whole, np.zeros_like(whole), np.zeros_like(whole)])
-    width = min(window_frames(window_s, body.rate_hz), body.n_frames)
-    turned = np.degrees(smoothed_velocity(track, width=width, rate_hz=body.rate_hz)[0])
-    return np.where(np.isfinite(angle), turned, np.nan)
+    turned = smoothed_velocity(track, width=min(width, len(angles)), rate_hz=rate_hz)[0]
+    return np.where(np.isfinite(angles), np.degrees(turned), np.nan)
 
 
 def move_ahead(body: Body, window_s: float, joint: str, *relative_to: str) -> Floats:
