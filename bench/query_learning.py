@@ -63,9 +63,7 @@ def problem_of(name: str, clips: list[tuple[str, FeatureSequence]]) -> Problem:
 
 
 def with_settings(problem: Problem, settings: GeneticSettings) -> Problem:
-    return Problem(
-        problem.positives, problem.negatives, problem.groups, problem.pool, settings, seed=0
-    )
+    return Problem(problem.positives, problem.negatives, problem.pool, settings, seed=0)
 
 
 def time_runs(problem: Problem) -> None:

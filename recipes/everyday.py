@@ -26,8 +26,7 @@ from motionary.models.library import (
     merge_libraries,
 )
 from motionary.models.library.classes import ClassKind
-from motionary.models.library.editing import mirror_prototype
-from motionary.models.library.shipped import CALIBRATION, write_calibration
+from motionary.models.library.editing import CALIBRATION, mirror_prototype, write_calibration
 from motionary.models.library.training import learn_prototype
 from motionary.models.templates import template_from_text
 from recipes.judging import judge_people

@@ -10,10 +10,9 @@ import pytest
 from motionary.batch import Failure
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.features import compute_features
-from motionary.labels import Label, LabelTrack
+from motionary.labels import Label, LabelTrack, count
 from motionary.models.library import ClassLibrary, learn
 from motionary.recording import Recording, Segment
-from motionary.retrieval.counting import count
 from motionary.retrieval.search import SearchResult, search
 from motionary.samples import synthetic_motion
 from motionary.tables import Table, format_html

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence, FeatureSet, compute_features
     from motionary.inertial import check_tracking
     from motionary.io import read, read_labels, write, write_labels
-    from motionary.labels import Label, LabelTrack
+    from motionary.labels import Label, LabelTrack, count
     from motionary.live import LiveAnnotator
     from motionary.models.keyframes import KeyframeQuery
     from motionary.models.library import ClassLibrary, MotionClass, learn
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from motionary.recording import Recording
     from motionary.reporting import report, report_comparison, report_hits, report_library
     from motionary.retrieval.annotation import annotate
-    from motionary.retrieval.counting import count
     from motionary.retrieval.explanation import explain
     from motionary.retrieval.index import Index
     from motionary.retrieval.search import Hit, search
@@ -71,7 +70,6 @@ __getattr__, __dir__ = lazy_names(
     __name__,
     {
         "retrieval.annotation": "annotate",
-        "retrieval.counting": "count",
         "errors": "MotionaryError",
         "evaluation": "evaluate",
         "retrieval.explanation": "explain",
@@ -80,7 +78,7 @@ __getattr__, __dir__ = lazy_names(
         "inertial": "check_tracking",
         "io": "read read_labels write write_labels",
         "models.keyframes": "KeyframeQuery",
-        "labels": "Label LabelTrack",
+        "labels": "Label LabelTrack count",
         "live": "LiveAnnotator",
         "models.library": "ClassLibrary MotionClass learn",
         "motion": "Motion Skeleton",

@@ -31,7 +31,7 @@ from motionary.models.keyframes import (
     select_in_sequence,
     single_hits,
 )
-from motionary.models.library import ClassLibrary, MotionClass, Prototype, class_of_query, learn
+from motionary.models.library import ClassLibrary, MotionClass, Prototype, learn
 from motionary.packing import full_mask
 from motionary.retrieval.annotation import annotate
 from motionary.retrieval.class_distances import class_distance
@@ -312,25 +312,6 @@ def test_keyframes_that_fix_nothing_are_refused(takes):
 def test_what_cannot_be_sought_is_refused(takes, wrong):
     with pytest.raises(InvalidInput, match="query must be an example"):
         search(wrong, takes)
-
-
-def test_a_class_may_be_known_by_keyframes_alone(tmp_path):
-    rows = np.zeros((120, N), dtype=bool)
-    rows[[10, 50, 90], 0] = True
-    rows[[16, 54], 2] = True
-    document = sequence(rows, name="take")
-    reach = class_of_query("reach", parse_query("F1, then within 0.1 to 0.4 s F3"))
-    library = ClassLibrary((reach,))
-    library.save(tmp_path / "library")
-    for one in (library, ClassLibrary.load(tmp_path / "library")):
-        found = search(one["reach"], Collection((document,)))
-        spans = [(round(30 * h.start_s), round(30 * h.end_s), h.cost) for h in found]
-        assert spans == [(10, 17, 0), (50, 55, 0)]
-        labels = annotate_by_costs(document, one)
-        assert [(round(30 * x.start_s), round(30 * x.end_s)) for x in labels] == [
-            (10, 17), (50, 55),
-        ]  # fmt: skip
-        assert "right hand moves forward" in str(explain(labels.labels[0]))
 
 
 # -- derived keyframes --------------------------------------------------------------------

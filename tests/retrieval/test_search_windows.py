@@ -9,8 +9,7 @@ import pytest
 from cli_cases import write_bvh
 from motionary.features import FULL_BODY, compute_features, load_everyday_set
 from motionary.models.keyframes import parse_queries
-from motionary.retrieval.explanation import explain
-from motionary.retrieval.gains import compare_quantities, describe_comparison
+from motionary.retrieval.explanation import compare_quantities, describe_comparison, explain
 from motionary.retrieval.index import Collection, Index
 from motionary.retrieval.search import QueryExpansion, RelevanceFeedback, search
 from motionary.retrieval.search.examples import ExampleMatches

@@ -241,9 +241,9 @@ def run_on_synthetic(output: Path) -> Iterator[str]:
 
 def _show_labels(sequence: "FeatureSequence", folder: Path) -> Iterator[str]:
     """Labels of the library that ships as a table, counted, and drawn."""
+    from motionary.labels import count
     from motionary.plots import plot_annotation, save
     from motionary.retrieval.annotation import annotate
-    from motionary.retrieval.counting import count
 
     track = annotate(sequence)
     rows = [

@@ -37,7 +37,7 @@ def say_hits(
     """Print what is looked for, the hits, and in what the first ones are alike."""
     feature_set = collection.published.feature_set
     if expansion:
-        from motionary.retrieval.explanation import describe_template
+        from motionary.models.templates import describe_template
 
         lines = describe_template(
             result.templates[0], tolerance=expansion.tolerance, feature_set=feature_set
@@ -66,7 +66,7 @@ def say_hits(
 
 def _comparison_lines(result: "SearchResult") -> list[str]:
     """In which quantities the first hits that are not the example are like it."""
-    from motionary.retrieval.gains import describe_comparison
+    from motionary.retrieval.explanation import describe_comparison
 
     compared = [
         (rank, describe_comparison(hit.comparison))

@@ -8,8 +8,7 @@ from motionary.cli import screen
 from motionary.files import is_stdout
 
 if TYPE_CHECKING:
-    from motionary.labels import Label, LabelTrack
-    from motionary.retrieval.counting import ClassCount
+    from motionary.labels import ClassCount, Label, LabelTrack
 
 _COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
 _SCORE_COLUMNS = (">score", ">false/min", ">right")
@@ -92,7 +91,7 @@ def show_counts(
 ) -> None:
     """Counts as a table or JSON, and as a file if one is named."""
     from motionary.io.text import write_table
-    from motionary.retrieval.counting import count as count_labels
+    from motionary.labels import count as count_labels
 
     counts = count_labels(tracks)
     rows = [_to_row(one) for one in counts]

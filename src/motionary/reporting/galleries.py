@@ -24,8 +24,7 @@ from motionary.reporting.clips import PAGE_HZ, make_clip
 from motionary.reporting.html import Block, Page, build_page
 from motionary.reporting.lanes import describe_features
 from motionary.reporting.recordings import check_rate
-from motionary.retrieval.explanation import explain
-from motionary.retrieval.gains import describe_comparison
+from motionary.retrieval.explanation import describe_comparison, explain
 from motionary.retrieval.index import Index
 from motionary.retrieval.search import Hit, SearchResult
 

@@ -1,7 +1,8 @@
-"""Explanations of labels, hits and templates: what held, what failed, what is asked for, when.
+"""Explanations of labels and hits: what held, what failed, and what made their score.
 
 Every match is a path through a template; each fixed cell on it asks for a feature to hold
-or not to hold.
+or not to hold. Of a scored match each feature has its part of the score; of a hit found by
+ranked quantities each tells how alike it is.
 """
 
 from collections.abc import Iterator
@@ -12,28 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, WrongKind
-from motionary.features import FeatureSequence, FeatureSet
-from motionary.matching import Alignment, CellRatios, Pattern
-from motionary.models.templates import MotionTemplate, QuantisedTemplate, quantise
+from motionary.features import FULL_BODY, FeatureSequence
+from motionary.features.everyday import QUANTILES, list_quantities
+from motionary.matching import Alignment, CellRatios, Paths, Pattern, explain_scores
+from motionary.models.templates import QuantisedTemplate
 from motionary.packing import unpack
 from motionary.recording import find_runs
-from motionary.retrieval.gains import Gain, describe_comparison, find_gains
 
 Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
 
 #: Where less of what is asked for was seen, a match is not assessed.
 ASSESSED_FROM = 0.5
 
 _MOST_PHRASES = 4
 
-# Of a template: so many segments and names are listed.
-_MOST_LINES = 8
-_MOST_NAMES = 6
-# Shorter than a tenth of a second says little.
-_SHORTEST_RUN = 3
-# Of a feature that is free in fewer columns, only the ends vary.
-_VARIES_FROM = 0.25
-_MOMENT_S = 0.15
+#: Ranks this far apart are worth a word.
+_NOTABLE = 0.15
+_LEVELS = ("lowest", "low", "middle", "high", "highest")
+_MOMENTS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +96,26 @@ class Finding(NamedTuple):
     def __str__(self) -> str:
         start, end = f"{self.start_s:.1f}", f"{self.end_s:.1f}"
         return f"{self.phrase} ({start if start == end else f'{start}–{end}'} s)"
+
+
+class Gain(NamedTuple):
+    """What one feature tells for a class, or against it.
+
+    Attributes
+    ----------
+    feature : id ("F20")
+    name : of the feature, in words
+    nats : logarithm of how much more likely the class makes its frames, in sum
+    part : its part of the score; parts of all features sum to it
+    """
+
+    feature: str
+    name: str
+    nats: float
+    part: float
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.part:+.1f}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,128 +287,103 @@ def _telling(held: tuple[Finding, ...]) -> list[Finding]:
     return sorted(best, key=lambda f: f.start_s)
 
 
-# -- templates --------------------------------------------------------------------------
+# -- scores and quantities ---------------------------------------------------------------
 
 
-class _Run(NamedTuple):
-    """A phrase that holds from one second of a template to another."""
-
-    start_s: float
-    end_s: float
-    phrase: str
-
-    @property
-    def span(self) -> str:
-        return f"{self.start_s:.1f}–{self.end_s:.1f} s"
-
-
-def describe_template(
-    template: MotionTemplate, *, tolerance: float, feature_set: FeatureSet
-) -> list[str]:
-    """Lines that say what a template fixes and what it leaves open, few enough for a screen.
-
-    Times are seconds from the template's beginning, by the time its columns stand for.
-
-    Parameters
-    ----------
-    template : MotionTemplate
-    tolerance : as in `quantise`
-    feature_set : the features that the template's columns have
-    """
-    quantised = quantise(template, tolerance=tolerance)
-    fraction = 100 * quantised.n_fixed / quantised.fixed.size
-    edges = np.concatenate([[0.0], np.cumsum(template.weights)]) / template.rate_hz
-    lines = [
-        f"template: {template.provenance}; {template.duration_s:.1f} s, "
-        f"{fraction:.0f} % of its cells are fixed"
-    ]
-    lines += _asked(quantised, edges, feature_set)
-    lines += _names("never", _never(quantised, feature_set))
-    known = np.array([name not in template.unmeasured for name in template.feature_names])
-    lines += _names("varies", _varying(~quantised.fixed & known, edges, feature_set))
-    names = [name for name, seen in zip(feature_set.names, known, strict=True) if not seen]
-    lines += _names("unknown", _say_once(names), " (measured in no example)")
-    return lines
-
-
-def _asked(
-    template: QuantisedTemplate, edges: NDArray[np.float64], feature_set: FeatureSet
-) -> list[str]:
-    """The longest segments in which features must hold, in the order of time."""
-    wanted = template.values & template.fixed
-    runs = [
-        _Run(float(edges[first]), float(edges[stop]), name)
-        for name, column in zip(feature_set.names, wanted.T, strict=True)
-        for first, stop in find_runs(column)
-        if stop - first >= _SHORTEST_RUN
-    ]
-    joined = _join_sides(runs)
-    longest = sorted(joined, key=lambda r: r.start_s - r.end_s)[:_MOST_LINES]
-    lines = [f"{run.span}  {run.phrase}" for run in sorted(longest)]
-    if len(joined) > len(longest):
-        lines.append(f"and {len(joined) - len(longest)} shorter segments")
-    return _column("holds", lines)
-
-
-def _never(template: QuantisedTemplate, feature_set: FeatureSet) -> list[str]:
-    """Features that must not hold nearly all the time."""
-    off = (template.fixed & ~template.values).mean(axis=0) >= 1 - _VARIES_FROM
-    on = (template.fixed & template.values).any(axis=0)
-    return _say_once(
-        [name for name, never in zip(feature_set.names, off & ~on, strict=True) if never]
+def find_gains(
+    ratios: CellRatios, alignment: Alignment, sequence: FeatureSequence
+) -> tuple[Gain, ...]:
+    """Part of each feature in the score of a match, in the order of the features."""
+    columns, met = alignment.path.T
+    frames = np.full((1, len(ratios.if_one)), -1, dtype=np.int32)
+    frames[0, columns] = met
+    paths = Paths(frames, np.array([alignment.cost], dtype=np.float32))
+    parts = explain_scores(ratios, paths, sequence.packed, sequence.known)[0]
+    return tuple(
+        Gain(feature.id, feature.name, float(part * ratios.scale), float(part))
+        for feature, part in zip(sequence.feature_set.features, parts, strict=True)
     )
 
 
-def _varying(free: Bools, edges: NDArray[np.float64], feature_set: FeatureSet) -> list[str]:
-    """Features that are left open, longest first."""
-    runs = []
-    for name, column in zip(feature_set.names, free.T, strict=True):
-        if column.mean() >= _VARIES_FROM:
-            first, stop = max(find_runs(column), key=lambda r: r[1] - r[0])
-            runs.append(_Run(float(edges[first]), float(edges[stop]), name))
-    ranked = sorted(_join_sides(runs), key=lambda r: r.start_s - r.end_s)
-    return [f"{run.phrase} ({run.span})" for run in ranked]
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """An example and what it found, over the everyday set.
+
+    Attributes
+    ----------
+    example, found : features of both
+    windows, published : cost by windows of ranked quantities, and by the published features
+    """
+
+    example: FeatureSequence
+    found: FeatureSequence
+    windows: float
+    published: float
 
 
-def _say_once(names: list[str]) -> list[str]:
-    """Names of features; what is said of both sides is said once."""
-    return [run.phrase for run in _join_sides([_Run(0.0, 0.0, name) for name in names])]
+class QuantityMatch(NamedTuple):
+    """One quantity in an example and in what it found.
+
+    Attributes
+    ----------
+    name : of the quantity, in words
+    example, found : mean rank in everyday motion, in [0, 1]
+    differs : how far the ranks lie apart, moment by moment, in [0, 1]
+    """
+
+    name: str
+    example: float
+    found: float
+    differs: float
+
+    def __str__(self) -> str:
+        here, there = (_LEVELS[round(rank * (len(_LEVELS) - 1))] for rank in self[1:3])
+        if here != there:
+            return f"{self.name} ({here}, here {there})"
+        return f"{self.name} ({here}{', at other moments' if self.differs > _NOTABLE else ''})"
 
 
-def _join_sides(runs: list[_Run]) -> list[_Run]:
-    """Runs in which what holds of the right and of the left at one time is said once."""
-    lefts = {run: run.phrase.removeprefix("left ") for run in runs
-             if run.phrase.startswith("left ")}  # fmt: skip
-    joined, used = [], set()
-    for run in runs:
-        side, _, rest = run.phrase.partition(" ")
-        twin = None
-        if side == "right":
-            twin = next(
-                (left for left, name in lefts.items() if name == rest and _together(run, left)),
-                None,
-            )
-        if twin:
-            used.add(twin)
-            start_s, end_s = max(run.start_s, twin.start_s), min(run.end_s, twin.end_s)
-            run = _Run(start_s, end_s, f"right and left {rest}")
-        joined.append(run)
-    return [run for run in joined if run not in used]
+def compare_quantities(comparison: Comparison) -> tuple[QuantityMatch, ...]:
+    """Quantities of an example and of what it found, the most alike first.
+
+    Both are laid over each other evenly. Quantities that stay in the middle of everyday motion
+    say nothing of the example: of equal ones, what is further from the middle comes first.
+    """
+    example, found = _ranks(comparison.example), _ranks(comparison.found)
+    differ = np.abs(example - found)
+    seen = np.asarray(np.isfinite(differ).any(axis=0))
+    with np.errstate(invalid="ignore"):
+        means = [np.nanmean(np.where(seen, ranks, 0.0), axis=0) for ranks in (example, found)]
+        apart = np.nanmean(np.where(seen, differ, 0.0), axis=0)
+    order = np.lexsort((-np.abs(means[0] - 0.5), apart.round(1)))
+    names = [quantity.name for quantity in list_quantities()]
+    return tuple(
+        QuantityMatch(names[i], float(means[0][i]), float(means[1][i]), float(apart[i]))
+        for i in order
+        if seen[i]
+    )
 
 
-def _together(a: _Run, b: _Run) -> bool:
-    """Whether two runs begin and end within a moment."""
-    return abs(a.start_s - b.start_s) < _MOMENT_S and abs(a.end_s - b.end_s) < _MOMENT_S
+def describe_comparison(comparison: Comparison, *, most: int = 3) -> list[str]:
+    """In which quantities an example and what it found are most alike, and least; a line each."""
+    quantities = compare_quantities(comparison)
+    differing = [one for one in quantities[::-1] if one.differs > _NOTABLE]
+    return [
+        f"{what}: {', '.join(map(str, which[:most]))}"
+        for what, which in (("alike", quantities), ("differs", differing))
+        if which
+    ]
 
 
-def _names(head: str, names: list[str], why: str = "") -> list[str]:
-    if not names:
-        return []
-    more = len(names) - _MOST_NAMES
-    shown = ", ".join(names[:_MOST_NAMES]) + (f", and {more} more" if more > 0 else "")
-    return _column(head, [shown + why])
-
-
-def _column(head: str, lines: list[str]) -> list[str]:
-    heads = [head, *[""] * (len(lines) - 1)]
-    return [f"  {h:<7} {line}" for h, line in zip(heads, lines, strict=False)]
+def _ranks(sequence: FeatureSequence) -> Floats:
+    """Rank of each quantity at evenly spread moments, (moments, quantities), NaN = unknown."""
+    at = np.linspace(0, len(sequence) - 1, _MOMENTS).round().astype(np.intp)
+    quantities, first = list_quantities(), len(FULL_BODY)
+    shape = (_MOMENTS, len(quantities), len(QUANTILES))
+    bits = sequence.features[at, first:].reshape(shape).astype(np.float64)
+    known = sequence.known_features[at, first:].reshape(shape).all(axis=2)
+    half = len(QUANTILES) // 2
+    signed = np.array([quantity.is_signed for quantity in quantities])
+    below = np.where(signed, half - bits[..., :half].sum(axis=2), bits[..., :half].sum(axis=2))
+    ranks = (below + bits[..., half:].sum(axis=2)) / len(QUANTILES)
+    return np.where(known, ranks, np.nan)

@@ -16,7 +16,7 @@ from motionary.models.keyframes import (
     search_packed,
     select_in_index,
 )
-from motionary.models.keyframes.columns import align_columns
+from motionary.models.keyframes.choosing import align_columns
 from motionary.models.templates import learn_template, pattern_of, quantise
 from motionary.packing import pack, unpack
 

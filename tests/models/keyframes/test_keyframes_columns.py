@@ -13,7 +13,7 @@ from motionary.models.keyframes import (
     from_template,
     search_packed,
 )
-from motionary.models.keyframes.columns import MOST_STEADY, align_columns
+from motionary.models.keyframes.choosing import MOST_STEADY, align_columns
 from motionary.models.templates import QuantisedTemplate
 from oracles import keyframes as oracle
 

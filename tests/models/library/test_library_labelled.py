@@ -14,7 +14,7 @@ from motionary.features import compute_features
 from motionary.io import read, write_labels
 from motionary.labels import Label, LabelTrack
 from motionary.models.library import TrainingOptions, cut_example, learn, read_labelled
-from motionary.models.library.cross_validation import make_folds
+from motionary.models.library.training import make_folds
 from motionary.recording import Recording
 from motionary.samples import synthetic_motion
 

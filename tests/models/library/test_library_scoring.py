@@ -28,8 +28,7 @@ from motionary.models.library import (
     mirror_sequence,
     thresholds_for,
 )
-from motionary.models.library.false_rates import STEEP, TAIL
-from motionary.models.library.scoring import CORPUS_OF_CMU
+from motionary.models.library.scoring import CORPUS_OF_CMU, STEEP, TAIL
 from motionary.retrieval.annotation import annotate
 from packing_cases import sequence
 

@@ -9,16 +9,16 @@ from motionary.errors import InvalidInput
 from motionary.features import compute_features
 from motionary.models.library import (
     ClassLibrary,
+    editing,
     false_rates_of,
     format_thresholds,
     load_everyday,
     load_library,
     merge_libraries,
     open_library,
-    shipped,
     thresholds_for,
 )
-from motionary.models.library.shipped import (
+from motionary.models.library.editing import (
     _FOLDERS,
     CALIBRATION,
     load_parts,
@@ -27,7 +27,7 @@ from motionary.models.library.shipped import (
 from motionary.retrieval.annotation import annotate
 from motionary.samples import synthetic_motion
 
-HOME = Path(shipped.__file__).parents[2] / "libraries"
+HOME = Path(editing.__file__).parents[2] / "libraries"
 ASKED = {
     "walk", "run", "sneak", "jump", "hop", "turn around", "kick", "throw", "squat", "sit down",
     "stand up", "lunge", "side lunge", "knee raise", "leg raise", "arm raise sideways",

@@ -21,15 +21,14 @@ from motionary.models.library import (
     learn_classes,
     load_library,
 )
-from motionary.models.library.calibration import TRIED
-from motionary.models.library.cross_validation import (
-    N_FOLDS,
+from motionary.models.library.calibration import (
+    TRIED,
     count_alone,
     count_together,
-    make_folds,
     make_stream,
     run_trial,
 )
+from motionary.models.library.training import N_FOLDS, make_folds
 from motionary.retrieval.annotation import annotate
 from packing_cases import random_rows, sequence
 

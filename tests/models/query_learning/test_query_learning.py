@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from motionary.errors import InvalidInput
 from motionary.models.keyframes import index_packed
 from motionary.models.query_learning import Augmentation, GeneticSettings, Individual, to_query
-from motionary.models.query_learning.fitness import Clips, Evaluator, augment, fitness_of
+from motionary.models.query_learning.fitness import Clips, Evaluator, Fitness, augment
 from motionary.models.query_learning.generations import (
     PUBLISHED,
     gaps_alone,
@@ -159,21 +159,10 @@ def test_removing_a_keyframe_or_entry_loses_no_clip(seed):
 
 @given(st.sets(st.integers(0, 9)), st.integers(1, 9), st.sampled_from([0.5, 1.0, 2.0]))
 def test_fitness_of_the_thesis(retrieved, n_positives, beta):
-    fitness = fitness_of(np.zeros(n_positives, dtype=np.intp),
-                         beta=beta)  # fmt: skip
+    fitness = Fitness(n_positives, beta)
     mask = np.isin(np.arange(10), list(retrieved))
     expected = oracle.fitness(retrieved, set(range(n_positives)), beta)
     assert fitness.score(mask).fitness == pytest.approx(float(expected), abs=1e-12)
-
-
-def test_fitness_across_groups_is_that_of_their_mean_or_worst_recall():
-    groups = np.array([0, 0, 0, 1])
-    retrieved = np.array([True, True, True, False, False])
-    recalls = {
-        across: fitness_of(groups, beta=2.0, across=across).score(retrieved).recall
-        for across in ("pooled", "mean", "worst")
-    }
-    assert recalls == {"pooled": 0.75, "mean": 0.5, "worst": 0.0}
 
 
 @given(seeds, st.integers(1, 8))
@@ -208,7 +197,7 @@ def planted(rng):
     positives, negatives = [clip(0, 1) for _ in range(6)], [clip(1, 0) for _ in range(6)]
     known = [np.ones_like(c) for c in positives + negatives]
     clips = Clips(index_of(positives + negatives, known))
-    evaluator = Evaluator(clips, fitness_of(np.zeros(6, dtype=np.intp), beta=2.0))
+    evaluator = Evaluator(clips, Fitness(6, 2.0))
     pool = GenePool(*((0, 0, 1, 1, 0, 0, 0, 0, 2, 2, 0, 0),) , (3,) * 12,
                     (0, 0, 1, 1, 0, 0, 0, 0, 2, 2, 0, 0), N_FEATURES)  # fmt: skip
     return pool, evaluator
@@ -290,7 +279,6 @@ def test_copies_keep_what_they_do_not_augment():
         (dict(parents=1), "2 parents"),
         (dict(beta=0.0), "beta"),
         (dict(parsimony=-1.0), "parsimony"),
-        (dict(across="median"), "across"),
     ],
 )
 def test_impossible_settings(settings, message):

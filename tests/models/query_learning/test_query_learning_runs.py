@@ -174,8 +174,6 @@ def test_bad_examples_are_refused(positives, negatives):
         learn_query(positives[:1], negatives)
     with pytest.raises(InvalidInput, match="shorter than any query"):
         learn_query([positives[0], positives[1].part(0, 1)], negatives)
-    with pytest.raises(InvalidInput, match="as many groups, got 2"):
-        learn_query(positives, negatives, groups=["a", "b"])
     with pytest.raises(InvalidInput, match="at least 1 run"):
         learn_query(positives, negatives, runs=0)
     packed = np.zeros((9, 1), dtype=np.uint64)

@@ -12,6 +12,7 @@ from motionary.models.keyframes.query import (
     Spring,
     check_features,
     columns_of_query,
+    from_template,
     gap_of,
     gap_of_seconds,
     join_queries,
@@ -21,8 +22,13 @@ from motionary.models.keyframes.query import (
 )
 
 if TYPE_CHECKING:
-    from motionary.models.keyframes.choosing import ChoiceSettings, ChosenQuery, choose_query
-    from motionary.models.keyframes.columns import Choice, choose_keyframes, from_template
+    from motionary.models.keyframes.choosing import (
+        Choice,
+        ChoiceSettings,
+        ChosenQuery,
+        choose_keyframes,
+        choose_query,
+    )
     from motionary.models.keyframes.index import (
         HitRange,
         HitRanges,
@@ -97,8 +103,7 @@ __all__ = [
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
-        "choosing": "ChoiceSettings ChosenQuery choose_query",
-        "columns": "Choice choose_keyframes from_template",
+        "choosing": "Choice ChoiceSettings ChosenQuery choose_keyframes choose_query",
         "index": "HitRange HitRanges PostingIndex agree check_votes extend index_packed margins",
         "search": (
             "FittedHits fit_hits search_packed search_query select_in_index select_in_sequence "

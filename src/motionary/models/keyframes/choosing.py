@@ -1,31 +1,108 @@
-"""Keyframes chosen by what they keep of examples and leave of counter-examples.
+"""Keyframes chosen: by a rule of thumb, or by what they keep of examples and leave of others.
 
-Columns of the class's template are added one by one, each the one that leaves least of the
-counter-examples; then the query frees whatever it does not need, the least reliable features
-first. Examples are read with a strict index and counter-examples with a loose one, so that a
-person who does the same a little differently is still found and something else still is not.
+The rule of thumb, after Müller and Röder (2006), section 5.4, and the authors' programs:
+columns of a template in which much is fixed, ones counting double, within a group of
+features; not at the ends of the template, not beside each other.
+
+With examples, which are aligned with the template, columns are added one by one, each the one
+that leaves least of the counter-examples; then the query frees whatever it does not need, the
+least reliable features first. Examples are read with a strict index and counter-examples with
+a loose one: a person who does the same a little differently is found, something else is not.
 
 Deterministic: of equal choices the earlier column is taken.
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import FeatureSequence, FeatureSet
-from motionary.models.keyframes.columns import AlignedColumns, align_columns
-from motionary.models.keyframes.index import PostingIndex, loose_index, strict_index
-from motionary.models.keyframes.query import KeyframeQuery
+from motionary.features import FULL_BODY, FeatureSequence, FeatureSet
+from motionary.models.keyframes.index import PostingIndex, count_steady, loose_index, strict_index
+from motionary.models.keyframes.query import Gap, KeyframeQuery, check_groups, group_members
 from motionary.models.keyframes.search import search_query, select_in_index
-from motionary.models.templates import MotionTemplate
+from motionary.models.templates import MotionTemplate, PairCost, QuantisedTemplate, align_batched
 from motionary.packing import pack
 
 Bits = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+#: Fraction of the columns over which the window of the rule of thumb rises and falls.
+_RAMP = 0.2
+
+#: Features that are steady for longer, half a second around, are not told apart.
+MOST_STEADY = 15
+
+
+class Choice(NamedTuple):
+    """A column of a template as a keyframe of a group of features, with its score."""
+
+    position: int
+    group: str
+    score: float
+
+
+def choose_keyframes(
+    template: QuantisedTemplate,
+    *,
+    count: int = 3,
+    min_distance: int = 5,
+    zero_weight: float = 1.0,
+    feature_set: FeatureSet = FULL_BODY,
+) -> list[Choice]:
+    """Columns of a template that characterise it, in the order of time.
+
+    Parameters
+    ----------
+    count : at most so many, at least 1; fewer if no column with fixed cells is left
+    min_distance : columns around a chosen one that are not chosen
+    zero_weight : worth of a fixed zero, a fixed one being worth 2; 1.2 in a variant
+    feature_set : says which feature belongs to which group; that of the template
+    """
+    if count < 1:
+        raise InvalidInput(f"count must be at least 1, got {count}")
+    check_groups(template, feature_set)
+    groups = list(dict.fromkeys(feature.group for feature in feature_set.features))
+    scores = np.stack(
+        [_group_scores(template, group_members(g, feature_set), zero_weight) for g in groups]
+    )
+    choices: list[Choice] = []
+    while len(choices) < count and scores.max() > 0.0:
+        best, position = np.unravel_index(np.argmax(scores), scores.shape)
+        choices.append(Choice(int(position), groups[best], float(scores[best, position])))
+        low, high = _neighbourhood(scores[best], int(position), min_distance)
+        scores[:, low:high] = 0.0
+    return sorted(choices)
+
+
+def _group_scores(template: QuantisedTemplate, members: Bits, zero_weight: float) -> Floats:
+    """Score of every column by the features of one group, shape (columns,)."""
+    fixed, values = template.fixed[:, members], template.values[:, members]
+    # Values of free cells are False.
+    ones = np.count_nonzero(values, axis=1)
+    zeros = np.count_nonzero(fixed, axis=1) - ones
+    score: Floats = (2.0 * ones + zero_weight * zeros) / np.count_nonzero(members)
+    # Halves of a Hann window over the first and last fifth, 1 between.
+    ramp = int(_RAMP * template.n_columns)
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, ramp + 1) / (ramp + 1))
+    score[:ramp] *= rise
+    score[template.n_columns - ramp :] *= rise[::-1]
+    return score
+
+
+def _neighbourhood(scores: Floats, position: int, min_distance: int) -> tuple[int, int]:
+    """Columns around a chosen one, half-open: a minimum, then while the score falls."""
+    low = max(position - min_distance, 0)
+    while low > 0 and scores[low - 1] < scores[low]:
+        low -= 1
+    high = min(position + min_distance + 1, len(scores))
+    while high < len(scores) and scores[high] < scores[high - 1]:
+        high += 1
+    return low, high
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,31 +137,28 @@ class ChoiceSettings:
     disagreement_weight: float = 30.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.frames_left < 1.0:
-            raise InvalidInput(f"frames_left must lie in [0, 1), got {self.frames_left}")
         if not 1 <= self.least <= self.most:
             raise InvalidInput(f"keyframes need 1 <= least <= most, got {self.least}, {self.most}")
-        if not 0.0 < self.stiffness <= 1.0:
-            raise InvalidInput(f"stiffness must lie in (0, 1], got {self.stiffness}")
-        if not 0.0 <= self.exceptions < 0.5:
-            raise InvalidInput(f"exceptions must lie in [0, 0.5), got {self.exceptions}")
-        if not 0.0 <= self.gain <= 1.0:
-            raise InvalidInput(f"gain must lie in [0, 1], got {self.gain}")
-        for name, least in dict(
-            tolerance=0, edge=0, disagreement_weight=0, step=1, min_distance=1
-        ).items():
-            if getattr(self, name) < least:
-                raise InvalidInput(f"{name} must be at least {least}, got {getattr(self, name)}")
+        for name, fits, wanted in (
+            ("frames_left", 0.0 <= self.frames_left < 1.0, "lie in [0, 1)"),
+            ("stiffness", 0.0 < self.stiffness <= 1.0, "lie in (0, 1]"),
+            ("exceptions", 0.0 <= self.exceptions < 0.5, "lie in [0, 0.5)"),
+            ("gain", 0.0 <= self.gain <= 1.0, "lie in [0, 1]"),
+            ("tolerance", self.tolerance >= 0, "be at least 0"),
+            ("edge", self.edge >= 0, "be at least 0"),
+            ("disagreement_weight", self.disagreement_weight >= 0, "be at least 0"),
+            ("step", self.step >= 1, "be at least 1"),
+            ("min_distance", self.min_distance >= 1, "be at least 1"),
+        ):
+            if not fits:
+                raise InvalidInput(f"{name} must {wanted}, got {getattr(self, name)}")
 
 
 class ChosenQuery(NamedTuple):
     """A query, with what it leaves of the counter-examples and misses of the examples.
 
-    Attributes
-    ----------
-    query : with the template's columns as positions
-    left : fraction of the counter-examples' frames around its hits, read loosely
-    missed : examples without a hit, read strictly
+    `left` is the fraction of the counter-examples' frames around hits, read loosely; the missed
+    examples are read strictly. Positions of the query are columns of the template.
     """
 
     query: KeyframeQuery
@@ -104,26 +178,29 @@ def choose_query(
     Parameters
     ----------
     template : learned from the examples
-    examples : features of motions of the class
-    counterexamples : features of anything else, such as the examples of other classes
-    settings : the default ones if left out
+    counterexamples : anything else, such as the examples of other classes
 
     Raises
     ------
     InvalidInput
-        If there are no examples or no counter-examples, they are over different features,
-        the examples have nothing in common, or they are too short for the least number of
-        keyframes.
+        If there are no examples or counter-examples, they are over different features, have
+        nothing in common, or are too short for the least number of keyframes.
     """
     settings = settings or ChoiceSettings()
-    _check(template, examples, counterexamples)
+    for what, sequences in (("example", examples), ("counter-example", counterexamples)):
+        if not sequences:
+            raise InvalidInput(f"choosing keyframes needs at least one {what}, got none")
+        for sequence in sequences:
+            if sequence.feature_set.ids != template.feature_names:
+                raise InvalidInput(
+                    f"{what} {sequence.source!r} has features of {sequence.feature_set.name!r}, "
+                    f"the template is over {template.feature_set!r}"
+                )
+    tolerance = settings.tolerance
     trial = _Trial(
-        align_columns(template, examples, tolerance=settings.tolerance),
-        settings,
-        examples[0].feature_set,
-        strict_index(examples, settings.tolerance),
-        loose_index(counterexamples, settings.tolerance),
-    )
+        align_columns(template, examples, tolerance=tolerance), settings, examples[0].feature_set,
+        strict_index(examples, tolerance), loose_index(counterexamples, tolerance),
+    )  # fmt: skip
     draft = _free_entries(trial, _add_columns(trial))
     query = trial.query(draft)
     hit = search_query(query, trial.examples).hit_sequences
@@ -131,16 +208,11 @@ def choose_query(
     return ChosenQuery(query, draft.left, tuple(missed))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Draft:
-    """Columns, the fixed entries of each, and what they do.
+class _Draft(NamedTuple):
+    """Columns, the fixed entries of each, and the frames left and examples lost, as fractions."""
 
-    `left` is the fraction of the counter-examples' frames around hits, `lost` the fraction of
-    the examples without one.
-    """
-
-    columns: list[int] = field(default_factory=list)
-    fixed: list[Bits] = field(default_factory=list)
+    columns: list[int]
+    fixed: list[Bits]
     left: float = 1.0
     lost: float = 0.0
 
@@ -148,6 +220,38 @@ class _Draft:
     def loss(self) -> float:
         """An example lost is as bad as its fraction of all frames left."""
         return self.left + self.lost
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlignedColumns:
+    """Columns of a template with what the aligned examples share there.
+
+    Attributes
+    ----------
+    frames : array, shape (examples, columns): the frame of each column
+    values, fraction : arrays, shape (columns, features): what most examples show, and the
+        fraction of them that show it steadily
+    tolerance : array of that shape: for how many frames, in the least steady of them
+    disagreement : array, shape (features,): the fraction of the columns at which one example
+        breaks what all others agree on, summed over the examples
+    """
+
+    frames: NDArray[np.intp]
+    values: Bits
+    fraction: Floats
+    tolerance: NDArray[np.intp]
+    disagreement: Floats
+
+    @property
+    def n_columns(self) -> int:
+        """Number of columns."""
+        return int(self.frames.shape[1])
+
+    def gap(self, first: int, second: int, stiffness: float) -> Gap:
+        """Frames between two columns: as in the examples, and looser by a stiffness."""
+        distance = self.frames[:, second] - self.frames[:, first]
+        least, most = float(distance.min()), float(distance.max())
+        return Gap(int(np.floor(stiffness * least)), int(np.ceil(most / stiffness)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,6 +273,11 @@ class _Trial:
             self.feature_set.name, self.feature_set.ids, tuple(columns),
         )  # fmt: skip
 
+    def add(self, draft: _Draft, column: int, fixed: Bits) -> _Draft:
+        at = int(np.searchsorted(draft.columns, column))
+        columns = [*draft.columns[:at], column, *draft.columns[at:]]
+        return self.measure(columns, [*draft.fixed[:at], fixed, *draft.fixed[at:]])
+
     def measure(self, columns: list[int], fixed: list[Bits]) -> _Draft:
         query = self.query(_Draft(columns, fixed))
         around = select_in_index([query], self.aligned.n_columns, self.counterexamples)
@@ -179,18 +288,21 @@ class _Trial:
 
 def _add_columns(trial: _Trial) -> _Draft:
     """Columns that leave least together, each with all that is common there."""
-    settings, draft = trial.settings, _Draft()
+    settings, draft = trial.settings, _Draft([], [])
     candidates = _candidates(trial)
     while len(draft.columns) < settings.most:
-        more = _one_more(draft, candidates, settings.min_distance)
-        drafts = [trial.measure(*columns) for columns in more]
-        best = min(drafts, key=lambda d: d.loss, default=None)
         enough = len(draft.columns) >= settings.least
+        if enough and draft.left <= settings.frames_left / 2:
+            break
+        drafts = [
+            trial.add(draft, *candidate)
+            for candidate in candidates
+            if all(abs(candidate[0] - other) >= settings.min_distance for other in draft.columns)
+        ]
+        best = min(drafts, key=lambda d: d.loss, default=None)
         if best is None or (enough and best.loss > settings.gain * draft.loss):
             break
         draft = best
-        if len(draft.columns) >= settings.least and draft.left <= settings.frames_left / 2:
-            break
     if not draft.columns:
         raise InvalidInput(
             "the examples share no feature that is steady for "
@@ -220,16 +332,6 @@ def _candidates(trial: _Trial) -> list[tuple[int, Bits]]:
     return found
 
 
-def _one_more(
-    draft: _Draft, candidates: Sequence[tuple[int, Bits]], min_distance: int
-) -> Iterator[tuple[list[int], list[Bits]]]:
-    for column, fixed in candidates:
-        if all(abs(column - other) >= min_distance for other in draft.columns):
-            at = int(np.searchsorted(draft.columns, column))
-            columns = [*draft.columns[:at], column, *draft.columns[at:]]
-            yield columns, [*draft.fixed[:at], fixed, *draft.fixed[at:]]
-
-
 def _free_entries(trial: _Trial, draft: _Draft) -> _Draft:
     """The draft without the entries that it can do without, unreliable ones first."""
     aligned = trial.aligned
@@ -241,25 +343,56 @@ def _free_entries(trial: _Trial, draft: _Draft) -> _Draft:
     for keyframe, feature in entries[order].tolist():
         fixed = [row.copy() for row in draft.fixed]
         fixed[keyframe][feature] = False
-        if not fixed[keyframe].any():
-            continue
-        freer = trial.measure(draft.columns, fixed)
-        if freer.left <= limit or freer.loss < draft.loss:
-            draft = freer
+        if fixed[keyframe].any():
+            freer = trial.measure(draft.columns, fixed)
+            if freer.left <= limit or freer.loss < draft.loss:
+                draft = freer
     return draft
 
 
-def _check(
-    template: MotionTemplate,
-    examples: Sequence[FeatureSequence],
-    counterexamples: Sequence[FeatureSequence],
-) -> None:
-    for what, sequences in (("example", examples), ("counter-example", counterexamples)):
-        if not sequences:
-            raise InvalidInput(f"choosing keyframes needs at least one {what}, got none")
-        for sequence in sequences:
-            if sequence.feature_set.ids != template.feature_names:
-                raise InvalidInput(
-                    f"{what} {sequence.source!r} has features of {sequence.feature_set.name!r}, "
-                    f"the template is over {template.feature_set!r}"
-                )
+# -- columns aligned with examples -------------------------------------------------------
+
+
+def align_columns(
+    template: MotionTemplate, examples: Sequence[FeatureSequence], *, tolerance: int
+) -> AlignedColumns:
+    """Columns of a template aligned with the examples that it was learned from.
+
+    A value counts as shown if it is kept for `tolerance` frames around.
+    """
+    frames = _align_whole(template, examples)
+    pairs = list(zip(examples, frames, strict=True))
+    shown = np.array([e.features[at] for e, at in pairs], dtype=np.bool_)
+    known = np.array([e.known_features[at] for e, at in pairs], dtype=np.bool_)
+    kept = np.array([count_steady(e, at, MOST_STEADY) for e, at in pairs])
+    counts = known & (kept >= tolerance)
+    on, off = (shown & counts).mean(axis=0), (~shown & counts).mean(axis=0)
+    values = on >= off
+    least = np.where(shown == values, kept, MOST_STEADY).min(axis=0)
+    # Per feature: of the columns at which all but one example agree, how many has that one.
+    n, others = len(shown), shown.sum(axis=0) - shown
+    agreed = ((others == 0) | (others == n - 1)) & (n > 1)
+    broken = agreed & (shown != (others > 0))
+    disagreement = (broken.sum(axis=1) / np.maximum(agreed.sum(axis=1), 1)).sum(axis=0)
+    return AlignedColumns(frames, values, np.maximum(on, off), least, disagreement)
+
+
+def _align_whole(template: MotionTemplate, examples: Sequence[FeatureSequence]) -> NDArray[np.intp]:
+    """Frame of each column, shape (examples, columns): the middle of those that it meets."""
+    n_columns, offset = template.n_columns, template.n_columns
+    pairs = []
+    for example in examples:
+        # As in learning: half a disagreement with either value.
+        seen = np.where(example.known_features, example.features, 0.5)
+        cost = np.abs(template.values[:, np.newaxis] - seen).sum(axis=2)
+        pairs.append(PairCost(cost, 0, offset))
+        offset += len(example)
+    met = align_batched(iter(pairs))
+    of_template = met.reference < n_columns
+    columns, rows = met.reference[of_template], met.warped[of_template]
+    starts = np.array([pair.second for pair in pairs])
+    which = np.searchsorted(starts, rows, side="right") - 1
+    total, count = np.zeros((2, len(examples), n_columns))
+    np.add.at(total, (which, columns), rows - starts[which])
+    np.add.at(count, (which, columns), 1.0)
+    return np.floor(total / count + 0.5).astype(np.intp)

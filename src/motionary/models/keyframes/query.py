@@ -1,4 +1,4 @@
-"""Keyframe queries: poses with elastic gaps; mirrored, joined, and as templates.
+"""Keyframe queries: poses with elastic gaps; mirrored, joined, of templates and as templates.
 
 A query is a sequence of keyframes, each a pose of which some features are fixed and the
 others free, and of gaps: how many frames may lie between neighbours. After Baak, Müller and
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSet
 from motionary.models.templates import QuantisedTemplate
-from motionary.packing import PackedFeatures, count_integers, full_mask, permute, unpack
+from motionary.packing import PackedFeatures, count_integers, full_mask, pack, permute, unpack
 
 #: A product such as 0.7 * 10 may come out beside the whole number that it means.
 _SLACK = 1e-9
@@ -145,13 +145,10 @@ def gap_of(distance: float, stiffness: float) -> Gap:
 
 def gaps_of(distances: Sequence[float], stiffness: float | Sequence[float]) -> tuple[Gap, ...]:
     """Gaps of several springs, of one stiffness or one each."""
-    if not isinstance(stiffness, Sequence):
-        return tuple(gap_of(distance, stiffness) for distance in distances)
-    if len(stiffness) != len(distances):
-        raise InvalidInput(
-            f"{len(distances)} gaps need as many stiffness values, got {len(stiffness)}"
-        )
-    return tuple(itertools.starmap(gap_of, zip(distances, stiffness, strict=True)))
+    each = stiffness if isinstance(stiffness, Sequence) else [stiffness] * len(distances)
+    if len(each) != len(distances):
+        raise InvalidInput(f"{len(distances)} gaps need as many stiffness values, got {len(each)}")
+    return tuple(itertools.starmap(gap_of, zip(distances, each, strict=True)))
 
 
 def gap_of_seconds(least_s: float, most_s: float, *, rate_hz: float) -> Gap:
@@ -174,6 +171,51 @@ def gap_of_seconds(least_s: float, most_s: float, *, rate_hz: float) -> Gap:
             f"frames are {1.0 / rate_hz:.3f} s apart"
         )
     return Gap(least, most)
+
+
+def from_template(
+    template: QuantisedTemplate,
+    positions: Sequence[int],
+    *,
+    stiffness: float | Sequence[float],
+    groups: Sequence[str | None] | None = None,
+    feature_set: FeatureSet = FULL_BODY,
+) -> KeyframeQuery:
+    """Query of columns of a template.
+
+    Parameters
+    ----------
+    template : fixed cells are the fixed features of the keyframes
+    positions : columns, ascending, from 0; a column may come twice, with another group
+    stiffness : of all gaps, or one for each; distances are those of the columns
+    groups : per keyframe, the group of features that it keeps (others become free), or
+        None for all
+    feature_set : says which feature belongs to which group; that of the template
+
+    Raises
+    ------
+    InvalidInput
+        If a position lies outside the template, or a group is unknown.
+    """
+    if not positions or min(positions) < 0 or max(positions) >= template.n_columns:
+        raise InvalidInput(
+            f"positions must be columns of the template, 0 to {template.n_columns - 1}, "
+            f"got {list(positions)}"
+        )
+    chosen = list(positions)
+    fixed = template.fixed[chosen].copy()
+    if groups is not None:
+        check_groups(template, feature_set)
+        if len(groups) != len(chosen):
+            raise InvalidInput(f"{len(chosen)} keyframes need as many groups, got {len(groups)}")
+        for row, group in zip(fixed, groups, strict=True):
+            if group is not None:
+                row &= group_members(group, feature_set)
+    gaps = gaps_of([b - a for a, b in itertools.pairwise(chosen)], stiffness)
+    return KeyframeQuery(
+        pack(template.values[chosen]), pack(fixed), gaps,
+        template.feature_set, template.feature_names, tuple(chosen),
+    )  # fmt: skip
 
 
 def template_of_query(query: KeyframeQuery) -> QuantisedTemplate:
@@ -270,13 +312,17 @@ def group_members(group: str, feature_set: FeatureSet) -> NDArray[np.bool_]:
     return members
 
 
-def check_features(query: KeyframeQuery, feature_set: str, feature_ids: Sequence[str]) -> None:
-    """Refuse a query over other features than those that it is used on.
+def check_groups(template: QuantisedTemplate, feature_set: FeatureSet) -> None:
+    """Refuse a feature set for its groups that is not the template's."""
+    if template.feature_names != feature_set.ids:
+        raise InvalidInput(
+            f"the template is over {template.feature_set!r}, the groups over "
+            f"{feature_set.name!r}; pass feature_set=... of the template"
+        )
 
-    Raises
-    ------
-    InvalidInput
-    """
+
+def check_features(query: KeyframeQuery, feature_set: str, feature_ids: Sequence[str]) -> None:
+    """Refuse a query over other features than those that it is used on."""
     if query.feature_set == feature_set and query.feature_ids == tuple(feature_ids):
         return
     raise InvalidInput(

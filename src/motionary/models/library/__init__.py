@@ -32,21 +32,26 @@ from motionary.models.library.classes import (
     fractions_fixed,
 )
 from motionary.models.library.editing import (
+    EVERYDAY,
+    NO_LIBRARY,
     find_clashes,
     find_prototype,
+    load_everyday,
     merge_libraries,
+    open_library,
     remove_class,
     rename_class,
     replace_class,
     replace_template,
 )
-from motionary.models.library.false_rates import FalseRates, fit_false_rates, fit_probability
-from motionary.models.library.scoring import Scoring, measure_fractions, mix_prior, scoring_for
-from motionary.models.library.shipped import (
-    EVERYDAY,
-    NO_LIBRARY,
-    load_everyday,
-    open_library,
+from motionary.models.library.scoring import (
+    FalseRates,
+    Scoring,
+    fit_false_rates,
+    fit_probability,
+    measure_fractions,
+    mix_prior,
+    scoring_for,
 )
 from motionary.models.library.storage import ClassLibrary, load_library
 
@@ -57,7 +62,6 @@ if TYPE_CHECKING:
         apply_calibrations,
         calibrate_thresholds,
     )
-    from motionary.models.library.cross_validation import N_FOLDS
     from motionary.models.library.examples import (
         ReadExamples,
         cut_example,
@@ -81,10 +85,10 @@ if TYPE_CHECKING:
         training_of,
     )
     from motionary.models.library.training import (
+        N_FOLDS,
         Examples,
         QueriedLibrary,
         choose_queries,
-        class_of_query,
         learn_classes,
         learn_queries,
         measure_background,
@@ -125,7 +129,6 @@ __all__ = [
     "check_has_scores",
     "choose_candidates",
     "choose_queries",
-    "class_of_query",
     "cut_example",
     "edit_class",
     "false_rates_of",
@@ -173,7 +176,6 @@ __getattr__, __dir__ = lazy_names(
     {
         "advice": "Advice advise",
         "calibration": "Calibration apply_calibrations calibrate_thresholds",
-        "cross_validation": "N_FOLDS",
         "examples": (
             "ReadExamples cut_example find_sequences fold_sides list_examples list_tracks "
             "mirror_sequence read_examples read_labelled"
@@ -184,7 +186,7 @@ __getattr__, __dir__ = lazy_names(
             "learn_beside training_of"
         ),
         "training": (
-            "Examples QueriedLibrary choose_queries class_of_query learn_classes learn_queries "
+            "Examples N_FOLDS QueriedLibrary choose_queries learn_classes learn_queries "
             "measure_background"
         ),
     },

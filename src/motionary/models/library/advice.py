@@ -16,8 +16,14 @@ from numpy.typing import NDArray
 from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.matching import Pattern, concatenate, corpus_distance
 from motionary.models.library.classes import TOLERANCE
-from motionary.models.library.training import Examples, learn_prototype
-from motionary.models.templates import Learning, MotionTemplate, pattern_of, quantise
+from motionary.models.library.training import Examples
+from motionary.models.templates import (
+    Learning,
+    MotionTemplate,
+    pattern_of,
+    quantise,
+    template_of,
+)
 from motionary.packing import full_mask
 from motionary.tables import enumerate_names
 
@@ -91,25 +97,41 @@ _Finding = tuple[str, str, tuple[str, ...]]
 def _look(items: Sequence[FeatureSequence], tolerance: float) -> Iterator[_Finding]:
     people = {item.recording.person for item in items}
     if len(items) < FEWEST:
-        yield "few", _describe_few(len(items)), ()
+        count = "one example" if len(items) == 1 else f"{len(items)} examples"
+        text = (
+            f"{count}: too few to tell what may vary, so that other people will hardly match; add "
+            f"{FEWEST - len(items)} or more, of other people if you can"
+        )
+        yield "few", text, ()
     elif len(people) == 1 and "" not in people:
-        yield "people", _describe_people(len(items), people.pop()), ()
+        text = (
+            f"all {len(items)} examples are of {people.pop()}, whose own way is then asked of "
+            "everybody; add some of another person"
+        )
+        yield "people", text, ()
     short = [item for item in items if len(item) < SHORTEST_S * SEQUENCE_HZ]
     if short:
         yield "short", f"shorter than {SHORTEST_S} s: {_list(short)}; cut it anew", _names(short)
     usual, unusual, median = _by_length(items)
     for item in unusual:
-        yield "length", _describe_length(item, median), _names([item])
+        text = (
+            f"{_name(item)} lasts {len(item) / SEQUENCE_HZ:.1f} s, the usual example "
+            f"{median / SEQUENCE_HZ:.1f} s: one template matches from half to double; cut it "
+            "anew, or make it a folder of its own"
+        )
+        yield "length", text, _names([item])
     if len(usual) >= _FEWEST_COMPARED:
         distances = _pairwise(usual)
         halves = _find_halves(usual, distances)
         yield from [halves] if halves else _find_odd(usual, distances)
     if len(items) >= FEWEST:
-        fraction = _fraction_fixed(
-            learn_prototype("all", items, learning=_LEARNING).template, tolerance
-        )
+        fraction = quantise(_learn(items), tolerance=tolerance).fraction_fixed
         if fraction < LEAST_FIXED:
-            yield "loose", _describe_loose(fraction), ()
+            text = (
+                f"its examples have little in common: {100 * fraction:.0f} % of the template's "
+                "cells are fixed, so that it will match much else"
+            )
+            yield "loose", text, ()
 
 
 def _by_length(
@@ -134,14 +156,15 @@ def _find_odd(items: list[FeatureSequence], distances: Floats) -> Iterator[_Find
         oddest = int(np.argmax(np.nanmedian(among, axis=1)))
         others = [items[i] for i in np.delete(left, oddest)]
         item = items[left[oddest]]
-        template = learn_prototype("others", others, learning=_LEARNING).template
-        cost, highest_cost = (
-            float(_costs(template, [item])[0]),
-            float(_costs(template, others).max()),
-        )
+        template = _learn(others)
+        cost, highest_cost = _costs(template, [item])[0], _costs(template, others).max()
         if cost <= ODD_COST or cost - highest_cost <= ODD_GAP:
             return
-        yield "odd", _describe_odd(item, cost, highest_cost), _names([item])
+        text = (
+            f"{_name(item)} does not fit: with the template of the others it costs {cost:.2f}, "
+            f"they at most {highest_cost:.2f}; is it in the wrong folder?"
+        )
+        yield "odd", text, _names([item])
         left = np.delete(left, oddest)
 
 
@@ -150,18 +173,17 @@ def _find_halves(items: list[FeatureSequence], distances: Floats) -> _Finding | 
     first, second = _split(items, distances)
     if len(first) < 2:
         return None
-    one, two, both = (
-        learn_prototype("some", part, learning=_LEARNING).template
-        for part in (first, second, items)
-    )
-    across = [np.median(_costs(one, second)), np.median(_costs(two, first))]
-    together = _fraction_fixed(both, _TOLERANCE)
-    fractions = [_fraction_fixed(template, _TOLERANCE) for template in (one, two)]
+    templates = [_learn(part) for part in (first, second, items)]
+    across = [np.median(_costs(templates[0], second)), np.median(_costs(templates[1], first))]
+    *fractions, together = (quantise(x, tolerance=_TOLERANCE).fraction_fixed for x in templates)
     apart = float(np.average(fractions, weights=[len(first), len(second)]))
-    gain = apart - together
-    if min(across) <= APART_COST or gain <= APART_GAIN + GAIN_OF_ONE / len(items):
+    if min(across) <= APART_COST or apart - together <= APART_GAIN + GAIN_OF_ONE / len(items):
         return None
-    return "two", _describe_two(first, second, apart, together), _names(first)
+    text = (
+        f"looks like two motions, {_list(first)} against {_list(second)}: two templates would fix "
+        f"{100 * apart:.0f} % of their cells, one {100 * together:.0f} %; make a folder of each"
+    )
+    return "two", text, _names(first)
 
 
 def _split(
@@ -204,58 +226,8 @@ def _least(pattern: Pattern, items: Sequence[FeatureSequence]) -> Floats:
     return np.array([min(float(part.min()), _NO_MATCH) for part in parts])
 
 
-def _fraction_fixed(template: MotionTemplate, tolerance: float) -> float:
-    quantised = quantise(template, tolerance=tolerance)
-    return quantised.n_fixed / quantised.fixed.size
-
-
-# -- messages ---------------------------------------------------------------------------
-
-
-def _describe_few(n_examples: int) -> str:
-    count = "one example" if n_examples == 1 else f"{n_examples} examples"
-    return (
-        f"{count}: too few to tell what may vary, so that other people will hardly match; add "
-        f"{FEWEST - n_examples} or more, of other people if you can"
-    )
-
-
-def _describe_people(n_examples: int, person: str) -> str:
-    return (
-        f"all {n_examples} examples are of {person}, whose own way is then asked of everybody; add "
-        "some of another person"
-    )
-
-
-def _describe_length(item: FeatureSequence, median: float) -> str:
-    return (
-        f"{_name(item)} lasts {len(item) / SEQUENCE_HZ:.1f} s, the usual example "
-        f"{median / SEQUENCE_HZ:.1f} s: one template matches from half to double; cut it anew, or "
-        "make it a folder of its own"
-    )
-
-
-def _describe_odd(item: FeatureSequence, cost: float, highest_cost: float) -> str:
-    return (
-        f"{_name(item)} does not fit: with the template of the others it costs {cost:.2f}, they "
-        f"at most {highest_cost:.2f}; is it in the wrong folder?"
-    )
-
-
-def _describe_two(
-    first: Sequence[FeatureSequence], second: Sequence[FeatureSequence], apart: float, one: float
-) -> str:
-    return (
-        f"looks like two motions, {_list(first)} against {_list(second)}: two templates would fix "
-        f"{100 * apart:.0f} % of their cells, one {100 * one:.0f} %; make a folder of each"
-    )
-
-
-def _describe_loose(fraction: float) -> str:
-    return (
-        f"its examples have little in common: {100 * fraction:.0f} % of the template's cells are "
-        "fixed, so that it will match much else"
-    )
+def _learn(items: Sequence[FeatureSequence]) -> MotionTemplate:
+    return template_of(items, learning=_LEARNING)
 
 
 def _list(items: Sequence[FeatureSequence]) -> str:

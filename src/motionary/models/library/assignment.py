@@ -28,7 +28,7 @@ from motionary.matching import (
     join_states,
     score_patterns,
 )
-from motionary.models.library.false_rates import FalseRates, fit_false_rates, fit_probability
+from motionary.models.library.scoring import FalseRates, fit_false_rates, fit_probability
 from motionary.models.library.storage import ClassLibrary
 
 Floats = NDArray[np.float64]

@@ -7,6 +7,7 @@ examples. What a person wrote into the TOML file besides stays when it is writte
 
 import hashlib
 import io
+import itertools
 import re
 import struct
 import tokenize
@@ -14,7 +15,8 @@ import unicodedata
 import warnings
 import zipfile
 import zlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,11 +61,12 @@ _ESTIMATES = {
 }  # fmt: skip
 _LONGEST_BYTES = 100
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
+# Written only where a class differs from the defaults.
 _OWN_KEYS: Keys = {
-    "prior": list, "kind": str, "parts": list, "false_level": float,
-    "score_threshold": float,
-    "provenance": str, "licence": str,
+    "prior": list, "parts": list, "provenance": str, "licence": str, "kind": str,
+    "score_threshold": float, "false_level": float,
 }  # fmt: skip
+_DEFAULTS = {one.name: one.default for one in fields(MotionClass)}
 
 #: What reading a broken archive of arrays ends in.
 _BROKEN_ARCHIVE = (
@@ -89,12 +92,14 @@ def write_class(
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     content = buffer.getvalue()
     values = folder / f"{stem}.{hashlib.sha256(content).hexdigest()[:8]}.npz"
-    attributes = {key: key for key in ("name", "threshold", "tolerance")}
-    attributes |= {key: attribute for attribute, key in _ESTIMATES.items()}
-    settings = {key: getattr(motion_class, attribute) for key, attribute in attributes.items()}
-    settings = {key: value for key, value in settings.items() if value is not None}
+    settings = {key: getattr(motion_class, key) for key in ("name", "threshold", "tolerance")}
+    estimates = {key: getattr(motion_class, attribute) for attribute, key in _ESTIMATES.items()}
+    settings |= {key: value for key, value in estimates.items() if value is not None}
     settings |= {"background": list(motion_class.background), "values": values.name}
-    settings |= _own_settings(motion_class)
+    own = {key: getattr(motion_class, key) for key in _OWN_KEYS}
+    for key, value in own.items():
+        if value != _DEFAULTS[key]:
+            settings[key] = list(value) if isinstance(value, tuple) else value
     path = folder / f"{stem}.toml"
     document = read_document(path)
     update_table(document, settings, optional=(*_ESTIMATES.values(), *_OWN_KEYS))
@@ -103,23 +108,6 @@ def write_class(
         beside.write_bytes(content)
     write_document(path, document)
     return {values, path}
-
-
-def _own_settings(motion_class: MotionClass) -> dict[str, Any]:
-    """What not every class has, by the keys of the file; defaults are left out."""
-    settings: dict[str, Any] = {}
-    for key in ("prior", "parts"):
-        if getattr(motion_class, key):
-            settings[key] = list(getattr(motion_class, key))
-    for key in ("provenance", "licence"):
-        if getattr(motion_class, key):
-            settings[key] = getattr(motion_class, key)
-    if motion_class.kind != "event":
-        settings["kind"] = motion_class.kind
-    for key in ("score_threshold", "false_level"):
-        if getattr(motion_class, key) is not None:
-            settings[key] = getattr(motion_class, key)
-    return settings
 
 
 def _to_entry(prototype: Prototype, feature_set: FeatureSet) -> dict[str, Any]:
@@ -192,41 +180,29 @@ def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> M
         raise refuse(path, ("name",), f"is {content['name']!r}, but the library says {name!r}")
     if not content["templates"]:
         raise refuse(path, ("templates",), "must list at least one, got none")
-    scores = _read_own_settings(path, content)
+    check_keys(path, content, {}, optional=_OWN_KEYS)
+    own = {key: content[key] for key in _OWN_KEYS if key in content}
     for key in ("background", "prior"):
         if not all(map(is_number, content.get(key, ()))):
             raise refuse(path, (key,), f"must be a list of numbers, got {content[key]!r}")
-    scores |= {name: _read_estimate(path, content, key) for name, key in _ESTIMATES.items()}
+    for attribute, key in _ESTIMATES.items():
+        if key in content:
+            check_keys(path, content, {key: float})
+            if not 0 <= content[key] <= 1:
+                raise refuse(path, (key,), f"must lie in [0, 1], got {content[key]}")
+            own[attribute] = content[key]
     arrays = _read_values(path, content["values"])
     prototypes = []
     for i, entry in enumerate(content["templates"]):
-        check_keys(path, entry, _TEMPLATE_KEYS, place=("templates", i))
-        present = {key: kind for key, kind in _OPTIONAL_KEYS.items() if key in entry}
-        check_keys(path, entry, present, place=("templates", i))
+        check_keys(path, entry, _TEMPLATE_KEYS, optional=_OPTIONAL_KEYS, place=("templates", i))
         prototypes.append(_read_prototype(path, i, entry, arrays, feature_set))
     try:
         return MotionClass(
             name, tuple(prototypes), content["threshold"], content["tolerance"],
-            tuple(content["background"]), **scores,
+            tuple(content["background"]), **own,
         )  # fmt: skip
     except InvalidInput as error:
         raise refuse_value(path, (), error) from error
-
-
-def _read_own_settings(path: Path, content: dict[str, Any]) -> dict[str, Any]:
-    """What not every class has, as far as it is there."""
-    present = {key: kind for key, kind in _OWN_KEYS.items() if key in content}
-    check_keys(path, content, present)
-    read = {key: content[key] for key in present}
-    return {key: tuple(x) if isinstance(x, list) else x for key, x in read.items()}
-
-
-def _read_estimate(path: Path, content: dict[str, Any], key: str) -> float | None:
-    if key in content:
-        check_keys(path, content, {key: float})
-        if not 0 <= content[key] <= 1:
-            raise refuse(path, (key,), f"must lie in [0, 1], got {content[key]}")
-    return content.get(key)
 
 
 def _read_prototype(
@@ -360,9 +336,16 @@ def choose_stems(
     used = {_fold(stem) for stem in (*taken, *kept.values())}
     stems = {}
     for name in names:
-        stems[name] = kept[name] if name in kept else _free_stem(to_stem(name), used)
+        free = (stem for stem in number_names(to_stem(name)) if _fold(stem) not in used)
+        stems[name] = kept[name] if name in kept else next(free)
         used.add(_fold(stems[name]))
     return stems
+
+
+def number_names(name: str) -> Iterator[str]:
+    """A name itself, and numbered from 2 on."""
+    yield name
+    yield from (f"{name}-{number}" for number in itertools.count(2))
 
 
 def to_stem(name: str) -> str:
@@ -370,13 +353,6 @@ def to_stem(name: str) -> str:
     stem = re.sub(r"[^\w.-]", "_", unicodedata.normalize("NFC", name))
     stem = stem.encode()[:_LONGEST_BYTES].decode(errors="ignore").strip(".-")
     return f"_{stem}" if _DEVICES.match(stem) else stem or "class"
-
-
-def _free_stem(stem: str, used: Collection[str]) -> str:
-    candidate, number = stem, 2
-    while _fold(candidate) in used:
-        candidate, number = f"{stem}-{number}", number + 1
-    return candidate
 
 
 def _fold(stem: str) -> str:

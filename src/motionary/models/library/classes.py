@@ -155,7 +155,7 @@ class MotionClass:
     kind : "event", whose labels are counted one by one, or "state", whose neighbours are one
     parts : parts of the body that it needs; empty: all
     score_threshold : least score of its labels; None: the library's
-    false_level : logarithm of its false labels a minute, of scores from `false_rates.TAIL`
+    false_level : logarithm of its false labels a minute, of scores from `scoring.TAIL`
         on; None if unknown
     provenance, licence : of this class, where they differ from the library's; they go with
         it into other libraries
@@ -326,7 +326,5 @@ def describe_prototypes(motion_class: MotionClass) -> list[dict[str, Any]]:
 
 def fractions_fixed(motion_class: MotionClass) -> list[float]:
     """Fraction of the cells that are fixed, of each prototype."""
-    quantised = [
-        quantise(one.template, tolerance=motion_class.tolerance) for one in motion_class.prototypes
-    ]
-    return [one.n_fixed / one.fixed.size for one in quantised]
+    templates = (one.template for one in motion_class.prototypes)
+    return [quantise(one, tolerance=motion_class.tolerance).fraction_fixed for one in templates]

@@ -1,24 +1,38 @@
-"""Libraries changed by hand: classes renamed, removed, given other templates; libraries merged.
+"""Libraries changed by hand; merged, as the one that ships is of its two folders.
 
 Libraries and classes come back new, never changed.
+
+The library of everyday motion lies in two folders: what was learned from CMU and UI-PRMD or
+designed by hand, and what was learned from HDM05, under CC BY-SA 3.0. Beside the latter lies
+what its labels were calibrated by, for the classes of both. `recipes/everyday.py` makes all.
 """
 
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache
+from pathlib import Path
 from typing import Any, Literal
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSet
 from motionary.models.keyframes import mirror_query
-from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
+from motionary.models.library.class_files import number_names
+from motionary.models.library.classes import MotionClass, Prototype
 from motionary.models.library.scoring import Scoring
-from motionary.models.library.storage import ClassLibrary
+from motionary.models.library.storage import INDEX, ClassLibrary, load_library
 from motionary.models.templates import MotionTemplate, mirror
 
 #: What becomes of a class whose name another library has, too.
 Clash = Literal["refuse", "first", "both"]
 
+#: The library that ships, where a library is asked for; and none.
+EVERYDAY = "everyday"
+NO_LIBRARY = "none"
+#: File of what both folders together were calibrated by.
+CALIBRATION = "calibration.toml"
+
+_FOLDERS = ("everyday", "everyday_hdm05")
 # Follows the name of a template in that of its mirror image; nothing reads it.
 _MIRRORED = "Mirrored"
 
@@ -26,24 +40,14 @@ _MIRRORED = "Mirrored"
 def replace_class(library: ClassLibrary, name: str, changed: MotionClass) -> ClassLibrary:
     """Library in which another class stands in the place of one.
 
-    Raises
-    ------
-    InvalidInput
-        If there is no class of that name, or the new one has the name of a third or other
-        features.
+    It is refused if it has the name of a third, or other features.
     """
     old = library[name]
     return replace(library, classes=tuple(changed if one is old else one for one in library))
 
 
 def remove_class(library: ClassLibrary, name: str) -> ClassLibrary:
-    """Library without a class.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no class of that name.
-    """
+    """Library without a class; InvalidInput if there is none of that name."""
     old = library[name]
     return replace(library, classes=tuple(one for one in library if one is not old))
 
@@ -58,9 +62,16 @@ def rename_class(library: ClassLibrary, name: str, new_name: str) -> ClassLibrar
     """
     if new_name != name and new_name in library.names:
         raise InvalidInput(f"the library has a class {new_name!r} already; choose another name")
-    old = library[name]
-    prototypes = rename_prototype(old.prototypes, name, new_name)
-    return replace_class(library, name, replace(old, name=new_name, prototypes=prototypes))
+    renamed: list[Prototype] = []
+    for one in library[name].prototypes:
+        if one.name == name:
+            one = replace(one, name=new_name)
+        elif one.mirror_of == name:
+            called = new_name + _MIRRORED if one.name == name + _MIRRORED else one.name
+            one = replace(one, name=called, mirror_of=new_name)
+        renamed.append(one)
+    changed = replace(library[name], name=new_name, prototypes=tuple(renamed))
+    return replace_class(library, name, changed)
 
 
 def find_prototype(motion_class: MotionClass, name: str | None = None) -> Prototype:
@@ -161,30 +172,28 @@ def merge_libraries(libraries: Sequence[ClassLibrary], *, clash: Clash = "refuse
         )
     classes: dict[str, MotionClass] = {}
     for library in libraries:
-        for one in map(partial(_with_origin, library), library):
+        for one in library:
+            provenance = one.provenance or library.provenance
+            licence = one.licence or library.licence
+            if (provenance, licence) != (one.provenance, one.licence):
+                one = replace(one, provenance=provenance, licence=licence)
             if one.name not in classes:
                 classes[one.name] = one
             elif clash == "both":
                 classes[one.name] = _side_by_side(classes[one.name], one)
-    provenance = _unite(library.provenance for library in libraries)
-    licence = _unite(library.licence for library in libraries)
+    origin: dict[str, Any] = {
+        "provenance": _unite(library.provenance for library in libraries),
+        "licence": _unite(library.licence for library in libraries),
+    }
+    trained = {one.training and replace(one.training, **origin) for one in libraries}
     return ClassLibrary(
         tuple(classes.values()),
         first.feature_set,
-        provenance,
-        licence,
-        _common_training(libraries, provenance, licence),
-        _common_scoring(libraries),
+        **origin,
+        # Of such as were trained alike only.
+        training=trained.pop() if len(trained) == 1 else None,
+        scoring=_common_scoring(libraries),
     )
-
-
-def _with_origin(library: ClassLibrary, motion_class: MotionClass) -> MotionClass:
-    """The class with the library's provenance and licence, unless it has its own."""
-    provenance = motion_class.provenance or library.provenance
-    licence = motion_class.licence or library.licence
-    if (provenance, licence) == (motion_class.provenance, motion_class.licence):
-        return motion_class
-    return replace(motion_class, provenance=provenance, licence=licence)
 
 
 def find_clashes(libraries: Sequence[ClassLibrary]) -> list[str]:
@@ -198,11 +207,8 @@ def _side_by_side(first: MotionClass, second: MotionClass) -> MotionClass:
     taken = {one.name for one in first.prototypes}
     names: dict[str, str] = {}
     for one in second.prototypes:
-        name, number = one.name, 2
-        while name in taken:
-            name, number = f"{one.name}-{number}", number + 1
-        taken.add(name)
-        names[one.name] = name
+        names[one.name] = next(name for name in number_names(one.name) if name not in taken)
+        taken.add(names[one.name])
     added = [
         replace(one, name=names[one.name], mirror_of=names.get(one.mirror_of, ""))
         for one in second.prototypes
@@ -213,17 +219,6 @@ def _side_by_side(first: MotionClass, second: MotionClass) -> MotionClass:
         provenance=_unite((first.provenance, second.provenance)),
         licence=_unite((first.licence, second.licence)),
     )
-
-
-def _common_training(
-    libraries: Sequence[ClassLibrary], provenance: str, licence: str
-) -> TrainingOptions | None:
-    """Options that all libraries were trained with; None if they differ."""
-    options = {
-        one.training and replace(one.training, provenance=provenance, licence=licence)
-        for one in libraries
-    }
-    return options.pop() if len(options) == 1 else None
 
 
 def _common_scoring(libraries: Sequence[ClassLibrary]) -> Scoring | None:
@@ -250,14 +245,57 @@ def mirror_prototype(
     return Prototype(called, template, queries, original.votes, mirror_of=original.name)
 
 
-def rename_prototype(prototypes: Sequence[Prototype], old: str, new: str) -> tuple[Prototype, ...]:
-    """Prototypes of a class of which one, and its mirror image, have another name."""
-    renamed = []
-    for one in prototypes:
-        if one.name == old:
-            one = replace(one, name=new)
-        elif one.mirror_of == old:
-            called = new + _MIRRORED if one.name == old + _MIRRORED else one.name
-            one = replace(one, name=called, mirror_of=new)
-        renamed.append(one)
-    return tuple(renamed)
+# -- the library that ships --------------------------------------------------------------
+
+
+@cache
+def load_everyday() -> ClassLibrary:
+    """The library of everyday motion; each class says where it comes from."""
+    return load_parts(Path(__file__).parents[2] / "libraries")
+
+
+def load_parts(home: Path) -> ClassLibrary:
+    """One calibrated library of both folders, wherever they lie.
+
+    Raises
+    ------
+    UnreadableFile
+        As `load_library`.
+    """
+    whole = merge_libraries([load_library(home / one) for one in _FOLDERS], clash="both")
+    content = tomllib.loads((home / _FOLDERS[1] / CALIBRATION).read_text("utf-8"))
+    levels = content["false_levels"]
+    classes = tuple(replace(one, false_level=levels[one.name]) for one in whole)
+    scoring = whole.scoring and replace(
+        whole.scoring, false_slope=content["false_slope"], probability=content["probability"]
+    )
+    return replace(whole, classes=classes, scoring=scoring)
+
+
+def write_calibration(whole: ClassLibrary, path: Path) -> None:
+    """Write what `load_parts` reads beside the two folders."""
+    scoring = whole.scoring
+    if scoring is None or scoring.probability is None:
+        raise InvalidInput("the library is not calibrated")
+    lines = [
+        "# False labels a minute, and how probably a label is right, of both folders together.",
+        f"false_slope = {scoring.false_slope}",
+        f"probability = {list(scoring.probability)}",
+    ]
+    lines += ["", "[false_levels]", *(f'"{one.name}" = {one.false_level}' for one in whole)]
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def open_library(folder: str | Path) -> ClassLibrary:
+    """A library by its folder, or the one that ships by its name.
+
+    A folder of that name that is a library comes first.
+
+    Raises
+    ------
+    UnreadableFile
+        As `load_library`.
+    """
+    if str(folder) == EVERYDAY and not (Path(folder) / INDEX).exists():
+        return load_everyday()
+    return load_library(folder)

@@ -18,7 +18,6 @@ from motionary.models.library.advice import advise
 from motionary.models.library.assignment import measure_false_rates
 from motionary.models.library.calibration import apply_calibrations, calibrate_thresholds
 from motionary.models.library.classes import TrainingOptions
-from motionary.models.library.cross_validation import N_FOLDS
 from motionary.models.library.examples import (
     ReadExamples,
     Recordings,
@@ -31,6 +30,7 @@ from motionary.models.library.examples import (
 from motionary.models.library.scoring import scoring_for
 from motionary.models.library.storage import ClassLibrary
 from motionary.models.library.training import (
+    N_FOLDS,
     Examples,
     choose_queries,
     find_feature_set,

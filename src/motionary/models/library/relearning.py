@@ -113,7 +113,8 @@ def edit_class(
         called, changed = edit.rename, rename_class(changed, name, edit.rename)
     if edit.join is not None and edit.threshold is None and _is_calibrated(library[name]):
         changed = _calibrate_again(changed, [called], jobs=jobs, monitor=monitor)
-    return EditedLibrary(changed, called, _has_lost_queries(library, name, changed[called]))
+    had = name in library.names and _has_queries(library[name])
+    return EditedLibrary(changed, called, had and not _has_queries(changed[called]))
 
 
 def add_examples(
@@ -136,12 +137,9 @@ def add_examples(
 
     Parameters
     ----------
-    library : classes
-    name : of the class that learns
     examples : packed features of the library's feature set
     prototype : which of the class's templates learns; needed if it is not clear
-    jobs : processes
-    monitor : told what happens
+    jobs, monitor : processes; told what happens
 
     Raises
     ------
@@ -188,7 +186,6 @@ def learn_beside(
 
     Parameters
     ----------
-    library : classes
     examples : class -> prototype that learns -> packed features, on the prototype's side
     jobs, monitor : as in `add_examples`
 
@@ -237,23 +234,18 @@ def join_classes(
 
     After Müller and Röder (2006), figure 5 (c). Learned from the examples of both if both
     keep theirs, else from the two templates. The threshold is the mean of both, by their
-    examples.
-
-    Parameters
-    ----------
-    library : classes
-    first, second : names of classes with one template each, mirror images aside
-    name : of the class that takes the place of the first; the first's by default
+    examples. The class takes the place of the first, and its name unless one is given.
 
     Raises
     ------
     InvalidInput
-        If there are no such classes, they are one, or one has several templates.
+        If there are no such classes, they are one, or one has several templates, mirror
+        images aside.
     """
     if first == second:
         raise InvalidInput(f"joining needs two classes, got {first!r} twice")
     classes = (library[first], library[second])
-    one, other = (_only_prototype(c) for c in classes)
+    one, other = map(_only_prototype, classes)
     called = first if name is None else name
     if one.keeps_examples and other.keeps_examples:
         joined = learn_prototype(called, (*one.examples, *other.examples), keep_examples=True)
@@ -327,9 +319,8 @@ def _take_text(library: ClassLibrary, name: str, edit: ClassEdit) -> ClassLibrar
     return replace_template(library, name, revised, prototype=edit.template)
 
 
-def _has_lost_queries(before: ClassLibrary, name: str, after: MotionClass) -> bool:
-    had = name in before.names and any(one.queries for one in before[name].prototypes)
-    return had and not any(one.queries for one in after.prototypes)
+def _has_queries(motion_class: MotionClass) -> bool:
+    return any(one.queries for one in motion_class.prototypes)
 
 
 def _learn_more(old: Prototype, new: Sequence[FeatureSequence], *, fold: bool) -> Prototype:

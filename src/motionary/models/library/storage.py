@@ -13,7 +13,7 @@ import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +35,12 @@ from motionary.models.library.classes import (
     TrainingOptions,
     describe_prototypes,
 )
-from motionary.models.library.scoring import Scoring, describe_scoring, read_scoring
+from motionary.models.library.scoring import Scoring
 from motionary.models.library.toml_tables import (
     Keys,
     check_keys,
     format_line,
+    is_number,
     read_document,
     read_toml,
     refuse,
@@ -62,6 +63,8 @@ _TRAINING_KEYS: Keys = {
     "keep_examples": bool, "calibrate": bool, "groups": str, "fold_sides": bool, "queries": str,
     "query_runs": int, "per_group": bool,
 }  # fmt: skip
+_SCORING_KEYS: Keys = {"corpus": list, "threshold": float, "look_ahead_s": float}
+_OPTIONAL_KEYS: Keys = {"false_slope": float, "probability": list}
 _VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
 
 
@@ -103,16 +106,14 @@ class ClassLibrary(Tabular):
 
     def list_rows(self) -> Table:
         """A row for each template, by class."""
-        rows = [
-            row
-            | {
+        rows: list[dict[str, Any]] = []
+        for one in self:
+            origin = {
                 "feature_set": self.feature_set.name,
                 "provenance": one.provenance or self.provenance,
                 "licence": one.licence or self.licence,
             }
-            for one in self
-            for row in describe_prototypes(one)
-        ]
+            rows += (row | origin for row in describe_prototypes(one))
         return Table(tuple(rows[0]) if rows else (), [tuple(row.values()) for row in rows])
 
     def __iter__(self) -> Iterator[MotionClass]:
@@ -159,9 +160,14 @@ class ClassLibrary(Tabular):
 
 
 def _save(library: ClassLibrary, folder: Path) -> None:
-    _check_name(library.feature_set)
+    feature_set = library.feature_set
+    if known_sets().get(feature_set.name, feature_set) != feature_set:
+        raise InvalidInput(
+            f"the feature set {feature_set.name!r} is not the one of that name that comes with "
+            "motionary; give yours another name"
+        )
     _check_target(folder)
-    before = _read_stems(folder, library.feature_set)
+    before = _read_stems(folder, feature_set)
     stems = choose_stems(
         library.names,
         kept={name: before[name] for name in library.names if name in before},
@@ -172,18 +178,10 @@ def _save(library: ClassLibrary, folder: Path) -> None:
         _write_index(library, {}, folder)
     written = {folder / INDEX}
     for motion_class in library:
-        written |= write_class(motion_class, folder, stems[motion_class.name], library.feature_set)
+        written |= write_class(motion_class, folder, stems[motion_class.name], feature_set)
     _write_index(library, stems, folder)
     _remove_stale(folder, {*before.values(), *stems.values()}, kept=written)
     remove_leftovers(folder, written)
-
-
-def _check_name(feature_set: FeatureSet) -> None:
-    if known_sets().get(feature_set.name, feature_set) != feature_set:
-        raise InvalidInput(
-            f"the feature set {feature_set.name!r} is not the one of that name that comes with "
-            "motionary; give yours another name"
-        )
 
 
 def _check_target(folder: Path) -> None:
@@ -212,15 +210,15 @@ def _read_stems(folder: Path, feature_set: FeatureSet) -> dict[str, str]:
 
 def _stems_of_others(folder: Path) -> set[str]:
     """Tables beside the classes' that a class must not replace."""
-    return {path.stem for path in folder.glob("*.toml") if not _is_class(path)}
-
-
-def _is_class(path: Path) -> bool:
-    try:
-        content = tomllib.loads(read_bytes(path).decode("utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return False
-    return content.keys() >= CLASS_KEYS.keys()
+    stems = set()
+    for path in folder.glob("*.toml"):
+        try:
+            keys = tomllib.loads(read_bytes(path).decode("utf-8")).keys()
+        except (OSError, ValueError, RecursionError):
+            keys = {}.keys()
+        if not keys >= CLASS_KEYS.keys():
+            stems.add(path.stem)
+    return stems
 
 
 def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) -> None:
@@ -240,7 +238,8 @@ def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) 
     own_set = library.feature_set.name not in known_sets()
     rows = describe_set(library.feature_set) if own_set else ()
     tables = {
-        "training": _describe_training(library), "scoring": describe_scoring(library.scoring),
+        "training": _to_table(library.training, _TRAINING_KEYS),
+        "scoring": _to_table(library.scoring, {**_SCORING_KEYS, **_OPTIONAL_KEYS}),
         "classes": stems, "relations": rows,
     }  # fmt: skip
     for key, table in tables.items():
@@ -248,12 +247,14 @@ def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) 
     write_document(folder / INDEX, document)
 
 
-def _describe_training(library: ClassLibrary) -> dict[str, Any]:
-    """What the library remembers of its training, by the keys of the file."""
-    if library.training is None:
-        return {}
-    options = asdict(library.training)
-    return {key: options[key] for key in _TRAINING_KEYS if options[key] is not None}
+def _to_table(settings: TrainingOptions | Scoring | None, keys: Keys) -> dict[str, Any]:
+    """What the library remembers of its training or scores, by the keys of the file."""
+    values = {key: getattr(settings, key, None) for key in keys}
+    return {
+        key: list(value) if isinstance(value, tuple) else value
+        for key, value in values.items()
+        if value is not None
+    }
 
 
 def _replace_table(document: Any, key: str, content: Any, *, required: bool) -> None:
@@ -310,7 +311,7 @@ def load_library(folder: str | Path, *, feature_sets: Sequence[FeatureSet] = ())
         )
     feature_set = _find_feature_set(path, index, feature_sets)
     training = _read_training(path, index)
-    scoring = read_scoring(path, index)
+    scoring = _read_scoring(path, index)
     classes = []
     for name, stem in index["classes"].items():
         if not isinstance(stem, str) or Path(stem).name != stem:
@@ -342,6 +343,22 @@ def _read_training(path: Path, index: dict[str, Any]) -> TrainingOptions | None:
         raise refuse_value(path, ("training",), error) from error
 
 
+def _read_scoring(path: Path, index: dict[str, Any]) -> Scoring | None:
+    """What a library says of scores; None in one from before there were any."""
+    if "scoring" not in index:
+        return None
+    content, place = index["scoring"], ("scoring",)
+    check_keys(path, content, _SCORING_KEYS, optional=_OPTIONAL_KEYS, place=place)
+    for key in ("corpus", "probability"):
+        if not all(map(is_number, content.get(key, ()))):
+            raise refuse(path, (*place, key), "must be a list of numbers")
+    present = content.keys() & {*_SCORING_KEYS, *_OPTIONAL_KEYS}
+    try:
+        return Scoring(**{key: content[key] for key in present})
+    except InvalidInput as error:
+        raise refuse_value(path, place, error) from error
+
+
 def _pair_mirrors(motion_class: MotionClass, feature_set: FeatureSet) -> MotionClass:
     """The class, with the templates named that are to the bit mirror images of others."""
     paired: list[Prototype] = []
@@ -357,10 +374,15 @@ def _pair_mirrors(motion_class: MotionClass, feature_set: FeatureSet) -> MotionC
 
 
 def _find_feature_set(path: Path, index: dict[str, Any], given: Sequence[FeatureSet]) -> FeatureSet:
-    name, ids = index["feature_set"], tuple(index["features"])
+    name, rows = index["feature_set"], index.get("relations")
     sets = {**known_sets(), **{one.name: one for one in given}}
-    if "relations" in index and name not in sets:
-        sets[name] = _read_features(path, name, index["relations"])
+    if rows is not None and name not in sets:
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise refuse(path, ("relations",), "must be tables of features")
+        try:
+            sets[name] = set_from_rows(name, rows)
+        except InvalidInput as error:
+            raise UnreadableFile(f"relations: {error}", file=path) from error
     found = sets.get(name)
     if found is None:
         raise refuse(
@@ -369,15 +391,6 @@ def _find_feature_set(path: Path, index: dict[str, Any], given: Sequence[Feature
             f"{name!r} is not known; known are {', '.join(sets)}; "
             "sets of one's own are passed as feature_sets=",
         )
-    if ids != found.ids:
+    if tuple(index["features"]) != found.ids:
         raise refuse(path, ("features",), f"are not those of {name!r}; learn it again")
     return found
-
-
-def _read_features(path: Path, name: str, rows: Any) -> FeatureSet:
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise refuse(path, ("relations",), "must be tables of features")
-    try:
-        return set_from_rows(name, rows)
-    except InvalidInput as error:
-        raise UnreadableFile(f"relations: {error}", file=path) from error

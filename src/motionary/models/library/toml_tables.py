@@ -7,6 +7,7 @@ import difflib
 import tomllib
 from collections.abc import Iterable, Mapping, MutableMapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile, describe_cause
@@ -57,12 +58,21 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not abs(value) > _MOST
 
 
-def check_keys(path: Path, content: Any, keys: Keys, *, place: Place = ()) -> None:
+def check_keys(
+    path: Path,
+    content: Any,
+    keys: Keys,
+    *,
+    optional: Keys = MappingProxyType({}),
+    place: Place = (),
+) -> None:
     """Raise UnreadableFile unless a table has these keys; whole numbers pass as numbers."""
     if not isinstance(content, dict):
         raise refuse(path, place, f"must be a table, got {content!r}")
-    for key, kind in keys.items():
+    for key, kind in (*keys.items(), *optional.items()):
         if key not in content:
+            if key in optional:
+                continue
             raise _missing(path, key, content, place)
         value = content[key]
         if kind is float and type(value) is int and is_number(value):

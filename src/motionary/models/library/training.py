@@ -1,4 +1,4 @@
-"""Classes and their keyframe queries, learned from the packed features of examples.
+"""Classes, their keyframe queries, and folds, from the packed features of examples.
 
 Each prototype becomes a template of its own, after Müller and Röder (2006); classes share
 the background of frames that tells which features rarely hold. Queries come from the examples
@@ -9,48 +9,39 @@ around their hits only.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, match_names
-from motionary.matching import concatenate, feature_prior
-from motionary.models.keyframes import (
-    ChoiceSettings,
-    KeyframeQuery,
-    choose_query,
-    columns_of_query,
-    mirror_query,
-    template_of_query,
-)
-from motionary.models.library.classes import THRESHOLD, MotionClass, Prototype, TrainingOptions
+from motionary.models.keyframes import ChoiceSettings, choose_query, mirror_query
+from motionary.models.library.classes import MotionClass, Prototype, TrainingOptions
 from motionary.models.library.editing import mirror_prototype
 from motionary.models.library.examples import fold_sides
-from motionary.models.library.scoring import Scoring, mix_prior, scoring_for
-from motionary.models.library.storage import ClassLibrary
-from motionary.models.query_learning import (
-    RUNS,
-    GeneticSettings,
-    LearnedQueries,
-    default_votes,
-    learn_runs,
-    state_problem,
+from motionary.models.library.scoring import (
+    Scoring,
+    as_prior,
+    measure_fractions,
+    mix_prior,
+    scoring_for,
 )
-from motionary.models.templates import Learning, MotionTemplate, learn_template
-from motionary.packing import full_mask
+from motionary.models.library.storage import ClassLibrary
+from motionary.models.query_learning import RUNS, GeneticSettings, learn_query
+from motionary.models.templates import Learning, template_of
 
 #: Packed features of examples: class -> prototype -> examples.
 Examples = Mapping[str, Mapping[str, Sequence[FeatureSequence]]]
 
-_FREE = 0.5
+#: Groups, or examples without groups, are dealt into so many folds at most.
+N_FOLDS = 5
+
 #: What a single example shows by chance, a keyframe would ask of everybody.
 _LEAST_EXAMPLES = 2
 #: Keeps most of what templates find of those settings that leave at most 15 % of the frames:
 #: docs/evidence/keyframe_choice.md, "Which settings".
 _CHOOSING = ChoiceSettings(frames_left=0.05)
-#: A prototype with queries: of itself, its examples, and counter-examples.
+#: A prototype with queries, of itself, its examples, and counter-examples.
 _Query = Callable[[Prototype, Sequence[FeatureSequence], Sequence[FeatureSequence]], Prototype]
 
 
@@ -112,10 +103,7 @@ def learn_class(
 ) -> MotionClass:
     """One class from the packed features of its examples, by prototype.
 
-    Raises
-    ------
-    InvalidInput
-        If a prototype has no example, or its examples have nothing in common.
+    Raises InvalidInput if a prototype has no example, or its examples have nothing in common.
     """
     keep = training.keep_examples
     learned: list[Prototype] = []
@@ -144,12 +132,8 @@ def measure_background(examples: Examples, *, training: TrainingOptions) -> tupl
     if not sequences or not training.by_self_information:
         return ()
     feature_set = find_feature_set(examples)
-    packed, known = [s.packed for s in sequences], [s.known for s in sequences]
-    corpus = concatenate(packed, known, full=full_mask(1, len(feature_set))[0])
-    ones = feature_prior(corpus, len(feature_set))
-    if training.mirror:
-        ones = (ones + ones[feature_set.mirror_order]) / 2
-    return tuple(round(float(fraction), 6) for fraction in np.clip(ones, 1e-6, 1 - 1e-6))
+    fractions = measure_fractions(sequences, feature_set)
+    return as_prior(fractions, feature_set, mirror=training.mirror)
 
 
 def learn_prototype(
@@ -159,25 +143,11 @@ def learn_prototype(
     learning: Learning | None = None,
     keep_examples: bool = False,
 ) -> Prototype:
-    """One template of a class, from the packed features of its examples.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no example.
-    """
+    """One template of a class, from the packed features of its examples, at least one."""
     if not examples:
         raise InvalidInput(f"class {name!r} needs at least one example, got none")
-    feature_set = examples[0].feature_set
-    every = all(bool(e.known_features.all()) for e in examples)
-    template = learn_template(
-        [e.features for e in examples],
-        known=None if every else [e.known_features.astype(np.bool_) for e in examples],
-        feature_names=feature_set.ids,
-        feature_set=feature_set.name,
-        provenance=f"learned from {len(examples)} recording{'s' if len(examples) > 1 else ''}",
-        learning=learning,
-    )
+    origin = f"learned from {len(examples)} recording{'s' if len(examples) > 1 else ''}"
+    template = template_of(examples, provenance=origin, learning=learning)
     return Prototype(name, template, examples=tuple(examples) if keep_examples else ())
 
 
@@ -193,34 +163,102 @@ def learn_groups(
     return [learn_prototype(f"{name}, {group}", own) for group, own in by_group.items()]
 
 
-def name_groups(examples: Sequence[FeatureSequence], groups: str) -> list[str]:
-    """Group of each example, as a regular expression finds it in the example's name.
-
-    Raises
-    ------
-    InvalidInput
-        If the expression is none, or matches nothing in a name.
-    """
-    return match_names([item.source for item in examples], groups, each="example", has="group")
-
-
 def list_sequences(examples: Examples) -> list[FeatureSequence]:
     """All examples, class by class."""
     return [item for of_class in examples.values() for items in of_class.values() for item in items]
 
 
 def find_feature_set(examples: Examples) -> FeatureSet:
-    """The one feature set that all examples have.
-
-    Raises
-    ------
-    InvalidInput
-        If they have several.
-    """
+    """The one feature set that all examples have; several are refused."""
     sets = {item.feature_set.name: item.feature_set for item in list_sequences(examples)}
     if len(sets) > 1:
         raise InvalidInput(f"examples must share one feature set, got {', '.join(sorted(sets))}")
     return next(iter(sets.values()), FULL_BODY)
+
+
+# -- folds ------------------------------------------------------------------------------
+
+
+class Fold(NamedTuple):
+    """Examples to learn from, and others, by class, to try what was learned."""
+
+    learned: Examples
+    held_out: Sequence[tuple[str, FeatureSequence]]
+
+
+def make_folds(examples: Examples, *, groups: str | None, seed: int) -> list[Fold]:
+    """Folds in which every example is held out once, but for lone ones of a prototype.
+
+    Examples of one group are held out together; of one fold nothing can be learned, so there
+    are at least two, or none.
+
+    Raises
+    ------
+    InvalidInput
+        If `groups` is no expression, matches some example nowhere, or puts all into one group.
+    """
+    items = [
+        (name, prototype, item)
+        for name, prototypes in examples.items()
+        for prototype, of_prototype in prototypes.items()
+        for item in of_prototype
+    ]
+    rng = np.random.default_rng(seed)
+    keys = _find_groups([item for *_, item in items], groups)
+    fold_of = _deal_groups(keys, rng) if keys else _deal(items, rng)
+    folds = []
+    for fold in range(N_FOLDS):
+        learned: dict[str, dict[str, list[FeatureSequence]]] = {}
+        held_out = []
+        for (name, prototype, item), own in zip(items, fold_of, strict=True):
+            if own == fold:
+                held_out.append((name, item))
+            else:
+                learned.setdefault(name, {}).setdefault(prototype, []).append(item)
+        # What was not learned is not to be found.
+        folds.append(Fold(learned, [held for held in held_out if held[0] in learned]))
+    return [one for one in folds if one.held_out]
+
+
+def _find_groups(examples: Sequence[FeatureSequence], groups: str | None) -> list[str]:
+    """Group of each example, by its name or its person; none where people are not known."""
+    if not groups:
+        people = [item.recording.person for item in examples]
+        return people if all(people) and len(set(people)) > 1 else []
+    keys = name_groups(examples, groups)
+    if len(set(keys)) == 1:
+        raise InvalidInput(
+            f"groups {groups!r} puts all examples into one group, {keys[0]!r}, and none can be "
+            "held out; write an expression that tells them apart, or leave it out"
+        )
+    return keys
+
+
+def _deal_groups(keys: Sequence[str], rng: np.random.Generator) -> Sequence[int | None]:
+    """Folds of examples, those of one group together."""
+    names = sorted(set(keys))
+    order = rng.permutation(len(names))
+    parts = {names[k]: place % N_FOLDS for place, k in enumerate(order)}
+    return [parts[key] for key in keys]
+
+
+def _deal(
+    items: Sequence[tuple[str, str, FeatureSequence]], rng: np.random.Generator
+) -> list[int | None]:
+    """Folds of examples, those of each prototype spread evenly; a lone one is in none."""
+    places: dict[tuple[str, str], list[int]] = {}
+    for i, (name, prototype, _) in enumerate(items):
+        places.setdefault((name, prototype), []).append(i)
+    fold_of: list[int | None] = [None] * len(items)
+    dealt = [i for own in places.values() if len(own) > 1 for i in rng.permutation(own)]
+    for n, i in enumerate(dealt):
+        fold_of[i] = n % N_FOLDS
+    return fold_of
+
+
+def name_groups(examples: Sequence[FeatureSequence], groups: str) -> list[str]:
+    """Group of each example, as a regular expression finds it in the example's name."""
+    return match_names([item.source for item in examples], groups, each="example", has="group")
 
 
 # -- queries ------------------------------------------------------------------------------
@@ -256,12 +294,20 @@ def learn_queries(
     Parameters
     ----------
     library : learned from the examples
-    examples : class -> prototype -> packed features
     settings, seed, runs, jobs : as in `learn_query`
     on_done : called after each class
     """
-    query = partial(_learn, settings=settings, seed=seed, runs=runs, jobs=jobs)
-    return _query_all(library, examples, query, on_done)
+
+    def learn(
+        prototype: Prototype, own: Sequence[FeatureSequence], others: Sequence[FeatureSequence]
+    ) -> Prototype:
+        learned = learn_query(
+            own, others, settings=settings, seed=seed, template=prototype.template,
+            runs=runs, jobs=jobs,
+        )  # fmt: skip
+        return replace(prototype, queries=learned.queries, votes=learned.votes)
+
+    return _query_all(library, examples, learn, on_done)
 
 
 def choose_queries(
@@ -273,17 +319,23 @@ def choose_queries(
 ) -> QueriedLibrary:
     """The library with a query of chosen keyframes for every prototype in `examples`.
 
-    A prototype that is the mirror image of another gets that one's query, mirrored. What
-    chosen keyframes keep and leave: docs/evidence/keyframe_choice.md.
-
-    Parameters
-    ----------
-    library : learned from the examples
-    examples : class -> prototype -> packed features
-    settings : as in `choose_query`; by default 5 % of the counter-examples may be left
-    on_done : called after each class
+    Mirror images and `on_done` as in `learn_queries`; `settings` as in `choose_query`, by
+    default 5 % of the counter-examples may be left. What chosen keyframes keep and leave:
+    docs/evidence/keyframe_choice.md.
     """
-    return _query_all(library, examples, partial(_choose, settings=settings), on_done)
+
+    def choose(
+        prototype: Prototype, own: Sequence[FeatureSequence], others: Sequence[FeatureSequence]
+    ) -> Prototype:
+        if len(own) < _LEAST_EXAMPLES:
+            raise InvalidInput(
+                f"choosing keyframes needs at least {_LEAST_EXAMPLES} examples, got {len(own)}; "
+                "give more, of different people if possible"
+            )
+        chosen = choose_query(prototype.template, own, others, settings=settings)
+        return replace(prototype, queries=(chosen.query,), votes=1)
+
+    return _query_all(library, examples, choose, on_done)
 
 
 def _query_all(
@@ -294,10 +346,7 @@ def _query_all(
 ) -> QueriedLibrary:
     classes, without = [], {}
     for motion_class in library:
-        others = {
-            name: of_class for name, of_class in examples.items() if name != motion_class.name
-        }
-        negatives = list_sequences(others)
+        negatives = list_sequences({n: x for n, x in examples.items() if n != motion_class.name})
         queried: dict[str, Prototype] = {}
         for prototype in motion_class.prototypes:
             name = prototype.name
@@ -315,72 +364,3 @@ def _query_all(
         if on_done:
             on_done()
     return QueriedLibrary(replace(library, classes=tuple(classes)), without)
-
-
-def _learn(
-    prototype: Prototype,
-    positives: Sequence[FeatureSequence],
-    negatives: Sequence[FeatureSequence],
-    *,
-    settings: GeneticSettings | None,
-    seed: int,
-    runs: int,
-    jobs: int,
-) -> Prototype:
-    """The prototype with queries that tell its examples from others."""
-    problem = state_problem(
-        positives, negatives, settings=settings, seed=seed, template=prototype.template
-    )
-    done = tuple(learn_runs(problem, range(runs), jobs=jobs))
-    learned = LearnedQueries(problem, done, votes=default_votes(runs))
-    return replace(prototype, queries=learned.queries, votes=learned.votes)
-
-
-def _choose(
-    prototype: Prototype,
-    positives: Sequence[FeatureSequence],
-    negatives: Sequence[FeatureSequence],
-    *,
-    settings: ChoiceSettings,
-) -> Prototype:
-    """The prototype with the query that finds its examples and leaves little of others."""
-    if len(positives) < _LEAST_EXAMPLES:
-        raise InvalidInput(
-            f"choosing keyframes needs at least {_LEAST_EXAMPLES} examples, got {len(positives)}; "
-            "give more, of different people if possible"
-        )
-    chosen = choose_query(prototype.template, positives, negatives, settings=settings)
-    return replace(prototype, queries=(chosen.query,), votes=1)
-
-
-def class_of_query(name: str, query: KeyframeQuery, *, threshold: float = THRESHOLD) -> MotionClass:
-    """Class that is shown wherever a query has a hit.
-
-    Its template has the keyframes as columns and is free in between, so that within the
-    windows around their hits it costs nothing where they keep their distances, up to half
-    and twice the tempo.
-
-    Parameters
-    ----------
-    name : of the class
-    query : its keyframes
-    threshold : largest cost of a match
-
-    Raises
-    ------
-    InvalidInput
-        If keyframes of one frame contradict each other, or the name is empty.
-    """
-    quantised = template_of_query(query)
-    template = MotionTemplate(
-        np.where(quantised.fixed, quantised.values, _FREE),
-        quantised.weights,
-        quantised.feature_names,
-        quantised.feature_set,
-        provenance="keyframes",
-    )
-    placed = KeyframeQuery(
-        query.values, query.fixed, query.gaps, query.feature_set, query.feature_ids,
-        tuple(columns_of_query(query)),
-    )  # fmt: skip
-    return MotionClass(name, (Prototype(name, template, (placed,)),), threshold)

@@ -1,8 +1,6 @@
 """Fitness of individuals: clips that they retrieve, and varied copies of the clips.
 
 The fitness is the weighted F-measure of the retrieved clips (Baak 2012, eqs 4.9 to 4.11).
-With groups, such as actors, the recall is that of the group that it serves worst, or the
-mean over groups: what fails for one known actor will fail for an unknown one.
 
 A clip counts once, whatever its hits (Algorithm 3): only whether there is a hit is asked,
 and of all clips at once. A bitmap over the frames of all clips is one Python integer: at
@@ -18,7 +16,7 @@ Nothing retrieved has precision 0, and so fitness 0.
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +28,6 @@ from motionary.models.query_learning.individuals import Individual
 from motionary.packing import pack
 from motionary.recording import Recording
 
-Across = Literal["pooled", "mean", "worst"]
 Bits = NDArray[np.bool_]
 
 #: Keyframes remembered; at 42 586 frames they take 25 MB.
@@ -51,62 +48,24 @@ def weighted_f(precision: float, recall: float, *, beta: float) -> float:
     return (1.0 + beta * beta) * precision * recall / weighted if weighted > 0.0 else 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Fitness:
-    """Fitness from retrieved clips, the positives before the negatives.
+class Fitness(NamedTuple):
+    """Fitness from retrieved clips, the positives before the negatives."""
 
-    Attributes
-    ----------
-    groups : array, shape (groups, positives), 0/1: members of each group; none if positives
-        are pooled
-    sizes : array, shape (groups,): number of members
-    n_positives : clips that are to be retrieved
-    beta : weight of recall
-    worst : whether recall is the least over groups; otherwise the mean
-    """
-
-    groups: NDArray[np.float64]
-    sizes: NDArray[np.float64]
     n_positives: int
     beta: float
-    worst: bool
 
     def score(self, retrieved: NDArray[np.bool_]) -> Score:
         """Fitness, precision and recall of retrieved clips, shape (clips,)."""
-        positives = retrieved[: self.n_positives]
-        n_right = np.count_nonzero(positives)
+        n_right = np.count_nonzero(retrieved[: self.n_positives])
         if n_right == 0:
             return Score(0.0, 0.0, 0.0)
         precision = float(n_right / np.count_nonzero(retrieved))
         recall = float(n_right / self.n_positives)
-        if len(self.groups):
-            recalls = self.groups @ positives / self.sizes
-            recall = float(recalls.min() if self.worst else recalls.mean())
         return Score(weighted_f(precision, recall, beta=self.beta), precision, recall)
 
 
-def fitness_of(groups: NDArray[np.intp], *, beta: float, across: Across = "pooled") -> Fitness:
-    """Fitness over positives of some groups, to be followed by negatives.
-
-    Parameters
-    ----------
-    groups : array, shape (positives,): number of the group of each
-    beta : weight of recall
-    across : whether recall is that of all positives, the mean over groups or the least
-    """
-    members = (groups == np.unique(groups)[:, None]).astype(np.float64)
-    if across == "pooled":
-        members = members[:0]
-    return Fitness(members, members.sum(axis=1), len(groups), beta, across == "worst")
-
-
 class Clips:
-    """Bitmaps of clips, and of the keyframes that were asked for.
-
-    Parameters
-    ----------
-    index : of the clips, each a sequence
-    """
+    """Bitmaps of the clips of an index, each a sequence, and of keyframes that were asked for."""
 
     def __init__(self, index: PostingIndex) -> None:
         self.n_clips = index.n_sequences
@@ -238,18 +197,7 @@ def augment_clip(
 def augment(
     features: Bits, known: Bits, augmentation: Augmentation, rng: np.random.Generator
 ) -> tuple[Bits, Bits]:
-    """A copy at another tempo, features shifted against each other.
-
-    Parameters
-    ----------
-    features, known : arrays, shape (frames, features)
-    augmentation : how much varies
-    rng : source of the variation
-
-    Returns
-    -------
-    features, known : arrays, shape (other frames, features); the ends are held
-    """
+    """Features and known ones of the copy, shape (other frames, features); the ends are held."""
     n_frames, n_features = features.shape
     speed = augmentation.tempo ** rng.uniform(-1.0, 1.0)
     n_copied = max(1, round(n_frames / speed))

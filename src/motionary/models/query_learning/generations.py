@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.models.query_learning.fitness import Across, Augmentation, Evaluator, Score
+from motionary.models.query_learning.fitness import Augmentation, Evaluator, Score
 from motionary.models.query_learning.individuals import (
     GenePool,
     Individual,
@@ -55,7 +55,6 @@ class GeneticSettings:
     parents : individuals selected from it; any two of them have an offspring
     generations : of one run
     beta : weight of recall in the fitness
-    across : recall is that of all positives ("pooled"), the mean over groups or the least
     parsimony : what each entry that is asked for costs in fitness
     simplify : whether the result loses all entries that it does not need, and its gaps
         become as wide as they may
@@ -66,7 +65,6 @@ class GeneticSettings:
     parents: int = 5
     generations: int = 100
     beta: float = 2.0
-    across: Across = "pooled"
     parsimony: float = 0.001
     simplify: bool = True
     augmentation: Augmentation = field(default_factory=Augmentation)
@@ -86,8 +84,6 @@ class GeneticSettings:
                 "the genetic algorithm needs a positive beta and a parsimony of at least 0, "
                 f"got {self.beta} and {self.parsimony}"
             )
-        if self.across not in ("pooled", "mean", "worst"):
-            raise InvalidInput(f"across must be 'pooled', 'mean' or 'worst', got {self.across!r}")
 
 
 #: The genetic algorithm as it is printed.
@@ -95,13 +91,7 @@ PUBLISHED = GeneticSettings(parsimony=0.0, simplify=False)
 
 
 class Reproduction(NamedTuple):
-    """Where individuals come from.
-
-    Attributes
-    ----------
-    create : one of the first generation
-    reproduce : offspring of selected parents
-    """
+    """Where individuals of the first generation and offspring of selected parents come from."""
 
     create: Create
     reproduce: Reproduce
@@ -155,7 +145,7 @@ def run_generations(
     for generation in range(settings.generations):
         population += [_rank(one, evaluator, settings) for one in offspring]
         # Stable: of equals the older stays.
-        population.sort(key=_by_rank)
+        population.sort(key=lambda one: -one.rank)
         del population[settings.population :]
         history.append(_mean_and_spread([one.score for one in population]))
         if verification is not None:
@@ -182,10 +172,6 @@ def _rank(individual: Individual, evaluator: Evaluator, settings: GeneticSetting
     score = evaluator(individual)
     cost = settings.parsimony * individual.n_fixed if settings.parsimony else 0.0
     return _Ranked(max(0.0, score.fitness - cost), individual, score)
-
-
-def _by_rank(one: _Ranked) -> float:
-    return -one.rank
 
 
 def _recombined(pool: GenePool, parents: Sequence[Individual], rng: Generator) -> list[Individual]:
@@ -217,11 +203,7 @@ def _mean_and_spread(scores: Sequence[Score]) -> NDArray[np.float64]:
 def sample_universally(fitness: Sequence[float], count: int, rng: Generator) -> list[int]:
     """Numbers of `count` individuals, ascending, each as often as its part of the fitness.
 
-    Parameters
-    ----------
-    fitness : at least 0; if all are 0, all have the same chance
-    count : pointers
-    rng : source of the one throw
+    Where all fitness is 0, all have the same chance; `rng` makes the one throw.
     """
     fractions = np.asarray(fitness, dtype=np.float64)
     if fractions.sum() <= 0.0:
@@ -237,11 +219,7 @@ def sample_universally(fitness: Sequence[float], count: int, rng: Generator) -> 
 def simplify(individual: Individual, evaluator: Evaluator, rng: Generator) -> Individual:
     """The individual without entries and bounds that its fitness does not need.
 
-    Parameters
-    ----------
-    individual : the fittest one
-    evaluator : of its examples
-    rng : decides which of several needless entries go first
+    Which of several needless entries go first, `rng` decides.
     """
     aim = evaluator(individual).fitness
     entries = [(k, bit) for k, fixed in enumerate(individual.fixed) for bit in bits(fixed)]
@@ -251,10 +229,14 @@ def simplify(individual: Individual, evaluator: Evaluator, rng: Generator) -> In
             individual = freed
     for step in _STEPS:
         for gap in range(len(individual.least)):
-            for widen in (_sooner, _later):
-                wider = widen(individual, gap, step)
-                if evaluator(wider).fitness >= aim:
-                    individual = wider
+            sooner = max(0, individual.least[gap] - step)
+            wider = individual._replace(least=put(individual.least, gap, sooner))
+            if evaluator(wider).fitness >= aim:
+                individual = wider
+            later = individual.most[gap] + step
+            wider = individual._replace(most=put(individual.most, gap, later))
+            if evaluator(wider).fitness >= aim:
+                individual = wider
     return without_free_keyframes(individual)
 
 
@@ -272,12 +254,3 @@ def without_free_keyframes(individual: Individual) -> Individual:
         else:
             k += 1
     return individual
-
-
-def _sooner(individual: Individual, gap: int, step: int) -> Individual:
-    least = max(0, individual.least[gap] - step)
-    return individual._replace(least=put(individual.least, gap, least))
-
-
-def _later(individual: Individual, gap: int, step: int) -> Individual:
-    return individual._replace(most=put(individual.most, gap, individual.most[gap] + step))

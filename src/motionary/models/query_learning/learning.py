@@ -25,7 +25,7 @@ from motionary.models.keyframes import (
     select_in_index,
 )
 from motionary.models.query_learning import RUNS
-from motionary.models.query_learning.fitness import Clips, Evaluator, augment_clip, fitness_of
+from motionary.models.query_learning.fitness import Clips, Evaluator, Fitness, augment_clip
 from motionary.models.query_learning.generations import (
     GeneticSettings,
     RunResult,
@@ -44,7 +44,7 @@ from motionary.models.query_learning.individuals import (
     gene_pool,
     to_query,
 )
-from motionary.models.templates import MotionTemplate, learn_template, quantise
+from motionary.models.templates import MotionTemplate, quantise, template_of
 
 #: Fraction of the queries that must agree.
 AGREEMENT = 0.6
@@ -61,7 +61,6 @@ class Problem:
     Attributes
     ----------
     positives, negatives : clips that show the class, and that do not
-    groups : array, shape (positives,): number of the group of each, such as its actor
     pool : columns of the strict template of the positives
     settings : of the genetic algorithm
     seed : of all runs
@@ -69,7 +68,6 @@ class Problem:
 
     positives: tuple[FeatureSequence, ...]
     negatives: tuple[FeatureSequence, ...]
-    groups: NDArray[np.intp]
     pool: GenePool
     settings: GeneticSettings
     seed: int
@@ -85,9 +83,7 @@ class Problem:
 
     def evaluator(self) -> Evaluator:
         """Scores on the examples."""
-        return clip_evaluator(
-            self.positives, self.negatives, groups=self.groups, settings=self.settings
-        )
+        return clip_evaluator(self.positives, self.negatives, settings=self.settings)
 
     def augmented_evaluator(self, rng: np.random.Generator) -> Evaluator:
         """Scores on the examples and varied copies of them."""
@@ -97,8 +93,7 @@ class Problem:
             positives += [augment_clip(clip, augmentation, rng) for clip in self.positives]
         for _ in range(augmentation.negative_copies):
             negatives += [augment_clip(clip, augmentation, rng) for clip in self.negatives]
-        groups = np.tile(self.groups, augmentation.copies + 1)
-        return clip_evaluator(positives, negatives, groups=groups, settings=self.settings)
+        return clip_evaluator(positives, negatives, settings=self.settings)
 
 
 def clip_evaluator(
@@ -106,11 +101,8 @@ def clip_evaluator(
     negatives: Sequence[FeatureSequence],
     *,
     settings: GeneticSettings,
-    groups: NDArray[np.intp] | None = None,
 ) -> Evaluator:
-    """Scores on clips; without groups all positives are one."""
-    if groups is None:
-        groups = np.zeros(len(positives), dtype=np.intp)
+    """Scores on clips."""
     clips = [*positives, *negatives]
     feature_set = positives[0].feature_set
     every = all(bool(clip.known_features.all()) for clip in clips)
@@ -120,7 +112,7 @@ def clip_evaluator(
         feature_set=feature_set.name,
         feature_ids=feature_set.ids,
     )
-    return Evaluator(Clips(index), fitness_of(groups, beta=settings.beta, across=settings.across))
+    return Evaluator(Clips(index), Fitness(len(positives), settings.beta))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,14 +145,8 @@ class LearnedQueries:
         return accumulate([run.best for run in self.runs], self.problem.pool)
 
     def search(self, index: PostingIndex) -> HitRanges:
-        """Windows in which the class may lie: hits with what the template has around them.
-
-        Parameters
-        ----------
-        index : of sequences, over the features of the examples
-        """
-        n_columns = len(self.problem.pool)
-        return select_in_index(self.queries, n_columns, index, votes=self.votes)
+        """Windows in which the class may lie: hits with what the template has around them."""
+        return select_in_index(self.queries, len(self.problem.pool), index, votes=self.votes)
 
     def sequences(self, index: PostingIndex) -> NDArray[np.int64]:
         """Sequences in which enough queries have a hit, ascending."""
@@ -175,8 +161,8 @@ def learn_query(
     negatives: Sequence[FeatureSequence],
     *,
     settings: GeneticSettings | None = None,
-    groups: Sequence[str] | None = None,
     seed: int = 0,
+    template: MotionTemplate | None = None,
     runs: int = RUNS,
     jobs: int = 1,
     on_done: Callable[[int], None] | None = None,
@@ -187,8 +173,8 @@ def learn_query(
     ----------
     positives, negatives : clips of the class, at least two, and of others
     settings : of the genetic algorithm; the default ones if left out
-    groups : of each positive, such as its actor; for settings that look across groups
     seed : same seed, same result
+    template : of the positives, if it is known already; learned otherwise
     runs : of the genetic algorithm; each gives a query
     jobs : processes; the result does not depend on it
     on_done : called with the number of each run that is done
@@ -201,7 +187,7 @@ def learn_query(
     """
     if runs < 1:
         raise InvalidInput(f"learning needs at least 1 run, got {runs}")
-    problem = state_problem(positives, negatives, settings=settings, groups=groups, seed=seed)
+    problem = state_problem(positives, negatives, settings=settings, seed=seed, template=template)
     done = tuple(learn_runs(problem, range(runs), jobs=jobs, on_done=on_done))
     return LearnedQueries(problem, done, votes=default_votes(runs))
 
@@ -229,29 +215,20 @@ def state_problem(
     negatives: Sequence[FeatureSequence],
     *,
     settings: GeneticSettings | None = None,
-    groups: Sequence[str] | None = None,
     seed: int = 0,
     template: MotionTemplate | None = None,
 ) -> Problem:
-    """Checked examples with the columns that queries are made of.
-
-    Parameters
-    ----------
-    template : of the positives, if it is known already; learned otherwise
-
-    Raises
-    ------
-    InvalidInput
-        As `learn_query`.
-    """
+    """Checked examples with the columns that queries are made of; otherwise as `learn_query`."""
     _check_examples(positives, negatives)
-    names = list(groups) if groups is not None else [""] * len(positives)
-    if len(names) != len(positives):
-        raise InvalidInput(f"{len(positives)} positives need as many groups, got {len(names)}")
-    numbers = np.unique(names, return_inverse=True)[1]
-    pool = _strict_pool(template or _learn_template(positives))
-    settings = settings or GeneticSettings()
-    return Problem(tuple(positives), tuple(negatives), numbers, pool, settings, seed)
+    template = template or template_of(positives)
+    strict = quantise(template, tolerance=0.0)
+    if strict.n_fixed == 0:
+        raise InvalidInput(
+            "the positives have no feature in common at any moment, so that no individual "
+            "can be made; split the class, or leave out examples that do not belong"
+        )
+    pool, settings = gene_pool(template, strict), settings or GeneticSettings()
+    return Problem(tuple(positives), tuple(negatives), pool, settings, seed)
 
 
 def learn_runs(
@@ -328,27 +305,6 @@ def _runs(
             best = simplify(run.best, problem.augmented_evaluator(rng), rng)
             run = run._replace(best=best, score=evaluator(best))
         yield run
-
-
-def _learn_template(positives: Sequence[FeatureSequence]) -> MotionTemplate:
-    feature_set = positives[0].feature_set
-    every = all(bool(clip.known_features.all()) for clip in positives)
-    return learn_template(
-        [clip.features for clip in positives],
-        known=None if every else [clip.known_features.view(np.bool_) for clip in positives],
-        feature_names=feature_set.ids,
-        feature_set=feature_set.name,
-    )
-
-
-def _strict_pool(template: MotionTemplate) -> GenePool:
-    strict = quantise(template, tolerance=0.0)
-    if strict.n_fixed == 0:
-        raise InvalidInput(
-            "the positives have no feature in common at any moment, so that no individual "
-            "can be made; split the class, or leave out examples that do not belong"
-        )
-    return gene_pool(template, strict)
 
 
 def _check_examples(

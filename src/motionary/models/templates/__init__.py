@@ -4,8 +4,16 @@ Learned from examples, shaped by hand, or written down.
 """
 
 from motionary.models.templates.alignment import PairCost, align_batched
-from motionary.models.templates.editing import Pause, concatenate, cut, fix, free, join, restrict
-from motionary.models.templates.learning import Learning, learn_template
+from motionary.models.templates.editing import (
+    Pause,
+    concatenate,
+    cut,
+    describe_template,
+    fix,
+    free,
+    restrict,
+)
+from motionary.models.templates.learning import Learning, join, learn_template, template_of
 from motionary.models.templates.template import (
     RATE_HZ,
     ROUNDING_SLACK,
@@ -28,6 +36,7 @@ __all__ = [
     "align_batched",
     "concatenate",
     "cut",
+    "describe_template",
     "fix",
     "free",
     "join",
@@ -38,5 +47,6 @@ __all__ = [
     "restrict",
     "revise_template",
     "template_from_text",
+    "template_of",
     "template_to_text",
 ]

@@ -1,8 +1,7 @@
-"""Templates edited by hand.
+"""Templates edited by hand, and described in a few lines.
 
 Class templates can be restricted to some features, loosened where they ask too much, and
-put together, without further examples: Müller and Röder (2006), section 5.4; two classes
-joined into one, figure 5 (c).
+put together, without further examples: Müller and Röder (2006), section 5.4.
 
 Conventions: times in seconds from the template's beginning, by its columns at 30 Hz;
 features by name or id; a free cell is 0.5. Templates come back new, never changed.
@@ -10,7 +9,6 @@ features by name or id; a free cell is 0.5. Templates come back new, never chang
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
@@ -18,15 +16,30 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSet, find_feature
-from motionary.models.templates.alignment import align_batched
-from motionary.models.templates.learning import Learning, Stack, repeat_passes
-from motionary.models.templates.parsing import count_columns, fit_columns, show_seconds
-from motionary.models.templates.template import MotionTemplate
-from motionary.models.templates.text import find_set
+from motionary.models.templates.template import (
+    MotionTemplate,
+    QuantisedTemplate,
+    check_same_features,
+    count_columns,
+    find_set,
+    fit_columns,
+    quantise,
+    show_seconds,
+)
+from motionary.recording import find_runs
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
 
 _FREE = 0.5
-#: Two templates are averaged as up to so many copies, in the ratio of their examples.
-_MOST_COPIES = 20
+# So many segments and names are described.
+_MOST_LINES = 8
+_MOST_NAMES = 6
+# Shorter than a tenth of a second says little.
+_SHORTEST_RUN = 3
+# Of a feature that is free in fewer columns, only the ends vary.
+_VARIES_FROM = 0.25
+_MOMENT_S = 0.15
 
 
 class Pause(NamedTuple):
@@ -122,44 +135,6 @@ def cut(
     return _changed(shorter, shorter.values, "cut by hand")
 
 
-def join(
-    first: MotionTemplate, second: MotionTemplate, *, learning: Learning | None = None
-) -> MotionTemplate:
-    """One template for two classes: what separates them becomes free.
-
-    Learned from the two templates as if they were examples, each with the weight of the
-    examples that it stands for, rounded to twentieths. Where the examples are at hand,
-    learn from all of them instead: `learn_template`.
-
-    Raises
-    ------
-    InvalidInput
-        If the templates are over different features.
-    """
-    _check_same_features([first, second])
-    n_examples = first.n_examples + second.n_examples
-    fraction = Fraction(first.n_examples, n_examples).limit_denominator(_MOST_COPIES)
-    fraction = min(max(fraction, Fraction(1, _MOST_COPIES)), 1 - Fraction(1, _MOST_COPIES))
-    copies = [first] * fraction.numerator + [second] * (fraction.denominator - fraction.numerator)
-    offsets = np.cumsum([0] + [t.n_columns for t in copies]).astype(np.intp)
-    stack = Stack(
-        np.concatenate([t.values for t in copies]),
-        np.concatenate([t.weights for t in copies]),
-        offsets,
-    )
-    stack = repeat_passes(stack, first.n_features, learning or Learning(), align_batched)
-    end = stack.offsets[1]
-    names = [t.provenance or "a template" for t in (first, second)]
-    return replace(
-        first,
-        values=stack.columns[:end],
-        weights=stack.weights[:end],
-        provenance=f"joined from: {names[0]}; {names[1]}",
-        n_examples=n_examples,
-        unmeasured=tuple(name for name in first.unmeasured if name in second.unmeasured),
-    )
-
-
 def concatenate(parts: Sequence[MotionTemplate | Pause]) -> MotionTemplate:
     """One template after the other, with pauses in which anything may happen.
 
@@ -176,7 +151,7 @@ def concatenate(parts: Sequence[MotionTemplate | Pause]) -> MotionTemplate:
     templates = [part for part in parts if isinstance(part, MotionTemplate)]
     if not templates:
         raise InvalidInput("concatenating needs at least one template, got none")
-    _check_same_features(templates)
+    check_same_features(templates)
     values, weights = [], []
     for part in parts:
         if isinstance(part, Pause):
@@ -217,18 +192,131 @@ def _part(template: MotionTemplate, start_s: float, end_s: float | None) -> slic
     return slice(start, stop)
 
 
-def _changed(template: MotionTemplate, values: NDArray[np.float64], how: str) -> MotionTemplate:
+def _changed(template: MotionTemplate, values: Floats, how: str) -> MotionTemplate:
     origin = template.provenance or "a template"
     provenance = origin if origin.endswith(how) else f"{origin}, {how}"
     return replace(template, values=values, provenance=provenance)
 
 
-def _check_same_features(templates: Sequence[MotionTemplate]) -> None:
-    first = templates[0]
-    for other in templates[1:]:
-        if (other.feature_set, other.feature_names) != (first.feature_set, first.feature_names):
-            raise InvalidInput(
-                f"templates need the same features to be put together, got "
-                f"{first.feature_set!r} ({first.n_features}) and {other.feature_set!r} "
-                f"({other.n_features}); learn both with one feature set"
+# -- descriptions -----------------------------------------------------------------------
+
+
+class _Run(NamedTuple):
+    """A phrase that holds from one second of a template to another."""
+
+    start_s: float
+    end_s: float
+    phrase: str
+
+    @property
+    def span(self) -> str:
+        return f"{self.start_s:.1f}–{self.end_s:.1f} s"
+
+
+def describe_template(
+    template: MotionTemplate, *, tolerance: float, feature_set: FeatureSet
+) -> list[str]:
+    """Lines that say what a template fixes and what it leaves open, few enough for a screen.
+
+    Times are seconds from the template's beginning, by the time its columns stand for.
+
+    Parameters
+    ----------
+    template : MotionTemplate
+    tolerance : as in `quantise`
+    feature_set : the features that the template's columns have
+    """
+    quantised = quantise(template, tolerance=tolerance)
+    edges = np.concatenate([[0.0], np.cumsum(template.weights)]) / template.rate_hz
+    lines = [
+        f"template: {template.provenance}; {template.duration_s:.1f} s, "
+        f"{100 * quantised.fraction_fixed:.0f} % of its cells are fixed"
+    ]
+    lines += _asked(quantised, edges, feature_set)
+    lines += _names("never", _never(quantised, feature_set))
+    known = np.array([name not in template.unmeasured for name in template.feature_names])
+    lines += _names("varies", _varying(~quantised.fixed & known, edges, feature_set))
+    names = [name for name, seen in zip(feature_set.names, known, strict=True) if not seen]
+    lines += _names("unknown", _say_once(names), " (measured in no example)")
+    return lines
+
+
+def _asked(template: QuantisedTemplate, edges: Floats, feature_set: FeatureSet) -> list[str]:
+    """The longest segments in which features must hold, in the order of time."""
+    wanted = template.values & template.fixed
+    runs = [
+        _Run(float(edges[first]), float(edges[stop]), name)
+        for name, column in zip(feature_set.names, wanted.T, strict=True)
+        for first, stop in find_runs(column)
+        if stop - first >= _SHORTEST_RUN
+    ]
+    joined = _join_sides(runs)
+    longest = sorted(joined, key=lambda r: r.start_s - r.end_s)[:_MOST_LINES]
+    lines = [f"{run.span}  {run.phrase}" for run in sorted(longest)]
+    if len(joined) > len(longest):
+        lines.append(f"and {len(joined) - len(longest)} shorter segments")
+    return _column("holds", lines)
+
+
+def _never(template: QuantisedTemplate, feature_set: FeatureSet) -> list[str]:
+    """Features that must not hold nearly all the time."""
+    off = (template.fixed & ~template.values).mean(axis=0) >= 1 - _VARIES_FROM
+    on = (template.fixed & template.values).any(axis=0)
+    return _say_once(
+        [name for name, never in zip(feature_set.names, off & ~on, strict=True) if never]
+    )
+
+
+def _varying(free: Bools, edges: Floats, feature_set: FeatureSet) -> list[str]:
+    """Features that are left open, longest first."""
+    runs = []
+    for name, column in zip(feature_set.names, free.T, strict=True):
+        if column.mean() >= _VARIES_FROM:
+            first, stop = max(find_runs(column), key=lambda r: r[1] - r[0])
+            runs.append(_Run(float(edges[first]), float(edges[stop]), name))
+    ranked = sorted(_join_sides(runs), key=lambda r: r.start_s - r.end_s)
+    return [f"{run.phrase} ({run.span})" for run in ranked]
+
+
+def _say_once(names: list[str]) -> list[str]:
+    """Names of features; what is said of both sides is said once."""
+    return [run.phrase for run in _join_sides([_Run(0.0, 0.0, name) for name in names])]
+
+
+def _join_sides(runs: list[_Run]) -> list[_Run]:
+    """Runs in which what holds of the right and of the left at one time is said once."""
+    lefts = {run: run.phrase.removeprefix("left ") for run in runs
+             if run.phrase.startswith("left ")}  # fmt: skip
+    joined, used = [], set()
+    for run in runs:
+        side, _, rest = run.phrase.partition(" ")
+        twin = None
+        if side == "right":
+            twin = next(
+                (left for left, name in lefts.items() if name == rest and _together(run, left)),
+                None,
             )
+        if twin:
+            used.add(twin)
+            start_s, end_s = max(run.start_s, twin.start_s), min(run.end_s, twin.end_s)
+            run = _Run(start_s, end_s, f"right and left {rest}")
+        joined.append(run)
+    return [run for run in joined if run not in used]
+
+
+def _together(a: _Run, b: _Run) -> bool:
+    """Whether two runs begin and end within a moment."""
+    return abs(a.start_s - b.start_s) < _MOMENT_S and abs(a.end_s - b.end_s) < _MOMENT_S
+
+
+def _names(head: str, names: list[str], why: str = "") -> list[str]:
+    if not names:
+        return []
+    more = len(names) - _MOST_NAMES
+    shown = ", ".join(names[:_MOST_NAMES]) + (f", and {more} more" if more > 0 else "")
+    return _column(head, [shown + why])
+
+
+def _column(head: str, lines: list[str]) -> list[str]:
+    heads = [head, *[""] * (len(lines) - 1)]
+    return [f"  {h:<7} {line}" for h, line in zip(heads, lines, strict=False)]

@@ -14,7 +14,8 @@ rows `offsets[i]` to `offsets[i + 1]`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
+from motionary.features import FeatureSequence
 from motionary.models.templates.alignment import (
     Engine,
     EngineName,
@@ -29,9 +31,13 @@ from motionary.models.templates.alignment import (
     Indices,
     MatchedColumns,
     align_all,
+    align_batched,
     choose_engine,
 )
-from motionary.models.templates.template import MotionTemplate, check_values
+from motionary.models.templates.template import MotionTemplate, check_same_features, check_values
+
+#: Two templates are averaged as up to so many copies, in the ratio of their examples.
+_MOST_COPIES = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +141,60 @@ def learn_template(
         provenance=provenance,
         n_examples=len(examples),
         unmeasured=unmeasured,
+    )
+
+
+def template_of(
+    examples: Sequence[FeatureSequence], *, provenance: str = "", learning: Learning | None = None
+) -> MotionTemplate:
+    """Template learned from the packed features of examples, of one feature set."""
+    feature_set = examples[0].feature_set
+    every = all(bool(one.known_features.all()) for one in examples)
+    return learn_template(
+        [one.features for one in examples],
+        known=None if every else [one.known_features.astype(np.bool_) for one in examples],
+        feature_names=feature_set.ids,
+        feature_set=feature_set.name,
+        provenance=provenance,
+        learning=learning,
+    )
+
+
+def join(
+    first: MotionTemplate, second: MotionTemplate, *, learning: Learning | None = None
+) -> MotionTemplate:
+    """One template for two classes: what separates them becomes free.
+
+    Learned from the two templates as if they were examples, each with the weight of the
+    examples that it stands for, rounded to twentieths. Where the examples are at hand,
+    learn from all of them instead: `learn_template`.
+
+    Raises
+    ------
+    InvalidInput
+        If the templates are over different features.
+    """
+    check_same_features([first, second])
+    n_examples = first.n_examples + second.n_examples
+    fraction = Fraction(first.n_examples, n_examples).limit_denominator(_MOST_COPIES)
+    fraction = min(max(fraction, Fraction(1, _MOST_COPIES)), 1 - Fraction(1, _MOST_COPIES))
+    copies = [first] * fraction.numerator + [second] * (fraction.denominator - fraction.numerator)
+    offsets = np.cumsum([0] + [t.n_columns for t in copies]).astype(np.intp)
+    stack = Stack(
+        np.concatenate([t.values for t in copies]),
+        np.concatenate([t.weights for t in copies]),
+        offsets,
+    )
+    stack = repeat_passes(stack, first.n_features, learning or Learning(), align_batched)
+    end = stack.offsets[1]
+    names = [t.provenance or "a template" for t in (first, second)]
+    return replace(
+        first,
+        values=stack.columns[:end],
+        weights=stack.weights[:end],
+        provenance=f"joined from: {names[0]}; {names[1]}",
+        n_examples=n_examples,
+        unmeasured=tuple(name for name in first.unmeasured if name in second.unmeasured),
     )
 
 

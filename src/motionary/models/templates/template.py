@@ -8,6 +8,7 @@ Conventions: time first, (columns, features); columns at 30 Hz; a tolerance coun
 inclusively: at most `tolerance` is 0, at least `1 - tolerance` is 1, the rest is free.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -16,12 +17,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
+from motionary.features import FeatureSet, known_sets
 from motionary.matching import Pattern, self_information
 from motionary.packing import PackedFeatures, pack
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 RATE_HZ = 30.0
+#: Longer templates are slips of the pen: ten minutes.
+MOST_S = 600.0
 
 #: Averages carry rounding noise: a mean of ten values with a single one may come out as
 #: 0.1 + 2e-17 and still is 0.1. Far above such noise, far below what one example can move.
@@ -160,6 +164,11 @@ class QuantisedTemplate:
         """Number of fixed cells; 0 for a template that matches everything."""
         return int(np.count_nonzero(self.fixed))
 
+    @property
+    def fraction_fixed(self) -> float:
+        """Fraction of the cells that are fixed."""
+        return self.n_fixed / self.fixed.size
+
 
 def quantise(template: MotionTemplate, *, tolerance: float) -> QuantisedTemplate:
     """Template of fixed and free cells.
@@ -254,6 +263,62 @@ def mirror(template: MotionTemplate, order: ArrayLike) -> MotionTemplate:
     )
 
 
+def count_columns(seconds: float, *, least: int = 1) -> int:
+    """Columns of a segment of so many seconds, at least `least` of them and ten minutes at most."""
+    if not 0.0 <= seconds <= MOST_S:
+        raise InvalidInput(f"a template needs times from 0 to {MOST_S:g} s, got {seconds:g}")
+    columns = math.floor(seconds * RATE_HZ + 0.5)
+    if columns < least:
+        raise InvalidInput(
+            f"a segment needs at least {least / RATE_HZ:.2f} s ({least} column), got {seconds:g}"
+        )
+    return columns
+
+
+def fit_columns(least_s: float, most_s: float) -> int:
+    """Columns of a segment that matches any length of a range, and as little more as can be.
+
+    Matching takes from half to double of a segment (steps (1, 1), (1, 2), (2, 1)): the length
+    whose half and double cover the range; one that is too wide is refused.
+    """
+    if not 0.0 < least_s <= most_s:
+        raise InvalidInput(
+            f"a range of lengths needs 0 < least <= most, got {least_s:g} to {most_s:g} s"
+        )
+    least, most = count_columns(least_s), count_columns(most_s)
+    # K columns match 1 + ceil((K - 1) / 2) to 2 K - 1 frames.
+    fewest, greatest = math.ceil((most + 1) / 2), 2 * least - 1
+    if fewest > greatest:
+        raise InvalidInput(
+            f"{least_s:g} to {most_s:g} s is too wide: a segment matches from half to double of "
+            "its length, so the longest may be nearly four times the shortest; "
+            "for wider gaps make a keyframe query"
+        )
+    return min(max(math.floor(math.sqrt(least * most) + 0.5), fewest), greatest)
+
+
+def show_seconds(columns: int) -> str:
+    """Seconds of so many columns, as short as finds the columns again."""
+    # Two digits do: a column is 0.033 s long.
+    text = f"{columns / RATE_HZ:.2f}"
+    return text.rstrip("0").rstrip(".")
+
+
+def find_set(template: MotionTemplate, *, feature_set: FeatureSet | None = None) -> FeatureSet:
+    """The set of a template's features: the given one if it is, or the known one of its name."""
+    features = feature_set or known_sets().get(template.feature_set)
+    if features is None:
+        raise InvalidInput(
+            f"the feature set {template.feature_set!r} is not known; pass feature_set=..."
+        )
+    if features.ids != template.feature_names:
+        raise InvalidInput(
+            f"the template has the features of {template.feature_set!r}, not those of "
+            f"{features.name!r}; pass feature_set=... of the template"
+        )
+    return features
+
+
 def check_values(values: ArrayLike) -> NDArray[np.float64]:
     """Read-only copy of template values, shape (columns, features), clipped to [0, 1].
 
@@ -276,6 +341,18 @@ def check_values(values: ArrayLike) -> NDArray[np.float64]:
             f"got {matrix[~in_range][0]} and {np.count_nonzero(~in_range) - 1} more outside"
         )
     return _read_only(np.clip(matrix, 0.0, 1.0))
+
+
+def check_same_features(templates: Sequence[MotionTemplate]) -> None:
+    """Refuse to put templates over different features together."""
+    first = templates[0]
+    for other in templates[1:]:
+        if (other.feature_set, other.feature_names) != (first.feature_set, first.feature_names):
+            raise InvalidInput(
+                f"templates need the same features to be put together, got "
+                f"{first.feature_set!r} ({first.n_features}) and {other.feature_set!r} "
+                f"({other.n_features}); learn both with one feature set"
+            )
 
 
 def _check_weights(weights: ArrayLike, *, n_columns: int) -> NDArray[np.float64]:

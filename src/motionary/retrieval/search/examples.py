@@ -16,8 +16,7 @@ from motionary.batch import Workers
 from motionary.features import FULL_BODY, FeatureSequence
 from motionary.matching import distance_function
 from motionary.models.templates import MotionTemplate
-from motionary.retrieval.explanation import Evidence
-from motionary.retrieval.gains import Comparison
+from motionary.retrieval.explanation import Comparison, Evidence
 from motionary.retrieval.index import Collection
 from motionary.retrieval.search.expansion import QueryExpansion, RelevanceFeedback, expand
 from motionary.retrieval.search.ranking import Hit, SearchPattern, SearchResult, hit_of, match

@@ -23,8 +23,7 @@ from motionary.models.keyframes import HitRanges, KeyframeQuery, PostingIndex, s
 from motionary.models.templates import MotionTemplate, QuantisedTemplate
 from motionary.packing import PackedFeatures
 from motionary.recording import Recording
-from motionary.retrieval.explanation import Evidence
-from motionary.retrieval.gains import Comparison
+from motionary.retrieval.explanation import Comparison, Evidence
 from motionary.retrieval.index import Collection, Part, Shard
 from motionary.tables import Table, Tabular
 
