@@ -59,10 +59,8 @@ class Camera:
         if np.isnan(right).any():
             raise InvalidInput("a camera that is upright cannot look straight up or down")
         turn = np.stack([right, np.cross(forward, right), forward], axis=1)
-        return type(self)(
-            self.width, self.height, self.focal, self.centre, turn,
-            np.asarray(position, dtype=np.float64), self.near_m,
-        )  # fmt: skip
+        place = np.asarray(position, dtype=np.float64)
+        return replace(self, world_from_camera=turn, position=place)
 
     def crop_around(self, points: Floats, *, margin_px: int) -> tuple[Self, Indices]:
         """The camera of the part of the image around points, and that part's first pixel."""

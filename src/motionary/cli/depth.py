@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from motionary.depth import PoseDatabase, Tracking
-    from motionary.depth.preparation import Floats
+    from motionary.depth.clouds import Floats
     from motionary.motion import Motion
 
 

@@ -9,12 +9,20 @@ from typing import TYPE_CHECKING
 from motionary.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from motionary.depth.clouds import (
+        Cloud,
+        Extrema,
+        Graph,
+        PreparationSettings,
+        build_graph,
+        find_extrema,
+        learn_background,
+        prepare,
+    )
     from motionary.depth.fitting import SurfaceSettings
-    from motionary.depth.graph import Extrema, Graph, build_graph, find_extrema
-    from motionary.depth.offline import Tracking, camera_of, track_recording
+    from motionary.depth.judging import TrackedPose, TrackerSettings
+    from motionary.depth.offline import Tracking, camera_of, to_motion, track_recording
     from motionary.depth.poses import PoseDatabase, build_database, load_database
-    from motionary.depth.preparation import Cloud, PreparationSettings, learn_background, prepare
-    from motionary.depth.tracked import TrackedPose, TrackerSettings, to_motion
     from motionary.depth.tracking import DepthTracker
 
 __all__ = [
@@ -42,12 +50,12 @@ __all__ = [
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
+        "clouds": "Cloud Extrema Graph PreparationSettings build_graph find_extrema "
+        "learn_background prepare",
         "fitting": "SurfaceSettings",
-        "graph": "Extrema Graph build_graph find_extrema",
-        "offline": "Tracking camera_of track_recording",
+        "judging": "TrackedPose TrackerSettings",
+        "offline": "Tracking camera_of to_motion track_recording",
         "poses": "PoseDatabase build_database load_database",
-        "preparation": "Cloud PreparationSettings learn_background prepare",
-        "tracked": "TrackedPose TrackerSettings to_motion",
         "tracking": "DepthTracker",
     },
 )

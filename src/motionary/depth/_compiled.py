@@ -10,7 +10,7 @@ Indices = NDArray[np.intp]
 
 @njit(cache=True, error_model="numpy")
 def clean(depth: Floats, least: int, near: float) -> Floats:
-    """Floating pixels dropped, then the median; see `preparation._clean`."""
+    """Floating pixels dropped, then the median; see `clouds._clean`."""
     height, width = depth.shape
     kept = np.full((height, width), np.nan)
     for row in range(height):
@@ -51,7 +51,7 @@ def clean(depth: Floats, least: int, near: float) -> Floats:
 def link(
     points: Floats, pixels: Indices, depth: Floats, reach: float, reach_m: float, step: float
 ) -> tuple[Indices, Indices, Floats, Indices]:
-    """Pairs of near neighbours, and components by union-find; see `graph._link`."""
+    """Pairs of near neighbours, and components by union-find; see `clouds._link`."""
     height, width = depth.shape
     n = len(pixels)
     number = np.full((height + 1, width + 2), -1, np.intp)
@@ -101,34 +101,10 @@ def _top(parents: Indices, node: int) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def to_rows(
-    first: Indices, second: Indices, weights: Floats, n: int
-) -> tuple[Indices, Indices, Floats]:
-    """Rows of the symmetric matrix; see `graph._to_rows`."""
-    starts = np.zeros(n + 1, np.intp)
-    for k in range(len(first)):
-        if first[k] >= 0:
-            starts[first[k] + 1] += 1
-            starts[second[k] + 1] += 1
-    for k in range(n):
-        starts[k + 1] += starts[k]
-    free = starts.copy()
-    neighbours, lengths = np.empty(starts[n], np.intp), np.empty(starts[n])
-    for way in range(2):
-        for k in range(len(first)):
-            if first[k] < 0:
-                continue
-            one, other = (first[k], second[k]) if way == 0 else (second[k], first[k])
-            neighbours[free[one]], lengths[free[one]] = other, weights[k]
-            free[one] += 1
-    return starts, neighbours, lengths
-
-
-@njit(cache=True, error_model="numpy")
 def find_extrema(
     starts: Indices, neighbours: Indices, weights: Floats, source: int, n: int
 ) -> tuple[Indices, Floats, Indices]:
-    """Algorithm 4 with a binary heap; see `graph._search`."""
+    """Algorithm 4 with a binary heap; see `clouds._search`."""
     size = len(starts) - 1
     nearest = np.full(size, np.inf)
     keys = np.empty(len(neighbours) + n + 1)
@@ -199,7 +175,7 @@ def compare_images(
     cap: float,
     apart: Floats,
 ) -> Floats:
-    """How far rendered poses are from an image, the last by pixel; see `lookup.compare_images`."""
+    """How far rendered poses are from an image, the last by pixel; see `fitting.compare_images`."""
     height, width = depth.shape
     result = np.empty(len(poses))
     n = poses.shape[1]
@@ -257,18 +233,24 @@ def _fill(face: Indices, x: Floats, y: Floats, z: Floats, buffer: Floats) -> Non
 @njit(cache=True, error_model="numpy")
 def see(
     vertices: Floats,
+    turned: Floats,
+    owners: Indices,
     normals: Floats,
     camera: tuple[Floats, Floats, Floats],
     depth: Floats,
     hiding: float,
-) -> NDArray[np.bool_]:
-    """Which vertices face the camera with nothing measured before them; see `solving.see`."""
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Normals of vertices, and which are seen; see `solving.see`."""
     lens, turn, eye = camera
+    facing = np.empty_like(vertices)
     height, width = depth.shape
     visible = np.zeros(len(vertices), np.bool_)
     for v in range(len(vertices)):
         x, y, z = vertices[v, 0] - eye[0], vertices[v, 1] - eye[1], vertices[v, 2] - eye[2]
-        if normals[v, 0] * x + normals[v, 1] * y + normals[v, 2] * z >= 0.0:
+        own, normal = turned[owners[v]], normals[v]
+        for i in range(3):
+            facing[v, i] = own[i, 0] * normal[0] + own[i, 1] * normal[1] + own[i, 2] * normal[2]
+        if facing[v, 0] * x + facing[v, 1] * y + facing[v, 2] * z >= 0.0:
             continue
         far = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
         if far <= 0.0:
@@ -280,7 +262,7 @@ def see(
         visible[v] = True
         if 0 <= column < width and 0 <= row < height and depth[row, column] < far - hiding:
             visible[v] = False
-    return visible
+    return facing, visible
 
 
 @njit(cache=True, error_model="numpy")
@@ -291,22 +273,20 @@ def pair(
     pulling: Indices,
     points: Floats,
     weighing: tuple[float, float, float],
-) -> tuple[Floats, Floats, Floats]:
-    """Pulls of points and vertices on each other, by vertex; points sorted by their height."""
+) -> Floats:
+    """Pulls of points, sorted by their height, and vertices on each other; see `solving.pair`."""
     scale, along, outward = weighing
-    n = len(vertices)
-    pulls, misses, counts = np.zeros((n, 9)), np.zeros(n), np.zeros(n)
+    pulls = np.zeros((len(vertices), 9))
     seen = np.flatnonzero(visible)
     if len(seen) == 0:
-        return pulls, misses, counts
-    order, sorted_vertices = by_height(vertices, seen)
+        return pulls
+    order = seen[np.argsort(vertices[seen, 1])]
+    sorted_vertices = vertices[order]
     for k in range(len(points)):
         j, square = _nearest(sorted_vertices, points[k])
         v = order[j]
         weight = 1.0 / (1.0 + square / scale**2)
         _pull(pulls, v, weight, along, normals[v], points[k], vertices[v])
-        misses[v] += np.sqrt(square)
-        counts[v] += 1
     total = 0
     for v in pulling:
         total += visible[v]
@@ -316,22 +296,7 @@ def pair(
             k, square = _nearest(points, vertices[v])
             weight = outward / (1.0 + square / scale**2)
             _pull(pulls, v, weight, 1.0, normals[v], points[k], vertices[v])
-    return pulls, misses, counts
-
-
-@njit(cache=True, error_model="numpy")
-def by_height(places: Floats, which: Indices) -> tuple[Indices, Floats]:
-    """Some places by their height, lowest first, and which they are."""
-    heights = np.empty(len(which))
-    for k in range(len(which)):
-        heights[k] = places[which[k], 1]
-    rank = np.argsort(heights)
-    order, result = np.empty(len(which), np.intp), np.empty((len(which), 3))
-    for k in range(len(which)):
-        order[k] = which[rank[k]]
-        for i in range(3):
-            result[k, i] = places[order[k], i]
-    return order, result
+    return pulls
 
 
 @njit(cache=True, error_model="numpy")

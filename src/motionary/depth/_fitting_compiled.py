@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from motionary.depth._compiled import by_height, pair, see
+from motionary.depth._compiled import pair, see
 
 __all__ = ["fit", "place", "skin"]
 
@@ -72,35 +72,28 @@ def fit(
     steps: int,
     turns: Floats,
     root: Floats,
-) -> tuple[Floats, NDArray[np.bool_], Floats, Floats]:
+) -> NDArray[np.bool_]:
     """All steps of a fit, turns and root in place; see `solving.fit`."""
     parents, joints, rest, bones, weights = body
     owners, normals, active, pulling = cover
     points, depth, eye = scene
-    scale, along, outward, hold_weight, damping, hiding, least = numbers
-    facing = np.empty_like(rest)
+    scale, along, outward, weight, damping, hiding, least = numbers
     # Points do not move: they are sorted once.
-    ranked = by_height(points, np.arange(len(points)))[1]
+    ranked = points[np.argsort(points[:, 1])]
     for _ in range(steps):
         turned, placed = place(parents, joints, turns, root)
         vertices = skin(joints, rest, bones, weights, turned, placed)
-        for v in range(len(rest)):
-            own, normal = turned[owners[v]], normals[v]
-            for i in range(3):
-                facing[v, i] = own[i, 0] * normal[0] + own[i, 1] * normal[1] + own[i, 2] * normal[2]
-        visible = see(vertices, facing, eye, depth, hiding)
-        pulls, misses, counts = pair(
-            vertices, facing, visible, pulling, ranked, (scale, along, outward)
-        )
+        facing, visible = see(vertices, turned, owners, normals, eye, depth, hiding)
+        pulls = pair(vertices, facing, visible, pulling, ranked, (scale, along, outward))
         system, slope = gather(parents, bones, weights, active, placed, vertices, pulls)
-        hold(parents, active, turns, turned, prior, hold_weight, system, slope)
+        hold(parents, active, turns, turned, prior, weight, system, slope)
         for i in range(len(slope)):
             system[i, i] += damping
         change = solve(system, slope)
         move(parents, active, turned, change, turns, root)
         if np.abs(change).max() < least:
             break
-    return system, visible, misses, counts
+    return visible
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,34 +1,49 @@
-"""The body's pose fitted to points that a camera sees.
+"""The body's pose fitted to points that a camera sees, and its shape to the first images.
 
 Gauss-Newton on twists (Baak 2012, sections 6.2 and 8.4.1). Printed: fixed vertices go to the median
 of their nearest points, so that the back is pulled to the front. Here only vertices that face
 the camera and are not hidden take part, points pull vertices as well as vertices points, and a
 prior over poses holds what is not seen.
 
+Length, girth and build are found by coordinates: after each change of the body the poses are fitted
+anew, and what the rendered bodies are off from the images decides.
+
 Conventions: small turns are in the world's axes, about the joints; columns of the system are the
 step of the root, then three of each joint of `ACTIVE`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body import Body, Camera
+from motionary.body import Body, Camera, load_body, render_depth
 from motionary.body.fitting import vertex_normals
 from motionary.depth import solving
-from motionary.depth.poses import PoseDatabase, list_active
-from motionary.depth.preparation import unpack_camera
+from motionary.depth.clouds import COMPILED, unpack_camera
+from motionary.depth.poses import PoseDatabase, list_active, scale_body
 from motionary.matching.distance import Engine, load_twin
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-_COMPILED = "motionary.depth._fitting_compiled"
+_STEPS_COMPILED = "motionary.depth._fitting_compiled"
 # What is measured so much nearer than a vertex hides it.
 _HIDING_M = 0.12
+# How far two depths of a pixel can be apart at most: beyond, they are of different things.
+_CAP_M = 0.15
+#: Images that the shape is fitted to, of those of the first second.
+N_IMAGES = 8
+# First steps: of the size, as a fraction, and of two directions of the body's shape.
+_STEPS = np.array([0.05, 0.5, 0.5])
+_MOST = np.array([0.25, 1.0, 1.0])
+_ROUNDS = 3
+_FIT_STEPS = 3
+_PIXELS = 1200
+# What a full step costs, in metres: a shape is not moved by less.
+_PRIOR_M = 0.0005
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,23 +103,6 @@ class State(NamedTuple):
     root: Floats
 
 
-class Support(NamedTuple):
-    """What holds a fitted pose.
-
-    Attributes
-    ----------
-    system : array, shape (columns, columns), of the last step, prior and damping included
-    visible : array, shape (vertices,), whether the camera sees a vertex
-    misses : array, shape (joints,), metres, of the points that pull vertices of each bone
-    pulls : array, shape (joints,), how many points do
-    """
-
-    system: Floats
-    visible: Mask
-    misses: Floats
-    pulls: Floats
-
-
 def make_surface(body: Body, database: PoseDatabase, settings: SurfaceSettings) -> Surface:
     """A body ready for fits, with the prior of a database."""
     surface = body.surface
@@ -154,8 +152,8 @@ def fit_pose(
     settings: SurfaceSettings,
     steps: int | None = None,
     engine: Engine = "auto",
-) -> tuple[State, Support]:
-    """The pose nearest to points, from near it, and what holds it.
+) -> tuple[State, Mask]:
+    """The pose nearest to points, from near it, and which vertices the camera then sees.
 
     Parameters
     ----------
@@ -168,25 +166,21 @@ def fit_pose(
     steps : of Gauss-Newton, if not as many as the settings say
     engine : which twin computes
     """
-    kernels: Any = load_twin(_COMPILED, engine, pays=True) or solving
-    body = surface.body
-    parents, joints, (rest, bones, weights, _) = body.parents, body.joints, body.surface
-    numbers = (
-        settings.scale_m, settings.along, settings.outward, settings.prior, settings.damping,
-        _HIDING_M, settings.converged,
-    )  # fmt: skip
+    kernels: Any = load_twin(_STEPS_COMPILED, engine, pays=True) or solving
+    body, (rest, bones, weights, _) = surface.body, surface.body.surface
     turns, root = state.turns.copy(), state.root.copy()
-    system, visible, misses, counts = kernels.fit(
-        (parents, joints, rest, bones, weights),
+    visible: Mask = kernels.fit(
+        (body.parents, body.joints, rest, bones, weights),
         (surface.owners, surface.normals, surface.active, surface.pulling),
         (points, depth, unpack_camera(camera)),
         (surface.mean, surface.precision),
-        numbers, settings.steps if steps is None else steps, turns, root,
+        (
+            settings.scale_m, settings.along, settings.outward, settings.prior, settings.damping,
+            _HIDING_M, settings.converged,
+        ),
+        settings.steps if steps is None else steps, turns, root,
     )  # fmt: skip
-    n = len(parents)
-    pulls_of = np.bincount(surface.owners, counts, n).astype(np.float64)
-    misses_of = np.bincount(surface.owners, misses, n) / np.maximum(pulls_of, 1.0)
-    return State(turns, root), Support(system, visible, misses_of, pulls_of)
+    return State(turns, root), visible
 
 
 #: Vertices that pull and nearest points whose median each goes to, as far as it is printed.
@@ -224,7 +218,7 @@ def place_surface(
     surface: Surface, state: State, *, engine: Engine = "numpy"
 ) -> tuple[Floats, Floats]:
     """Global turns and places of the joints of a pose."""
-    kernels: Any = load_twin(_COMPILED, engine, pays=True) or solving
+    kernels: Any = load_twin(_STEPS_COMPILED, engine, pays=True) or solving
     placed: tuple[Floats, Floats] = kernels.place(
         surface.body.parents, surface.body.joints, state.turns, state.root
     )
@@ -233,8 +227,142 @@ def place_surface(
 
 def place_vertices(surface: Surface, state: State, *, engine: Engine = "numpy") -> Floats:
     """Places of the vertices of a pose."""
-    kernels: Any = load_twin(_COMPILED, engine, pays=True) or solving
+    kernels: Any = load_twin(_STEPS_COMPILED, engine, pays=True) or solving
     body, (rest, bones, weights, _) = surface.body, surface.body.surface
     turned, placed = place_surface(surface, state, engine=engine)
     vertices: Floats = kernels.skin(body.joints, rest, bones, weights, turned, placed)
     return vertices
+
+
+# ---- how far a pose is from an image
+
+
+def shrink(depth: Floats, camera: Camera, n: int) -> tuple[Floats, Camera]:
+    """An image with about n pixels of the person, and its camera."""
+    step = max(1, round(np.sqrt(np.count_nonzero(~np.isnan(depth)) / n)))
+    small = np.ascontiguousarray(depth[::step, ::step])
+    (fx, fy), (x, y) = camera.focal, camera.centre
+    height, width = small.shape
+    focal, centre = (fx / step, fy / step), (x / step, y / step)
+    return small, replace(camera, width=width, height=height, focal=focal, centre=centre)
+
+
+class Comparison(NamedTuple):
+    """How far rendered poses are from an image, in metres.
+
+    `costs` (poses,): the mean over all pixels that either of them has, of the difference of the
+    depths; at most 15 cm, which is also what a pixel counts that only one of them has. `apart`
+    (height, width) is this difference of the last pose; NaN where neither has a pixel.
+    """
+
+    costs: Floats
+    apart: Floats
+
+
+def compare_images(
+    vertices: Floats, faces: Indices, depth: Floats, camera: Camera, *, engine: Engine = "auto"
+) -> Comparison:
+    """How far bodies are from an image, for poses (n, vertices, 3)."""
+    kernels = load_twin(COMPILED, engine, pays=True)
+    if kernels is not None:
+        apart = np.empty_like(depth)
+        costs = kernels.compare_images(
+            vertices, faces, *unpack_camera(camera), depth, _CAP_M, apart
+        )
+        return Comparison(costs, apart)
+    result, apart = np.full(len(vertices), _CAP_M), np.full_like(depth, np.nan)
+    for number, own in enumerate(vertices):
+        a, b, c = (camera.project(own)[faces[:, k]] for k in range(3))
+        # Images have y down: triangles that are seen from outside have areas below 0.
+        area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+        rendered = render_depth(own, faces[area < 0], camera, engine=engine).depth
+        either = ~(np.isnan(rendered) & np.isnan(depth))
+        apart = np.fmin(np.abs(rendered - depth), _CAP_M)
+        apart[~either] = np.nan
+        if either.any():
+            result[number] = apart[either].mean()
+    return Comparison(result, apart)
+
+
+# ---- shape of a person
+
+
+class View(NamedTuple):
+    """One image and the pose found in it: points that pull, cleaned depth, pose."""
+
+    points: Floats
+    depth: Floats
+    state: State
+
+
+class PersonShape(NamedTuple):
+    """A body and how it was made of the mean adult: size, and directions of shape."""
+
+    body: Body
+    scale: float
+    shape: dict[str, float]
+
+
+def make_person(numbers: Floats) -> PersonShape:
+    """The body of a size, as the logarithm of the mean adult's, of a weight and a sex."""
+    shape = {"weight": float(numbers[1]), "gender": float(numbers[2])}
+    scale = float(np.exp(numbers[0]))
+    return PersonShape(scale_body(load_body().shaped(shape), scale), scale, shape)
+
+
+def fit_person(
+    views: list[View],
+    camera: Camera,
+    database: PoseDatabase,
+    *,
+    settings: SurfaceSettings,
+    scale: float = 1.0,
+    engine: Engine = "auto",
+) -> tuple[PersonShape, list[State]]:
+    """The body that explains the images best, and its poses in them.
+
+    Parameters
+    ----------
+    views : of different moments
+    camera : Camera
+    database : whose prior over poses holds what is not seen
+    settings : how poses are fitted
+    scale : where the search of the size starts
+    engine : which twin computes
+    """
+    numbers = np.array([np.log(scale), 0.0, 0.0])
+    start = numbers.copy()
+    first = make_surface(make_person(numbers).body, database, settings)
+    small = [shrink(view.depth, camera, _PIXELS) for view in views]
+
+    def judge(tried: Floats, states: list[State]) -> tuple[float, list[State]]:
+        person = make_person(tried)
+        surface = reshape_surface(first, person.body)
+        total, found = 0.0, []
+        for view, state, (depth, eye) in zip(views, states, small, strict=True):
+            fitted, _ = fit_pose(
+                surface, state, view.points, view.depth, camera, engine=engine,
+                settings=settings, steps=_FIT_STEPS,
+            )  # fmt: skip
+            vertices = place_vertices(surface, fitted, engine=engine)
+            apart = compare_images(vertices[None], person.body.faces, depth, eye, engine=engine)
+            total += float(apart.costs[0])
+            found.append(fitted)
+        prior = _PRIOR_M * float((((tried - start) / _STEPS) ** 2).sum())
+        return total / len(views) + prior, found
+
+    best, states = judge(numbers, [view.state for view in views])
+    steps = _STEPS.copy()
+    for _ in range(_ROUNDS):
+        for axis in range(len(numbers)):
+            for way in (1, -1):
+                tried = numbers.copy()
+                tried[axis] += way * steps[axis]
+                if abs(tried[axis] - start[axis]) > _MOST[axis]:
+                    continue
+                cost, found = judge(tried, states)
+                if cost < best:
+                    best, numbers, states = cost, tried, found
+                    break
+        steps /= 2
+    return make_person(numbers), states

@@ -1,15 +1,30 @@
-"""How sure a pose is, and what speaks against an image."""
+"""What a tracker is told, sees and finds, how sure a pose is, and what speaks against an image."""
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body import Camera
-from motionary.depth.fitting import Support, Surface
-from motionary.depth.graph import Graph
-from motionary.depth.lookup import Comparison
-from motionary.depth.preparation import Cloud
+from motionary.body import Body, Camera
+from motionary.depth.clouds import (
+    N_EXTREMA,
+    Cloud,
+    Graph,
+    PreparationSettings,
+)
+from motionary.depth.fitting import (
+    Comparison,
+    State,
+    Surface,
+    SurfaceSettings,
+)
+from motionary.errors import InvalidInput
 
 Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Hypothesis = Literal["local", "lookup", "none"]
+Status = Literal["tracked", "unsure", "none"]
 
 #: Fewer points are no person.
 LEAST_POINTS = 300
@@ -32,10 +47,122 @@ _HALF_M = 0.06
 _SMALLEST_M, _LARGEST_M = 0.7, 2.6
 
 
+@dataclass(frozen=True, slots=True)
+class TrackerSettings:
+    """How a pose is tracked.
+
+    Attributes
+    ----------
+    published : the printed method whole
+    hypotheses : "both", or one of them alone
+    every : images from one lookup to the next; sooner where the local pose gets worse
+    ranked : candidates of the database that the image ranks
+    pixels : of the person in images that rank
+    lead : by how much better the lookup must be to win, as a fraction of the cost
+    shape_after : images after which the body takes the person's shape; 0 keeps it
+    duel : images for which a pose that looks the other way is followed beside, from the start, and
+        longer until one of them is clearly better
+    surface : how poses are fitted
+    preparation : what of the image is the person
+    """
+
+    published: bool = False
+    hypotheses: Literal["both", "local", "lookup"] = "both"
+    every: int = 1
+    ranked: int = 12
+    pixels: int = 500
+    lead: float = 0.03
+    shape_after: int = 30
+    duel: int = 30
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
+    preparation: PreparationSettings = field(default_factory=PreparationSettings)
+
+    def __post_init__(self) -> None:
+        if self.every < 1 or (self.every > 1 and (self.published or self.hypotheses == "lookup")):
+            raise InvalidInput(
+                f"every needs to be 1 or more, and 1 where the lookup is asked in all images "
+                f"(published, hypotheses='lookup'), got {self.every}"
+            )
+
+
+class TrackedPose(NamedTuple):
+    """The pose in one image.
+
+    Attributes
+    ----------
+    joints : array, shape (joints, 3), metres; NaN where no person is
+    turns : array, shape (joints, 3, 3), relative to the parents
+    ends : array, shape (5, 3), of `body.ENDS`
+    confidence : array, shape (joints,), in [0, 1]
+    hypothesis : which won
+    status : "tracked", "unsure" or "none", if no person is seen
+    reason : why it is not "tracked", in a sentence
+    cost : how far the pose is from the image, metres
+    extrema : array, shape (20, 3), in the world; NaN where none were searched
+    chosen : array, shape (5, 3), the extrema taken for the ends
+    seconds : processor time by part
+    """
+
+    joints: Floats
+    turns: Floats
+    ends: Floats
+    confidence: Floats
+    hypothesis: Hypothesis
+    status: Status
+    reason: str
+    cost: float
+    extrema: Floats
+    chosen: Floats
+    seconds: dict[str, float]
+
+
+class Found(NamedTuple):
+    """A hypothesis: its name, pose, the vertices seen, and how far it is from the image."""
+
+    name: Hypothesis
+    state: State
+    visible: NDArray[np.bool_] | None
+    comparison: Comparison
+
+    @property
+    def cost(self) -> float:
+        """How far the pose is from the image, in metres."""
+        return float(self.comparison.costs[0])
+
+
+class Ends(NamedTuple):
+    """The graph of an image, its extrema, those chosen for the ends, and the person's middle."""
+
+    graph: Graph
+    extrema: Floats
+    chosen: Floats
+    centre: Floats
+
+
+class Seen(NamedTuple):
+    """What is read off an image before any pose; `ends` only where the lookup is asked."""
+
+    cloud: Cloud
+    points: Floats
+    small: Floats
+    eye: Camera
+    ends: Ends | None = None
+
+
+def nothing_found(body: Body, reason: str, seconds: dict[str, float]) -> TrackedPose:
+    """What is told of an image without a person."""
+    n = len(body.names)
+    return TrackedPose(
+        np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((5, 3), np.nan),
+        np.zeros(n), "none", "none", reason, np.inf, np.full((N_EXTREMA, 3), np.nan),
+        np.full((5, 3), np.nan), seconds,
+    )  # fmt: skip
+
+
 def judge_pose(
     surface: Surface,
     joints: Floats,
-    support: Support | None,
+    visible: NDArray[np.bool_] | None,
     comparison: Comparison,
     camera: Camera,
     *,
@@ -47,7 +174,7 @@ def judge_pose(
     ----------
     surface : of the body
     joints : array, shape (joints, 3), metres
-    support : of the fit; joints without a visible vertex below them are less sure
+    visible : vertices, as from `fit_pose`; joints with hardly any are less sure
     comparison : of the rendered pose and the image of `camera`
     camera : of the small image
     moved : array, shape (joints,), metres from the last image to this one
@@ -71,9 +198,9 @@ def judge_pose(
         * typical**_BY_TYPICAL
         * (moved + _STEP_FLOOR_M) ** _BY_STEP
     )
-    if support is not None:
+    if visible is not None:
         n = len(names)
-        seen = np.bincount(surface.owners, support.visible, n)
+        seen = np.bincount(surface.owners, visible, n)
         whole = np.maximum(np.bincount(surface.owners, minlength=n), 1)
         expected = expected * np.where(seen / whole < 0.05, 1.5, 1.0)
     confidence: Floats = 1 / (1 + (expected / _HALF_M) ** 2)

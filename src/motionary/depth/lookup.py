@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body import Body, Camera, render_depth, skin
+from motionary.body import Body, Camera, skin
 from motionary.body.driving import shortest_turn
 from motionary.depth.fitting import State, Surface, place_surface
 from motionary.depth.poses import (
@@ -23,8 +23,7 @@ from motionary.depth.poses import (
     mirror_turns,
     turn_about_up,
 )
-from motionary.depth.preparation import COMPILED, unpack_camera
-from motionary.matching.distance import Engine, load_twin
+from motionary.matching.distance import Engine
 from motionary.rotations import quaternions_to_matrices, unit_vectors
 
 Floats = NDArray[np.float64]
@@ -37,8 +36,6 @@ FARTHEST_STEP_M = 0.5
 JUMP_M = 0.25
 WEIGHT_OF_ENDS = 0.5
 _ALL = np.array(list(permutations(range(5))), dtype=np.intp)
-# How far two depths of a pixel can be apart at most: beyond, they are of different things.
-_CAP_M = 0.15
 
 
 class Lookup(NamedTuple):
@@ -180,56 +177,6 @@ def choose_ends(extrema: Floats, expected: Floats) -> Floats:
     costs = np.minimum(away, FARTHEST_STEP_M) + 0.005 * np.arange(len(extrema))
     chosen: Floats = extrema[linear_sum_assignment(costs)[1]]
     return chosen
-
-
-def shrink(depth: Floats, camera: Camera, n: int) -> tuple[Floats, Camera]:
-    """An image with about n pixels of the person, and its camera."""
-    step = max(1, round(np.sqrt(np.count_nonzero(~np.isnan(depth)) / n)))
-    small = np.ascontiguousarray(depth[::step, ::step])
-    eye = Camera(
-        small.shape[1], small.shape[0],
-        (camera.focal[0] / step, camera.focal[1] / step),
-        (camera.centre[0] / step, camera.centre[1] / step),
-        camera.world_from_camera, camera.position, camera.near_m,
-    )  # fmt: skip
-    return small, eye
-
-
-class Comparison(NamedTuple):
-    """How far rendered poses are from an image, in metres.
-
-    `costs` (poses,): the mean over all pixels that either of them has, of the difference of the
-    depths; at most 15 cm, which is also what a pixel counts that only one of them has. `apart`
-    (height, width) is this difference of the last pose; NaN where neither has a pixel.
-    """
-
-    costs: Floats
-    apart: Floats
-
-
-def compare_images(
-    vertices: Floats, faces: Indices, depth: Floats, camera: Camera, *, engine: Engine = "auto"
-) -> Comparison:
-    """How far bodies are from an image, for poses (n, vertices, 3)."""
-    kernels = load_twin(COMPILED, engine, pays=True)
-    if kernels is not None:
-        apart = np.empty_like(depth)
-        costs = kernels.compare_images(
-            vertices, faces, *unpack_camera(camera), depth, _CAP_M, apart
-        )
-        return Comparison(costs, apart)
-    result, apart = np.full(len(vertices), _CAP_M), np.full_like(depth, np.nan)
-    for number, own in enumerate(vertices):
-        a, b, c = (camera.project(own)[faces[:, k]] for k in range(3))
-        # Images have y down: triangles that are seen from outside have areas below 0.
-        area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
-        rendered = render_depth(own, faces[area < 0], camera, engine=engine).depth
-        either = ~(np.isnan(rendered) & np.isnan(depth))
-        apart = np.fmin(np.abs(rendered - depth), _CAP_M)
-        apart[~either] = np.nan
-        if either.any():
-            result[number] = apart[either].mean()
-    return Comparison(result, apart)
 
 
 #: Limbs by their upper and lower joint and their end in `body.ENDS`.

@@ -1,6 +1,6 @@
-"""A whole recording of a depth camera, image by image through a tracker."""
+"""Whole recordings of a depth camera: tracked image by image, and the poses as a motion."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import NamedTuple
@@ -9,16 +9,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.body import Body, Camera
+from motionary.depth.clouds import learn_background
+from motionary.depth.judging import TrackedPose, TrackerSettings
 from motionary.depth.poses import PoseDatabase
-from motionary.depth.preparation import learn_background
-from motionary.depth.tracked import TrackedPose, TrackerSettings, to_motion
 from motionary.depth.tracking import MEAN_STATURE_M, DepthTracker
 from motionary.errors import InvalidInput
 from motionary.io.depth_images import DepthRecording
 from motionary.matching.distance import Engine
-from motionary.motion import Motion
+from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
+from motionary.recording import Recording
+from motionary.rotations import matrices_to_quaternions
+from motionary.skeletons import named_mapping
 
 Floats = NDArray[np.float64]
+
+# Parents of the generic joints, and the body's joint that each lies on and turns with.
+_TREE = {
+    "root": ("", "root"), "belly": ("root", "belly"), "chest": ("belly", "chest"),
+    "neck": ("chest", "head"), "head": ("neck", ""), "headtop": ("head", ""),
+    **{
+        side + joint: (
+            parent if parent in ("root", "chest") else side + parent,
+            own and side + own,
+        )
+        for side in "lr"
+        for joint, parent, own in (
+            ("hip", "root", "thigh"), ("knee", "hip", "shank"), ("ankle", "knee", "foot"),
+            ("toes", "ankle", ""), ("clavicle", "chest", "clavicle"),
+            ("shoulder", "clavicle", "upperarm"), ("elbow", "shoulder", "forearm"),
+            ("wrist", "elbow", "hand"), ("fingers", "wrist", ""),
+        )
+    },
+}  # fmt: skip
+_ENDS = ("headtop", "lfingers", "rfingers", "ltoes", "rtoes")
 
 
 class Tracking(NamedTuple):
@@ -105,3 +128,83 @@ def track_recording(
         recording=replace(motion.recording, first_frame=skipped),
     )
     return Tracking(motion, poses, tracker.body, tracker.camera)
+
+
+def to_motion(
+    poses: Sequence[TrackedPose],
+    body: Body,
+    *,
+    rate_hz: float,
+    name: str = "",
+    least_confidence: float = 0.0,
+) -> Motion:
+    """Tracked poses as a motion of the 24 generic joints, with their tree and turns.
+
+    Parameters
+    ----------
+    poses : one after the other
+    body : the tracker's, as it is at the end
+    rate_hz : images a second
+    name : of the recording
+    least_confidence : joints with less are unknown (NaN); all are told if 0
+
+    Raises
+    ------
+    InvalidInput
+        If no pose is tracked.
+    """
+    seen = np.array([pose.status != "none" for pose in poses])
+    if not seen.any():
+        raise InvalidInput("no person is tracked in any image")
+    own = [_TREE[joint][1] for joint in GENERIC_JOINTS]
+    turns = np.tile(np.eye(3), (len(poses), len(GENERIC_JOINTS), 1, 1))
+    roots = np.full((len(poses), 3), np.nan)
+    confidence = np.zeros((len(poses), len(GENERIC_JOINTS)))
+    skeleton = _skeleton(body)
+    for frame in np.flatnonzero(seen).tolist():
+        pose = poses[frame]
+        for k, joint in enumerate(own):
+            if joint:
+                turns[frame, k] = pose.turns[body.index(joint)]
+                confidence[frame, k] = pose.confidence[body.index(joint)]
+            else:
+                confidence[frame, k] = confidence[frame, skeleton.parents[k]]
+        roots[frame] = pose.joints[0] - skeleton.offsets[0]
+    positions = forward_kinematics(skeleton, turns, roots)
+    positions[confidence < least_confidence] = np.nan
+    positions[~seen] = np.nan
+    return Motion(
+        GENERIC_JOINTS, positions, Recording(name, rate_hz=rate_hz), named_mapping("generic"),
+        skeleton, matrices_to_quaternions(turns), notes=_list_notes(poses),
+    )  # fmt: skip
+
+
+def _skeleton(body: Body) -> Skeleton:
+    """The generic joints of a body at rest; a head lies halfway from the neck to its top."""
+    places = {
+        joint: body.joints[body.index(own)] for joint, (_, own) in _TREE.items() if own
+    } | dict(zip(_ENDS, body.vertices[body.ends], strict=True))
+    places["head"] = (places["neck"] + places["headtop"]) / 2
+    parents = np.array(
+        [
+            GENERIC_JOINTS.index(_TREE[joint][0]) if _TREE[joint][0] else -1
+            for joint in GENERIC_JOINTS
+        ]
+    )
+    offsets = np.array(
+        [
+            places[joint] - (places[GENERIC_JOINTS[parent]] if parent >= 0 else 0)
+            for joint, parent in zip(GENERIC_JOINTS, parents, strict=True)
+        ]
+    )
+    return Skeleton(GENERIC_JOINTS, parents, offsets)
+
+
+def _list_notes(poses: Sequence[TrackedPose]) -> tuple[str, ...]:
+    """How many images are unsure or without a person, by reason."""
+    counts: dict[str, int] = {}
+    for pose in poses:
+        if pose.reason:
+            kind = pose.reason.split(":")[0]
+            counts[kind] = counts.get(kind, 0) + 1
+    return tuple(f"{n} of {len(poses)} images: {kind}" for kind, n in counts.items())

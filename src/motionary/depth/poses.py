@@ -16,14 +16,10 @@ from numpy.typing import NDArray
 
 from motionary.body import Body, Camera, load_body, pose_body, pose_from_motion, render_depth, skin
 from motionary.body.chain import Pose, local_rotations
-from motionary.depth.graph import build_graph
-from motionary.depth.preparation import Cloud, prepare
+from motionary.depth.clouds import Cloud, build_graph, prepare
 from motionary.errors import InvalidInput, describe_cause
 from motionary.motion import Motion
-from motionary.rotations import (
-    matrices_to_quaternions,
-    quaternions_to_rotation_vectors,
-)
+from motionary.rotations import matrices_to_quaternions, quaternions_to_rotation_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -52,8 +52,8 @@ def fit(
     steps: int,
     turns: Floats,
     root: Floats,
-) -> tuple[Floats, Mask, Floats, Floats]:
-    """All steps of a fit, turns and root in place.
+) -> Mask:
+    """All steps of a fit, turns and root in place; which vertices the camera sees.
 
     Parameters
     ----------
@@ -66,22 +66,16 @@ def fit(
         hides; the fit ends where nothing changes by as much, in metres or radians
     steps : at most
     turns, root : the pose
-
-    Returns
-    -------
-    system : of the last step
-    visible, misses, counts : by vertex
     """
     parents, joints, rest, bones, weights = body
     owners, normals, active, pulling = cover
     points, depth, eye = scene
-    *weighing, weight, damping, hiding, least = numbers
+    scale, along, outward, weight, damping, hiding, least = numbers
     for _ in range(steps):
         turned, placed = place(parents, joints, turns, root)
         vertices = skin(joints, rest, bones, weights, turned, placed)
-        facing = np.einsum("vij,vj->vi", turned[owners], normals)
-        visible = see(vertices, facing, eye, depth, hiding)
-        pulls, misses, counts = pair(vertices, facing, visible, pulling, points, weighing)
+        facing, visible = see(vertices, turned, owners, normals, eye, depth, hiding)
+        pulls = pair(vertices, facing, visible, pulling, points, (scale, along, outward))
         system, slope = gather(parents, bones, weights, active, placed, vertices, pulls)
         hold(parents, active, turns, turned, prior, weight, system, slope)
         system[np.diag_indices(len(system))] += damping
@@ -89,18 +83,25 @@ def fit(
         move(parents, active, turned, change, turns, root)
         if np.abs(change).max() < least:
             break
-    return system, visible, misses, counts
+    return visible
 
 
 def see(
     vertices: Floats,
-    facing: Floats,
+    turned: Floats,
+    owners: Indices,
+    normals: Floats,
     eye: tuple[Floats, Floats, Floats],
     depth: Floats,
     hiding: float,
-) -> Mask:
-    """Which vertices face the camera with nothing measured before them."""
+) -> tuple[Floats, Mask]:
+    """Normals of vertices in a pose, and which face the camera with nothing measured before them.
+
+    `owners` are bones with which `normals` at rest turn, `eye` is from `unpack_camera`; what is
+    measured by `hiding` nearer than a vertex hides it.
+    """
     lens, turn, position = eye
+    facing = np.einsum("vij,vj->vi", turned[owners], normals)
     away = vertices - position
     seen = away @ turn
     visible = ((facing * away).sum(axis=1) < 0) & (seen[:, 2] > 0)
@@ -110,7 +111,7 @@ def see(
     column, row = flat[inside].astype(np.intp).T
     with np.errstate(invalid="ignore"):
         visible[inside] &= ~(depth[row, column] < seen[inside, 2] - hiding)
-    return np.asarray(visible)
+    return facing, visible
 
 
 def pair(
@@ -120,29 +121,28 @@ def pair(
     pulling: Indices,
     points: Floats,
     weighing: Sequence[float],
-) -> tuple[Floats, Floats, Floats]:
+) -> Floats:
     """Pulls of points on their nearest visible vertices, and of vertices on points, by vertex.
 
     Of each vertex the sum of weight * (along + (1 - along) normal normal^T), six numbers, and of
-    this times the way to the point, three; how far its points are in all, and how many they are.
+    this times the way to the point, three. `weighing` is scale, along and outward of
+    `SurfaceSettings`.
     """
     from scipy.spatial import cKDTree
 
     scale, along, outward = weighing
     n, seen = len(vertices), np.flatnonzero(visible)
     if not len(seen):
-        return np.zeros((n, 9)), np.zeros(n), np.zeros(n)
+        return np.zeros((n, 9))
     distances, nearest = cKDTree(vertices[seen]).query(points)
     v = seen[nearest]
     pulls = sum_pulls(n, v, 1 / (1 + (distances / scale) ** 2), along, facing, points - vertices[v])
-    misses: Floats = np.bincount(v, distances, n).astype(np.float64)
-    counts: Floats = np.bincount(v, minlength=n).astype(np.float64)
     own = pulling[visible[pulling]]
     if len(own):
         far, which = cKDTree(points).query(vertices[own])
         weight = outward * len(points) / len(own) / (1 + (far / scale) ** 2)
         pulls += sum_pulls(n, own, weight, 1.0, facing, points[which] - vertices[own])
-    return pulls, misses, counts
+    return pulls
 
 
 def sum_pulls(

@@ -12,52 +12,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.body import Body, Camera, load_body
+from motionary.depth import lookup, poses
+from motionary.depth.clouds import N_EXTREMA, Cloud, build_graph, find_extrema, prepare
 from motionary.depth.fitting import (
+    N_IMAGES,
     PUBLISHED_VERTICES,
+    Comparison,
+    PersonShape,
     State,
     Surface,
+    View,
+    compare_images,
+    fit_person,
     fit_pose,
     fit_published,
     make_surface,
     place_surface,
     place_vertices,
+    shrink,
     spread,
     thin,
 )
-from motionary.depth.graph import N_EXTREMA, build_graph, find_extrema
-from motionary.depth.judging import LEAST_POINTS, UNSURE_M, judge_cloud, judge_pose
-from motionary.depth.lookup import (
-    UNEXPLAINED_M,
-    Candidates,
-    Comparison,
-    Lookup,
-    choose_ends,
-    compare_images,
-    find_candidates,
-    has_jumped,
-    make_lookup,
-    permit,
-    reach,
-    shrink,
-    turn_round,
-)
-from motionary.depth.poses import (
-    PoseDatabase,
-    find_centre,
-    find_heading,
-    heading_of,
-    load_database,
-    scale_body,
-)
-from motionary.depth.preparation import Cloud, prepare
-from motionary.depth.shape import N_IMAGES, PersonShape, View, fit_person
-from motionary.depth.tracked import (
+from motionary.depth.judging import (
+    LEAST_POINTS,
+    UNSURE_M,
     Ends,
     Found,
     Hypothesis,
     Seen,
     TrackedPose,
     TrackerSettings,
+    judge_cloud,
+    judge_pose,
     nothing_found,
 )
 from motionary.errors import InvalidInput
@@ -91,7 +77,7 @@ class DepthTracker:
     def __init__(
         self,
         camera: Camera,
-        database: PoseDatabase | None = None,
+        database: poses.PoseDatabase | None = None,
         *,
         body: Body | None = None,
         stature_m: float = MEAN_STATURE_M,
@@ -103,13 +89,13 @@ class DepthTracker:
             raise InvalidInput(f"stature_m needs to be from 0.5 to 2.5 metres, got {stature_m:g}")
         self.camera, self.engine, self.background = camera, engine, background
         self.settings = settings or TrackerSettings()
-        self.database = database or load_database()
+        self.database = database or poses.load_database()
         scale = stature_m / MEAN_STATURE_M
         #: The person's shape, once it is known.
         self.person: PersonShape | None = None
         self._views: list[View] = []
         self._images = 0
-        self._wear(body or scale_body(load_body(), scale), scale)
+        self._wear(body or poses.scale_body(load_body(), scale), scale)
         self.forget()
 
     def forget(self) -> None:
@@ -175,10 +161,10 @@ class DepthTracker:
         with self._timed("lookup"):
             # A tenth of the points has the same middle to some millimetres.
             step = max(len(graph.points) // _POINTS_OF_CENTRE, 1)
-            centre = find_centre(graph.points[::step], graph.torso[::step])
+            centre = poses.find_centre(graph.points[::step], graph.torso[::step])
             chosen = extrema[:5]
             if self._state is not None and not self.settings.published:
-                chosen = choose_ends(extrema, self._vertices(self._state)[self.body.ends])
+                chosen = lookup.choose_ends(extrema, self._vertices(self._state)[self.body.ends])
         return Ends(graph, extrema, chosen, centre)
 
     def _look_up(self, seen: Seen, ends: Ends, local: Found | None) -> list[State]:
@@ -188,11 +174,11 @@ class DepthTracker:
             if self._state is not None:
                 last = self._vertices(self._state)[self.body.ends]
                 joints = self._joints(self._state)
-            jumped = has_jumped(ends.extrema[:5], self._extrema)
+            jumped = lookup.has_jumped(ends.extrema[:5], self._extrema)
             self._extrema = ends.extrema[:5]
-            assignments = permit(ends.chosen, last, jumped=jumped)
+            assignments = lookup.permit(ends.chosen, last, jumped=jumped)
             sets = [
-                find_candidates(
+                lookup.find_candidates(
                     self.lookup, ends.chosen, assignments, ends.centre, heading, self.camera,
                     last=joints,
                 )
@@ -205,7 +191,7 @@ class DepthTracker:
         away = self.camera.position - ends.centre
         if self._state is not None and not self.settings.published:
             return [self._heading_of(self._state)]
-        measured = find_heading(ends.graph.points, ends.centre, away)
+        measured = poses.find_heading(ends.graph.points, ends.centre, away)
         if self._state is None:
             self._heading = measured.angle if measured.trust > 0 else np.arctan2(away[0], away[2])
         else:
@@ -223,16 +209,16 @@ class DepthTracker:
             vertices = self._vertices(local.state)
             extrema = seen.extrema[:10]
             away = ((extrema[:, None] - vertices[None]) ** 2).sum(axis=2).min(axis=1)
-            far = extrema[away > UNEXPLAINED_M**2][:2]
+            far = extrema[away > lookup.UNEXPLAINED_M**2][:2]
             ends = vertices[self.body.ends]
             return [
                 state
                 for one in far
-                for state in reach(self.surface, local.state, ends, one, engine=self.engine)
+                for state in lookup.reach(self.surface, local.state, ends, one, engine=self.engine)
             ]
 
     def _rank(
-        self, sets: list[Candidates], seen: Seen, more: list[State], local: Found | None
+        self, sets: list[lookup.Candidates], seen: Seen, more: list[State], local: Found | None
     ) -> list[State]:
         """The best candidates: by (8.6), or by the image, if the local pose is not far better."""
         if self.settings.published:
@@ -259,19 +245,19 @@ class DepthTracker:
     def _follow(self, name: Hypothesis, start: State, seen: Seen) -> Found:
         """A hypothesis: the pose fitted from a start, and how far it is from the image."""
         settings = self.settings.surface
-        support = None
+        visible = None
         with self._timed("local"):
             if self.settings.published:
                 assert seen.ends is not None
                 points = seen.ends.graph.points
                 state = fit_published(self.surface, start, points, steps=settings.steps)
             else:
-                state, support = fit_pose(
+                state, visible = fit_pose(
                     self.surface, start, seen.points, seen.cloud.depth, self.camera,
                     settings=settings, engine=self.engine,
                 )  # fmt: skip
         with self._timed("voting"):
-            return Found(name, state, support, self._compare(state, seen))
+            return Found(name, state, visible, self._compare(state, seen))
 
     def _compare(self, state: State, seen: Seen) -> Comparison:
         """How far a pose is from the image: by rendering it, or by (8.7) and (8.8)."""
@@ -293,7 +279,7 @@ class DepthTracker:
         if self.settings.published:
             return found[int(costs.argmin())]
         if self._state is None and len(found) > 1:
-            round_ = turn_round(self.surface, found[int(costs.argmin())].state, self.camera)
+            round_ = lookup.turn_round(self.surface, found[int(costs.argmin())].state, self.camera)
             found = [*found, self._follow("lookup", round_, seen)]
             return self._open_duel(found)
         leads = np.array([self.settings.lead * (one.name == "lookup") for one in found])
@@ -334,7 +320,7 @@ class DepthTracker:
 
     def _heading_of(self, state: State) -> float:
         turned = place_surface(self.surface, state, engine=self.engine)[0]
-        return float(heading_of(turned[None], self.body)[0])
+        return float(poses.heading_of(turned[None], self.body)[0])
 
     def _remember(self, seen: Seen, result: TrackedPose) -> None:
         """Keep images of the first second, and fit the person's shape to them at its end."""
@@ -360,7 +346,7 @@ class DepthTracker:
         """Take a body, and place the database in it."""
         self.body, self._scale = body, scale
         self.surface: Surface = make_surface(body, self.database, self.settings.surface)
-        self.lookup: Lookup = make_lookup(body, self.database, scale=scale)
+        self.lookup: lookup.Lookup = lookup.make_lookup(body, self.database, scale=scale)
         self._fixed = spread(body.vertices, PUBLISHED_VERTICES)
 
     def _vertices(self, state: State) -> Floats:
@@ -377,7 +363,7 @@ class DepthTracker:
         if not self.settings.published:
             with self._timed("voting"):
                 confidence = judge_pose(
-                    self.surface, joints, best.support, best.comparison, seen.eye, moved=moved
+                    self.surface, joints, best.visible, best.comparison, seen.eye, moved=moved
                 )
                 if seen.ends is not None:
                     self._against = judge_cloud(seen.cloud, seen.ends.graph, self.camera)
