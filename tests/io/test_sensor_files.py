@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.sensor_recordings import fill_packets
 from motionary.io.sensors import (
     SensorRecording,
     read_sensor_file,
@@ -11,7 +12,6 @@ from motionary.io.sensors import (
     write_mtw,
     write_orientations,
 )
-from motionary.io.sensors.recording import fill_packets
 
 MTW = """// Start Time: Unknown
 // Update Rate: 100.0Hz

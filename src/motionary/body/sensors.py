@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.io.sensors.recording import GRAVITY
+from motionary.io.sensor_recordings import GRAVITY
 from motionary.rotations import (
     conjugate_quaternions,
     continuous_signs,

@@ -6,7 +6,7 @@ the file. Lens distortion is that of OpenCV: k1, k2, p1, p2, k3, or four numbers
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -258,12 +258,9 @@ def _read_folder(path: Path) -> list[CalibratedCamera]:
     """Cameras of intri.yml and extri.yml, or of one file each, by their names."""
     pair = [path / "intri.yml", path / "extri.yml"]
     if all(one.is_file() for one in pair):
-        content = _read_storage(pair[0]) | _read_storage(pair[1])
-        return _from_opencv(content, path)
-    files = sorted(
-        (one for one in path.iterdir() if one.suffix.lower() in _YAML_SUFFIXES),
-        key=lambda one: natural(one.name),
-    )
+        return _from_opencv(_read_storage(pair[0]) | _read_storage(pair[1]), path)
+    found = (one for one in path.iterdir() if one.suffix.lower() in _YAML_SUFFIXES)
+    files = sorted(found, key=lambda one: natural(one.name))
     if not files:
         raise UnreadableFile(
             "holds no calibration; expected intri.yml and extri.yml, or a .yml or .xml "
@@ -303,11 +300,8 @@ def _named_camera(
 
 def _read_storage(path: Path) -> dict[str, Any]:
     """Numbers and matrices of OpenCV's file storage, by their keys."""
-    text = read_text(path)
-    read: Callable[[str, str], dict[str, Any]] = (
-        _read_xml if path.suffix.lower() == ".xml" else _read_yaml
-    )
-    return read(text, path.name)
+    read = _read_xml if path.suffix.lower() == ".xml" else _read_yaml
+    return read(read_text(path), path.name)
 
 
 def _read_xml(text: str, source: str) -> dict[str, Any]:
@@ -334,8 +328,7 @@ def _read_yaml(text: str, source: str) -> dict[str, Any]:
         elif re.match(r"\s*(\n\s*)?-", rest):
             content[key] = re.findall(r"-\s*[\"']?([^\"'\n]+?)[\"']?\s*(?:\n|$)", rest)
         elif rest.lstrip().startswith("["):
-            listed = rest.strip()[1:].partition("]")[0]
-            content[key] = _numbers(listed)
+            content[key] = _numbers(rest.strip()[1:].partition("]")[0])
         else:
             numbers = _numbers(rest)
             content[key] = numbers[0] if len(numbers) == 1 else rest.strip()

@@ -151,10 +151,7 @@ class DepthRecording:
 
 
 def read_depth(
-    path: str | Path,
-    *,
-    intrinsics: Mapping[str, Any] | None = None,
-    mirrored: bool | None = None,
+    path: str | Path, *, intrinsics: Mapping[str, Any] | None = None, mirrored: bool | None = None
 ) -> DepthRecording:
     """A recording of a depth camera.
 

@@ -16,6 +16,9 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.text import read_json
 
 _MOST_NAMES = 5
+_KINDS: Mapping[str, type] = {
+    "keyframes": str, "groups": str, "distances": int, "stiffness": float, "positions": int,
+}  # fmt: skip
 
 
 class QueryRecord(NamedTuple):
@@ -49,7 +52,7 @@ def read_query_collections(path: str | Path) -> dict[str, dict[str, QueryRecord]
     """
     path = Path(path)
     content = read_json(path)
-    if not _is_object(content) or not all(_is_object(part) for part in content.values()):
+    if not isinstance(content, dict) or not all(isinstance(x, dict) for x in content.values()):
         raise UnreadableFile(
             "needs an object of collections, each an object of queries by name", file=path
         )
@@ -93,17 +96,16 @@ def _read_record(path: Path, name: str, entry: Any) -> QueryRecord:
     def refuse(problem: str) -> UnreadableFile:
         return UnreadableFile(f"query {name!r}: {problem}", file=path)
 
-    if not _is_object(entry):
+    if not isinstance(entry, dict):
         raise refuse("needs to be an object")
     missing = [key for key in QueryRecord._fields if key not in entry]
     if missing:
         raise refuse(f"lacks {', '.join(missing)}")
-    columns = {key: _read_list(entry[key], kind) for key, kind in _KINDS.items()}
-    wrong = [key for key, values in columns.items() if values is None]
+    wrong = [key for key, kind in _KINDS.items() if not _is_list(entry[key], kind)]
     if wrong or not _is_number(entry["template_length"], int):
         raise refuse(f"{(*wrong, 'template_length')[0]} is not what it should be")
     n_keyframes = len(entry["keyframes"])
-    for key in columns:
+    for key in _KINDS:
         expected = n_keyframes - 1 if key in ("distances", "stiffness") else n_keyframes
         if n_keyframes == 0 or len(entry[key]) != expected:
             raise refuse(f"{n_keyframes} keyframes do not go with {len(entry[key])} {key}")
@@ -119,22 +121,11 @@ def _read_record(path: Path, name: str, entry: Any) -> QueryRecord:
     )
 
 
-_KINDS: Mapping[str, type] = {
-    "keyframes": str,
-    "groups": str,
-    "distances": int,
-    "stiffness": float,
-    "positions": int,
-}
-
-
-def _read_list(values: Any, kind: type) -> list[Any] | None:
-    """The values, if they are a list of that kind."""
-    if not isinstance(values, list):
-        return None
-    if kind is str:
-        return values if all(isinstance(value, str) for value in values) else None
-    return values if all(_is_number(value, kind) for value in values) else None
+def _is_list(values: Any, kind: type) -> bool:
+    """Whether there is a list of values of that kind."""
+    return isinstance(values, list) and all(
+        isinstance(value, str) if kind is str else _is_number(value, kind) for value in values
+    )
 
 
 def _is_number(value: Any, kind: type) -> bool:
@@ -142,7 +133,3 @@ def _is_number(value: Any, kind: type) -> bool:
     # Beyond, a whole number is no float.
     is_one = isinstance(value, allowed) and not isinstance(value, bool)
     return is_one and not abs(value) > 1e300
-
-
-def _is_object(value: Any) -> bool:
-    return isinstance(value, dict)

@@ -21,8 +21,9 @@ _TABLE = ".toml"
 _MOST_RATE_HZ = 1e6
 
 
-def _flag(flag: str, metavar: str, text: str) -> dict[str, str]:
-    return {"flag": flag, "metavar": metavar, "help": text}
+def _option(usage: str, text: str, *, default: str | None = None) -> Any:
+    flag, _, metavar = usage.partition(" ")
+    return field(default=default, metadata={"flag": flag, "metavar": metavar, "help": text})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,94 +63,49 @@ class ReadOptions:
         If a rate, unit, axis, side or way of filling is none.
     """
 
-    asf: str | Path | None = field(
-        default=None,
-        metadata=_flag(
-            "--asf", "FILE", "Skeleton of Acclaim motions (AMC); by default looked for by name."
-        ),
+    asf: str | Path | None = _option(
+        "--asf FILE", "Skeleton of Acclaim motions (AMC); by default looked for by name."
     )
-    rate_hz: float | None = field(
-        default=None,
-        metadata=_flag(
-            "--rate", "HZ", "Frames per second, where files do not say it or say it wrong."
-        ),
+    rate_hz: float | None = _option(
+        "--rate HZ", "Frames per second, where files do not say it or say it wrong."
     )
-    skeleton: str | Path | None = field(
-        default=None,
-        metadata=_flag(
-            "--skeleton",
-            "NAME|TOML",
-            "A known skeleton, where joint names do not tell it, or a .toml file that maps them "
-            "(`motionary info FILE --save-mapping RIG.toml` writes one).",
-        ),
+    skeleton: str | Path | None = _option(
+        "--skeleton NAME|TOML",
+        "A known skeleton, where joint names do not tell it, or a .toml file that maps them "
+        "(`motionary info FILE --save-mapping RIG.toml` writes one).",
     )
-    unit: float | str | None = field(
-        default=None,
-        metadata=_flag(
-            "--unit",
-            "UNIT",
-            "m, dm, cm, mm, inch or metres per unit, where the size of the body does not tell it.",
-        ),
+    unit: float | str | None = _option(
+        "--unit UNIT",
+        "m, dm, cm, mm, inch or metres per unit, where the size of the body does not tell it.",
     )
-    up: str | None = field(
-        default=None,
-        metadata=_flag(
-            "--up", "AXIS", "Axis that points up (y, z, -y ...), where the body does not tell it."
-        ),
+    up: str | None = _option(
+        "--up AXIS", "Axis that points up (y, z, -y ...), where the body does not tell it."
     )
-    body_model: str | Path | None = field(
-        default=None,
-        metadata=_flag(
-            "--body-model",
-            "NPZ",
-            "Model file of SMPL bodies (AMASS), which gives the person's own proportions.",
-        ),
+    body_model: str | Path | None = _option(
+        "--body-model NPZ",
+        "Model file of SMPL bodies (AMASS), which gives the person's own proportions.",
     )
-    sides: str | None = field(
-        default=None,
-        metadata=_flag(
-            "--sides",
-            "HOW",
-            "named, swapped or mirrored, where the body contradicts the names of left and right: "
-            "keep them, exchange them, or take the axes for left-handed.",
-        ),
+    sides: str | None = _option(
+        "--sides HOW",
+        "named, swapped or mirrored, where the body contradicts the names of left and right: "
+        "keep them, exchange them, or take the axes for left-handed.",
     )
-    fill_gaps_s: float | None = field(
-        default=None,
-        metadata=_flag(
-            "--fill-gaps", "SECONDS", "Fill gaps of points up to this long; by default gaps stay."
-        ),
+    fill_gaps_s: float | None = _option(
+        "--fill-gaps SECONDS", "Fill gaps of points up to this long; by default gaps stay."
     )
-    fill_by: str = field(
+    fill_by: str = _option(
+        "--fill-by HOW",
+        "cubic (the usual, with the velocities around the gap) or linear.",
         default="cubic",
-        metadata=_flag(
-            "--fill-by", "HOW", "cubic (the usual, with the velocities around the gap) or linear."
-        ),
     )
-
-    trust_points: bool | None = field(
-        default=None,
-        metadata=_flag(
-            "--trust-points",
-            "",
-            "Read points that C3D marks unseen, though places are there.",
-        ),
+    trust_points: bool | None = _option(
+        "--trust-points", "Read points that C3D marks unseen, though places are there."
     )
-
-    even_times: bool | None = field(
-        default=None,
-        metadata=_flag(
-            "--even-times",
-            "",
-            "Put frames at even times where the file's have gaps or are uneven.",
-        ),
+    even_times: bool | None = _option(
+        "--even-times", "Put frames at even times where the file's have gaps or are uneven."
     )
-
-    take: str | int | None = field(
-        default=None,
-        metadata=_flag(
-            "--take", "NAME|N", "Which recording of files that hold several, by name or number."
-        ),
+    take: str | int | None = _option(
+        "--take NAME|N", "Which recording of files that hold several, by name or number."
     )
 
     def __post_init__(self) -> None:

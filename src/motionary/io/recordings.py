@@ -8,13 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from motionary.errors import (
-    InvalidInput,
-    SeveralRecordings,
-    UnreadableFile,
-    check_kind,
-    check_path,
-)
+from motionary.errors import InvalidInput, SeveralRecordings, UnreadableFile, check_kind, check_path
 from motionary.files import open_regular
 from motionary.io.formats import (
     FORMATS,
@@ -143,11 +137,7 @@ def read_all(path: str | Path, options: ReadOptions | None = None, **fields: Any
 
 
 def write(
-    motion: Motion,
-    path: str | Path,
-    *,
-    asf: str | Path | None = None,
-    unit: float | str = "cm",
+    motion: Motion, path: str | Path, *, asf: str | Path | None = None, unit: float | str = "cm"
 ) -> None:
     """Write a motion; the suffix of the file's name says how.
 

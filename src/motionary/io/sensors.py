@@ -1,5 +1,7 @@
-"""Readers of sensors' files, and of folders of them.
+"""Recordings of inertial sensors: Xsens MTw and MVNX, OpenSense, APDM, Movella DOT, BROAD, CSV.
 
+Conventions: quaternions wxyz from sensor to a world with z up, rates in radians a
+second, specific force in m/s² (9.81 upwards at rest), fields as the file has them; NaN = not known.
 MTw of Xsens and BROAD were tried on real files; APDM, Movella DOT, OpenSense and tables of others
 on files written after their documented layout.
 """
@@ -17,8 +19,24 @@ from motionary.files import NO_SUCH_FILE, open_regular
 from motionary.io.formats.mvnx import read_mvnx_sensors
 from motionary.io.formats.numbers import read_table, to_number
 from motionary.io.options import ReadOptions
-from motionary.io.sensors.recording import GRAVITY, SensorRecording, fill_packets, normalise_sensor
+from motionary.io.sensor_recordings import (
+    GRAVITY,
+    SensorRecording,
+    fill_packets,
+    normalise_sensor,
+    write_mtw,
+    write_orientations,
+)
 from motionary.io.text import read_text, read_toml
+
+__all__ = [
+    "SENSOR_FORMATS",
+    "SensorRecording",
+    "read_sensor_file",
+    "read_sensors",
+    "write_mtw",
+    "write_orientations",
+]
 
 Floats = NDArray[np.float64]
 
