@@ -2,6 +2,7 @@
 
 import builtins
 import json
+import logging
 
 import pytest
 
@@ -39,6 +40,35 @@ def bucket(short):
     files.pipe("/bucket/broken.bvh", b"HIERARCHY")
     yield files
     files.store.clear()
+
+
+@pytest.fixture(scope="module")
+def s3():
+    """Address of a server that answers as S3 does, on this computer."""
+    server_of = pytest.importorskip("moto.server").ThreadedMotoServer
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    server = server_of(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+            patch.setenv(name, "none")
+        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+        yield f"http://{host}:{port}"
+    server.stop()
+
+
+@pytest.fixture
+def elsewhere(s3, short):
+    """Another computer's access to a bucket with two recordings."""
+    pytest.importorskip("s3fs")
+    files = fsspec.filesystem("s3", skip_instance_cache=True)
+    files.mkdir("takes")
+    for name in ("a.bvh", "deep/b.bvh"):
+        files.pipe(f"takes/{name}", short)
+    yield files
+    files.rm("takes", recursive=True)
 
 
 def names(index):
@@ -160,6 +190,42 @@ def test_a_package_that_is_missing_is_told(missing, told, tmp_path, monkeypatch)
     monkeypatch.setattr(builtins, "__import__", refuse)
     with pytest.raises(InvalidInput, match=told):
         Index.open("s3://bucket", at=tmp_path / "index").changes()
+
+
+def test_a_bucket_of_s3_is_read_and_its_changes_are_seen(elsewhere, short, tmp_path):
+    index = Index.open("s3://takes", at=tmp_path / "index")
+    index.update()
+    assert names(index) == ["a.bvh", "deep/b.bvh"]
+    assert not index.failures
+    assert not index.changes().to_read
+    (chosen,) = find_sources(["s3://takes/a.bvh"])
+    before = chosen.scan(on_skip=print)
+    elsewhere.pipe("takes/c.bvh", short)
+    elsewhere.pipe("takes/a.bvh", short + b"\n")
+    elsewhere.rm("takes/deep/b.bvh")
+    changes = index.changes()
+    assert (changes.new, changes.changed, changes.gone) == (
+        ("c.bvh",),
+        ("a.bvh",),
+        ("deep/b.bvh",),
+    )
+    assert chosen.scan(on_skip=print)["a.bvh"] != before["a.bvh"]
+
+
+def test_a_bucket_of_s3_that_may_not_be_read_is_told(s3, elsewhere, motionary, tmp_path):
+    requests = pytest.importorskip("requests")
+    ran = motionary("index", "s3://none", "--index", tmp_path / "none")
+    assert ran.code == 1
+    assert "s3://none: cannot be searched: there is no such place" in ran.err
+    # From now on requests need rights, which nobody has.
+    requests.post(f"{s3}/moto-api/reset-auth", data=b"0", timeout=10)
+    try:
+        ran = motionary("index", "s3://takes", "--index", tmp_path / "index")
+    finally:
+        requests.post(f"{s3}/moto-api/reset-auth", data=b"inf", timeout=10)
+    assert ran.code == 1
+    assert "s3://takes: cannot be searched: " in ran.err
+    assert "check the address and your rights" in ran.err
 
 
 def test_commands_take_sources(motionary, bucket, folders, tmp_path):

@@ -260,6 +260,8 @@ def _reaching(url: str, tried: str, name: str = "") -> Iterator[tuple[Any, str]]
 
 def _scan_remote(source: Source) -> dict[str, FileState]:
     with _reaching(source.folder, "cannot be searched") as (system, root):
+        # Listings are kept for as long as a program runs.
+        system.invalidate_cache()
         # What may not be listed is passed over by `find`.
         listed = system.ls(root, detail=True)
         if source.chosen is None:
