@@ -128,3 +128,25 @@ def test_an_index_over_other_features_is_refused(motionary, archive, libraries, 
         assert remedy in said
         with pytest.raises(InvalidInput, match="open an index elsewhere with feature_set="):
             annotate_collection(opened, ClassLibrary.load(libraries[library]))
+
+
+def test_an_index_may_be_of_chosen_features_and_of_patterns(
+    motionary, archive, libraries, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(archive)
+    made = ("index", "squ*.bvh", "deep/*", "--index", tmp_path / "i", "--json")
+    ran = motionary(*made, "--features", "full-body-40")
+    assert (ran.code, json.loads(ran.out)["recordings"]) == (0, 2)
+    kept = Index.open(["squat.bvh", "deep"], at=tmp_path / "i", feature_set=FULL_BODY)
+    assert kept.collection().feature_set == FULL_BODY
+    assert kept.changes().to_read == []
+    given = ("squ*.bvh", "deep/*", "--library", libraries["published"], "--json")
+    ran = motionary("annotate", *given, "--index", tmp_path / "i")
+    assert [json.loads(line)["recording"] for line in ran.out.splitlines()] == [
+        "deep/bow.bvh",
+        "takes/squat.bvh",
+    ]
+    ran = motionary("index", "none*.bvh", "--index", tmp_path / "none")
+    assert (ran.code, ran.out) == (1, "")
+    assert "none*.bvh: no recording has a name like this" in ran.err
+    assert motionary(*made, "--features", "mine").code == 2

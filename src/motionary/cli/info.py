@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.options import AsJson, Jobs, TableOptions, check_picture, check_target, option
+from motionary.cli.options import (
+    AsJson,
+    Jobs,
+    TableOptions,
+    check_picture,
+    check_target,
+    find_feature_set,
+    option,
+)
 from motionary.cli.recordings import (
     describe_failure,
     find_files,
@@ -250,8 +258,8 @@ def index(
         list[str],
         typer.Argument(
             metavar="SOURCE",
-            help="Folders, searched to the bottom, files, URLs, and @LIST: a text file with one of "
-            "them a line.",
+            help="Folders, searched to the bottom, files, patterns, URLs, and @LIST: a text file "
+            "with one of them a line.",
         ),
     ],
     place: Annotated[
@@ -260,6 +268,15 @@ def index(
             "--index",
             metavar="PATH",
             help="Folder to keep what was read in; by default in the cache.",
+        ),
+    ] = None,
+    features: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SET",
+            help="Features to keep: everyday-448 (the usual, for all searches), full-body-40 (the "
+            "published alone, in a quarter of the room: for keyframes, classes, labels and "
+            "--fast), or what a library is over, such as legs-14.",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -275,11 +292,17 @@ def index(
     motionary index recordings/ --jobs 4
     motionary index //server/recordings --index recordings-index
     motionary index /archive @more.txt s3://bucket/takes --index /archive-index
+    motionary index /archive --index /archive-index --features full-body-40
     motionary index /archive --index /archive-index --scheduler tcp://host:8786
     """
     from motionary.features import SEQUENCE_HZ, load_everyday_set
+    from motionary.retrieval.index import Index
 
-    opened = open_index(sources, load_everyday_set(), at=place, reading=reading)
+    if features is None:
+        opened = open_index(sources, load_everyday_set(), at=place, reading=reading)
+    else:
+        chosen = find_feature_set(features)
+        opened = Index.open(sources, at=place, reading=reading, feature_set=chosen)
     changes = opened.changes()
     with work.open() as workers:
         is_stopped = update_index(opened, changes, jobs=workers)

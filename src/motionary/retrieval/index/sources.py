@@ -7,6 +7,7 @@ recordings. No label begins another, so that names stay unique over all of them.
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from glob import has_magic
 from itertools import pairwise
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
@@ -23,6 +24,7 @@ from motionary.io import (
     MOTION_SUFFIXES,
     FileState,
     file_of,
+    find_recordings,
     has_sidecar,
     read_text,
     scan_folder,
@@ -127,15 +129,15 @@ def find_sources(given: str | Path | Sequence[str | Path]) -> tuple[Source, ...]
 
     Parameters
     ----------
-    given : paths and URLs, a path alone is a folder; `@list.txt` is a text file with one of
-        them a line, relative to it
+    given : paths, patterns such as "take_*.bvh", and URLs, a path alone is a folder; `@list.txt`
+        is a text file with one of them a line, relative to it
 
     Raises
     ------
     WrongKind
         If something else is given.
     UnreadableFile
-        If a list cannot be read.
+        If a list cannot be read, or nothing has a name like a pattern.
     InvalidInput
         If there is no source.
     """
@@ -171,14 +173,17 @@ def find_sources(given: str | Path | Sequence[str | Path]) -> tuple[Source, ...]
 
 
 def _expand(given: Iterable[str]) -> Iterator[str]:
+    """The same without lists and patterns."""
     for path in given:
-        if not is_list(path):
+        if is_list(path):
+            file = Path(path.removeprefix(LIST_MARK))
+            lines = [line.strip() for line in read_text(file).splitlines()]
+            named = (line for line in lines if line and not line.startswith("#"))
+            yield from _expand(one if is_url(one) else str(file.parent / one) for one in named)
+        elif not is_url(path) and has_magic(path) and not file_of(path).exists():
+            yield from map(str, find_recordings(path))
+        else:
             yield path
-            continue
-        file = Path(path.removeprefix(LIST_MARK))
-        for line in map(str.strip, read_text(file).splitlines()):
-            if line and not line.startswith("#"):
-                yield line if is_url(line) else str(file.parent / line)
 
 
 def _divide(path: str) -> tuple[str, str | None]:
