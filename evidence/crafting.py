@@ -14,7 +14,7 @@ from evidence.common.ranking import TOLERANCE_2006, hits_of, template_of
 from evidence.common.recordings import Clip, Recordings, Results, clips_packed, of_class
 from motionary.features import FeatureSequence, compute_features
 from motionary.models.templates import MotionTemplate, pattern_of, quantise, template_from_text
-from motionary.samples.figure import Proportions, pose_figure
+from motionary.samples import Proportions, pose_figure
 from motionary.samples.phrases import curves, end_of, parse_phrases, vary
 
 TITLE = "Classes joined and designed, beside figure 5 of 2006"

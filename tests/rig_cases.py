@@ -11,7 +11,7 @@ import numpy as np
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
 from motionary.recording import Recording
 from motionary.rotations import euler_to_quaternions, quaternions_to_matrices
-from motionary.samples.figure import Proportions, figure_skeleton
+from motionary.samples import Proportions, figure_skeleton
 
 LIMBS = """
 {clavicle} {top} $clavicle

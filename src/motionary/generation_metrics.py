@@ -42,13 +42,9 @@ from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.rotations import unit_vectors
 
 __all__ = [
-    "PUBLISHED_COLUMNS",
-    "Mode",
-    "diversity",
-    "frechet_distance",
-    "motion_features",
+    "PUBLISHED_COLUMNS", "Mode", "diversity", "frechet_distance", "motion_features",
     "published_features",
-]
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -23,13 +23,8 @@ from motionary.io.text import read_json
 Floats = NDArray[np.float64]
 
 __all__ = [
-    "DEPTH_FORMATS",
-    "INTRINSICS",
-    "UTD_MHAD",
-    "DepthRecording",
-    "read_depth",
-    "read_intrinsics",
-]
+    "DEPTH_FORMATS", "INTRINSICS", "UTD_MHAD", "DepthRecording", "read_depth", "read_intrinsics",
+]  # fmt: skip
 
 #: Names of the file with intrinsics in a folder of images.
 INTRINSICS = ("camera.json", "intrinsics.json", "camera_intrinsics.json")

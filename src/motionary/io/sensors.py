@@ -30,13 +30,9 @@ from motionary.io.sensor_recordings import (
 from motionary.io.text import read_text, read_toml
 
 __all__ = [
-    "SENSOR_FORMATS",
-    "SensorRecording",
-    "read_sensor_file",
-    "read_sensors",
-    "write_mtw",
+    "SENSOR_FORMATS", "SensorRecording", "read_sensor_file", "read_sensors", "write_mtw",
     "write_orientations",
-]
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from motionary.errors import InvalidInput
 
 Floats = NDArray[np.float64]
 
-PAIRED_PARTS = ("hip", "knee", "ankle", "shoulder", "elbow")
-DIRECTIONS = {
+_PAIRED_PARTS = ("hip", "knee", "ankle", "shoulder", "elbow")
+_DIRECTIONS = {
     "hip": ("bend", "aside", "twist"),
     "knee": ("bend",),
     "ankle": ("bend",),
@@ -40,7 +40,7 @@ DIRECTIONS = {
     "neck": ("bend", "twist"),
     "root": ("turn", "pitch", "roll", "up", "forward"),
 }
-RELATIVE = ("root turn", "root forward")
+_RELATIVE = ("root turn", "root forward")
 
 _LINE = re.compile(r"([\d.]+)\s*-\s*([\d.]+) s:(.+)")
 
@@ -195,23 +195,23 @@ def _parse_targets(text: str) -> list[Target]:
     if terms and terms[0] in ("left", "right"):
         sides = (terms.pop(0)[0],)
     part = terms.pop(0) if terms else ""
-    if len(sides) == 2 and part in (f"{paired}s" for paired in PAIRED_PARTS):
+    if len(sides) == 2 and part in (f"{paired}s" for paired in _PAIRED_PARTS):
         part = part[:-1]
-    elif (len(sides) == 1) != (part in PAIRED_PARTS) or part not in DIRECTIONS:
+    elif (len(sides) == 1) != (part in _PAIRED_PARTS) or part not in _DIRECTIONS:
         raise InvalidInput(
-            f"expected 'left', 'right' or a plural with one of {', '.join(PAIRED_PARTS)}, "
+            f"expected 'left', 'right' or a plural with one of {', '.join(_PAIRED_PARTS)}, "
             f"or spine, neck, root, got {text.strip()!r}"
         )
     direction = terms.pop(0) if len(terms) == 2 else "bend"
-    if direction not in DIRECTIONS[part] or len(terms) != 1:
+    if direction not in _DIRECTIONS[part] or len(terms) != 1:
         raise InvalidInput(
-            f"expected a direction of {part} ({', '.join(DIRECTIONS[part])}) and a number, "
+            f"expected a direction of {part} ({', '.join(_DIRECTIONS[part])}) and a number, "
             f"got {text.strip()!r}"
         )
     value = float(terms[0])
     if not math.isfinite(value):
         raise InvalidInput(f"expected a finite number, got {text.strip()!r}")
-    if part not in PAIRED_PARTS:
+    if part not in _PAIRED_PARTS:
         return [Target(f"{part} {direction}", value)]
     return [Target(f"{side}{part} {direction}", value) for side in sides]
 
@@ -242,12 +242,7 @@ def vary(
     warped = np.concatenate([[0.0], np.cumsum(np.diff(times) * factors)])
     moved = dict(zip(times.tolist(), warped.tolist(), strict=True))
     return tuple(
-        Phrase(
-            moved[phrase.start_s],
-            moved[phrase.end_s],
-            _scale(phrase.targets, rng, amplitude),
-        )
-        for phrase in phrases
+        Phrase(moved[p.start_s], moved[p.end_s], _scale(p.targets, rng, amplitude)) for p in phrases
     )
 
 
@@ -258,7 +253,7 @@ def _scale(
     parts: dict[str, float] = {}
     scaled = []
     for channel, value in targets:
-        both_sides = channel if channel.split()[0] in DIRECTIONS else channel[1:]
+        both_sides = channel if channel.split()[0] in _DIRECTIONS else channel[1:]
         part = parts.setdefault(both_sides, 1 + rng.normal(0, amplitude / 3))
         side = 1 + rng.normal(0, amplitude / 10)
         scaled.append(Target(channel, value * whole * part * side))
@@ -292,7 +287,7 @@ def curves(phrases: Sequence[Phrase], times: Floats) -> dict[str, Floats]:
             busy_until, before = now.get(channel, (0.0, 0.0))
             if busy_until > phrase.start_s + 1e-9:
                 raise InvalidInput(f"two phrases move {channel!r} at once, at {phrase.start_s:g} s")
-            step = value if channel in RELATIVE else value - before
+            step = value if channel in _RELATIVE else value - before
             result[channel] = result.get(channel, np.zeros(len(times))) + step * eased
             now[channel] = (phrase.end_s, before + step)
     return result

@@ -11,13 +11,6 @@ from motionary.skeletons.mapping import (
 from motionary.skeletons.table_files import SkeletonTable, format_table, parse_table
 
 __all__ = [
-    "SkeletonTable",
-    "find_mapping",
-    "format_table",
-    "known_mappings",
-    "map_joints",
-    "named_mapping",
-    "named_table",
-    "parse_table",
-    "without_guess",
-]
+    "SkeletonTable", "find_mapping", "format_table", "known_mappings", "map_joints",
+    "named_mapping", "named_table", "parse_table", "without_guess",
+]  # fmt: skip

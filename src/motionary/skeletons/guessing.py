@@ -8,6 +8,7 @@ of feet and head tell left from right. Points without a tree are told by their n
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ def guess_from_names(names: tuple[str, ...]) -> JointMapping | None:
     found: dict[str, tuple[int, str]] = {}
     spine: list[str] = []
     for name in names:
-        if words.is_twist(name) or name in clusters:
+        if words.is_a("twist", name) or name in clusters:
             continue
         if name in partners:
             part = words.limb_part(stems[name], has_arm=has_arm)
@@ -158,10 +159,7 @@ def _named_ends(tree: Tree, path: list[int], parts: tuple[str, str, str]) -> _En
     stem = tree.stems[tree.names[path[tops[-1]]]]
     top = next(i for i in tops if tree.stems[tree.names[path[i]]] == stem)
     ends = _Ends(top, middle, lows[0])
-    upper, lower = (
-        tree.distance(path[a], path[b])
-        for a, b in ((ends.top, ends.middle), (ends.middle, ends.low))
-    )
+    upper, lower = (tree.distance(path[a], path[b]) for a, b in pairwise(ends))
     return ends if min(upper, lower) > _ALIKE * max(upper, lower) else None
 
 
@@ -220,17 +218,18 @@ def _add_head(
     path: list[int] = []
     node = top
     while True:
-        below = [n for n in tree.children(node) if not limb & set(tree.below(n))]
-        heads = [n for n in below if any(part[m] == "head" for m in tree.below(n))]
+        below = [n for n in tree.branches[node] if not limb & set(tree.below(n))]
+        to_head = [n for n in below if any(part[m] == "head" for m in tree.below(n))]
         free = [n for n in below if tree.names[n] not in tree.partners]
-        if not (heads or free):
+        if not (to_head or free):
             break
-        node = max(heads or free, key=lambda n: tree.reach[n])
+        node = max(to_head or free, key=lambda n: tree.reach[n])
         path.append(node)
     if not path:
         return None
-    named = [i for i, n in enumerate(path) if part[n] == "head" and not words.is_end(tree.names[n])]
-    ends = words.is_end(tree.names[path[-1]]) or (not named and len(path) > 2)
+    heads = [i for i, n in enumerate(path) if part[n] == "head"]
+    named = [i for i in heads if not words.is_a("end", tree.names[path[i]])]
+    ends = words.is_a("end", tree.names[path[-1]]) or (not named and len(path) > 2)
     at = named[0] if named else len(path) - 2 if ends and len(path) > 1 else len(path) - 1
     put("head", path[at])
     put("headtop", path[at + 1] if at + 1 < len(path) else None)

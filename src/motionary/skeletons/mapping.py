@@ -18,7 +18,7 @@ from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, Skeleton, Unm
 from motionary.recording import Recording
 from motionary.skeletons.guessing import guess_from_names, guess_from_tree
 from motionary.skeletons.table_files import SkeletonTable, parse_table, spell
-from motionary.skeletons.words import is_paw, is_tail
+from motionary.skeletons.words import is_a
 
 Floats = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ def map_joints(
 ) -> JointMapping | Unmapped:
     """The mapping as `find_mapping` has it, or why there is none."""
     names = tuple(names)
-    some = None if positions is None else _some(positions)
+    some = None if positions is None else positions[:: 1 + len(positions) // _LOOKED_AT]
     seen = names if positions is None else _seen(names, positions)
     if given is not None:
         return given.resolve(seen)
@@ -127,7 +127,7 @@ def map_joints(
     mapping = _map_one(seen, skeleton, some, frozenset(without))
     if mapping is None and len(seen) < len(names):
         mapping = _map_one(names, skeleton, some, frozenset(without))
-    is_animal = any(is_paw(name) or is_tail(name) for name in names)
+    is_animal = any(is_a("paw", name) or is_a("tail", name) for name in names)
     if mapping is None and not is_animal:
         few = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
         return Unmapped(
@@ -186,20 +186,13 @@ def _complete(mapping: JointMapping, guess: JointMapping, names: tuple[str, ...]
         return mapping
     said = ", ".join(f"{joint} {' + '.join(source)}" for joint, source in added.items())
     note = f"by the shape of the tree: {said}"
+    in_place_of = set(mapping.substituted) - set(added) | set(guess.substituted)
     return replace(
         mapping,
         weights=mapping.weights | added,
-        substituted=tuple(
-            joint
-            for joint in GENERIC_JOINTS
-            if joint in (*(set(mapping.substituted) - set(added)), *guess.substituted)
-        ),
+        substituted=tuple(joint for joint in GENERIC_JOINTS if joint in in_place_of),
         note=f"{mapping.note}; {note}" if mapping.note else note,
     )
-
-
-def _some(positions: Floats) -> Floats:
-    return positions[:: 1 + len(positions) // _LOOKED_AT]
 
 
 def _seen(names: tuple[str, ...], positions: Floats) -> tuple[str, ...]:
@@ -311,7 +304,7 @@ def is_four_legged(mapping: JointMapping, names: tuple[str, ...], positions: Flo
     mapping, names : as in a `Motion`
     positions : array, shape (frames, joints, 3), in any unit and axes
     """
-    if sum(is_paw(name) for name in names) > 1:
+    if sum(is_a("paw", name) for name in names) > 1:
         return True
     body = Motion(names, positions, Recording(rate_hz=1.0), mapping).generic_positions()
     where = {joint: body[:, i] for i, joint in enumerate(GENERIC_JOINTS)}
@@ -329,7 +322,7 @@ def is_four_legged(mapping: JointMapping, names: tuple[str, ...], positions: Flo
         for start, end in (("hip", "knee"), ("knee", "ankle"))
     )
     is_long = _length(trunk) > _LONG_TRUNK * leg
-    return is_long or any(is_tail(name) for name in names)
+    return is_long or any(is_a("tail", name) for name in names)
 
 
 def _mean(where: dict[str, Floats], joint: str) -> Floats:

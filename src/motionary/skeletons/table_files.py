@@ -209,8 +209,11 @@ def format_table(mapping: JointMapping, *, about: str, names: tuple[str, ...] = 
     about : whose joints these are
     names : all names that there are, written as a remark for who corrects the mapping
     """
-    remark = _one_line(f"joints: {', '.join(names)}") if names else ""
-    remarks = [*([] if mapping.weights else [_TO_FILL_IN]), *([remark] if remark else [])]
+    joints = "".join(letter if letter.isprintable() else "?" for letter in ", ".join(names))
+    remarks = [
+        *([] if mapping.weights else [_TO_FILL_IN]),
+        *([f"joints: {joints}"] if names else []),
+    ]
     lines = [
         f"# {line}" for text in remarks for line in textwrap.wrap(text, 96, break_on_hyphens=False)
     ]
@@ -222,20 +225,16 @@ def format_table(mapping: JointMapping, *, about: str, names: tuple[str, ...] = 
             lines.append(f"{key} = [{', '.join(map(_quoted, values))}]")
     lines += ["", "[joints]"]
     for joint in GENERIC_JOINTS:
-        if joint in mapping.weights:
-            lines.append(f"{joint} = {_format_source(mapping.weights[joint])}")
-        else:
-            lines.append(f"# {joint} =")
+        source = mapping.weights.get(joint)
+        lines.append(
+            f"{joint} = {_format_source(source)}" if source is not None else f"# {joint} ="
+        )
     if mapping.normals:
         lines += ["", "[normals]"]
         for joint, normal in mapping.normals.items():
             points = ", ".join(map(_quoted, normal[:3]))
             lines.append(f"{joint} = {{ points = [{points}], share = {normal.fraction!r} }}")
     return "\n".join(lines) + "\n"
-
-
-def _one_line(text: str) -> str:
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _checked(joints: dict[str, Any]) -> list[tuple[str, Any]]:

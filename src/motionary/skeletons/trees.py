@@ -57,10 +57,6 @@ class Tree:
     lengths: tuple[float, ...]
     reach: tuple[float, ...]
 
-    def children(self, node: int) -> list[int]:
-        """Nodes right below one."""
-        return self.branches[node]
-
     def ancestors(self, node: int) -> list[int]:
         """The node and all above it, up to the root."""
         result = []
@@ -108,9 +104,9 @@ def grow_tree(skeleton: Skeleton, positions: Floats) -> Tree:
     place = {-1: -1}
     for node, parent in enumerate(parents):
         gone = parent >= 0 and place[parent] == _GONE
-        if gone or words.is_extra(names[node]):
+        if gone or words.is_a("extra", names[node]):
             place[node] = _GONE
-        elif words.is_twist(names[node]) and names[node] in partners:
+        elif words.is_a("twist", names[node]) and names[node] in partners:
             place[node] = place[parent]
         else:
             place[node] = len(kept)
@@ -127,22 +123,14 @@ def grow_tree(skeleton: Skeleton, positions: Floats) -> Tree:
         if parent >= 0:
             branches[parent].append(i)
     reach = list(lengths)
-    for i in range(len(kept) - 1, -1, -1):
-        if above[i] >= 0:
-            parent = above[i]
+    for i, parent in reversed(list(enumerate(above))):
+        if parent >= 0:
             reach[parent] = max(reach[parent], lengths[parent] + reach[i])
     kept_names = tuple(names[node] for node in kept)
     own = words.find_partners(kept_names)
+    starts, stems = tuple(sources[node] for node in kept), words.stems(kept_names, own)
     return Tree(
-        kept_names,
-        tuple(sources[node] for node in kept),
-        above,
-        branches,
-        places,
-        own,
-        words.stems(kept_names, own),
-        tuple(lengths),
-        tuple(reach),
+        kept_names, starts, above, branches, places, own, stems, tuple(lengths), tuple(reach)
     )
 
 
@@ -184,25 +172,18 @@ def _starts(skeleton: Skeleton) -> tuple[list[str], list[str], list[int]]:
 
 def _starts_of(tree: Tree) -> set[int]:
     """Nodes with a side below a node without it."""
-    index = {name: i for i, name in enumerate(tree.names)}
-    result = set()
-    for name in tree.partners:
-        node = index[name]
-        parent = tree.parents[node]
-        if parent < 0 or tree.names[parent] not in tree.partners:
-            result.add(node)
-    return result
+    return {
+        node
+        for node, (name, parent) in enumerate(zip(tree.names, tree.parents, strict=True))
+        if name in tree.partners and (parent < 0 or tree.names[parent] not in tree.partners)
+    }
 
 
 def _named_pairs(tree: Tree) -> list[Pair]:
     """Starts of limbs by their names, left and right."""
     index = {name: i for i, name in enumerate(tree.names)}
-    starts = _starts_of(tree)
-    return [
-        (node, index[tree.partners[tree.names[node]][1]])
-        for node in sorted(starts)
-        if tree.partners[tree.names[node]][0] == "l"
-    ]
+    sided = [(node, tree.partners[tree.names[node]]) for node in sorted(_starts_of(tree))]
+    return [(node, index[other]) for node, (side, other) in sided if side == "l"]
 
 
 def _alike_pairs(tree: Tree) -> list[Pair]:
@@ -210,7 +191,7 @@ def _alike_pairs(tree: Tree) -> list[Pair]:
     sizes = _sizes(tree)
     pairs = []
     for node in range(len(tree.parents)):
-        children = tree.children(node)
+        children = tree.branches[node]
         if len(children) > _MOST_CHAINS:
             # Of a face or a wide tree, all pairs are far too many, and none is a limb.
             longest = set(nlargest(_MOST_CHAINS, children, key=lambda child: tree.reach[child]))
@@ -283,10 +264,10 @@ def _main_path(tree: Tree, start: int) -> list[int]:
     """From the start of a limb to its tip, by the middle finger or toe."""
     path = [start]
     while True:
-        below = tree.children(path[-1])
+        below = tree.branches[path[-1]]
         if not below:
             return path
-        middle = [node for node in below if words.is_middle(tree.names[node])]
+        middle = [node for node in below if words.is_a("middle", tree.names[node])]
         others = [node for node in below if words.words_of(tree.names[node]).isdisjoint(_THUMBS)]
         path.append(max(middle or others or below, key=lambda node: tree.reach[node]))
 

@@ -12,22 +12,11 @@ from collections.abc import Iterable, Mapping
 _TOKEN = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\x00-\x7f]+")
 
 _SIDES = (
-    ("left", "right"),
-    ("links", "rechts"),
-    ("gauche", "droite"),
-    ("gauche", "droit"),
-    ("izquierda", "derecha"),
-    ("izquierdo", "derecho"),
-    ("esquerda", "direita"),
-    ("esquerdo", "direito"),
-    ("izq", "der"),
-    ("sinistra", "destra"),
-    ("sinistro", "destro"),
-    ("lft", "rgt"),
-    ("lt", "rt"),
-    ("g", "d"),
-    ("l", "r"),
-)
+    ("left", "right"), ("links", "rechts"), ("gauche", "droite"), ("gauche", "droit"),
+    ("izquierda", "derecha"), ("izquierdo", "derecho"), ("esquerda", "direita"),
+    ("esquerdo", "direito"), ("izq", "der"), ("sinistra", "destra"), ("sinistro", "destro"),
+    ("lft", "rgt"), ("lt", "rt"), ("g", "d"), ("l", "r"),
+)  # fmt: skip
 _SIDE_LETTERS = ("左", "右")
 
 # Words that name a joint where a bone of that name begins, by generic joint; sided ones
@@ -111,9 +100,16 @@ _EXTRAS = frozenset({
     "tongue", "facial", "face", "brow", "eyebrow", "lip", "lips", "ear", "ears", "cheek", "nose",
     "mouth", "tail", "wing", "wings", "breast", "helper", "share",
 })  # fmt: skip
-_TWIST = frozenset({"twist", "roll"})
-_TAIL = frozenset({"tail", "schwanz", "queue", "cola", "coda"})
-_PAWS = frozenset({"paw", "hoof", "pfote", "huf", "fetlock", "hock"})
+_KINDS = {
+    "extra": _EXTRAS,
+    "twist": frozenset({"twist", "roll"}),
+    "tail": frozenset({"tail", "schwanz", "queue", "cola", "coda"}),
+    "paw": frozenset({"paw", "hoof", "pfote", "huf", "fetlock", "hock"}),
+    "end": frozenset({"end", "nub", "tip", "top", "site"}),
+    "middle": frozenset({"middle", "mid", "mittel"}),
+}
+# Scripts without spaces have no words: these stand anywhere in a name.
+_LETTERS = {"twist": "捩", "middle": "中指"}
 
 # Parts that a long bone begins at.
 _BONES = frozenset({"hip", "knee", "shoulder", "elbow"})
@@ -247,37 +243,20 @@ def find_clusters(names: Iterable[str], stems: Mapping[str, str]) -> set[str]:
     return {name for group in groups.values() if len(group) > 1 for name in group}
 
 
-def is_extra(name: str) -> bool:
-    """Whether a joint hangs on the body: a prop, hair, an eye, a handle of the rig."""
-    return not _EXTRAS.isdisjoint(words_of(name))
+def is_a(kind: str, name: str) -> bool:
+    """Whether a name says that a joint is of a kind.
 
-
-def is_twist(name: str) -> bool:
-    """Whether a joint only turns the skin along a bone."""
-    return not _TWIST.isdisjoint(words_of(name)) or "捩" in name
-
-
-def is_tail(name: str) -> bool:
-    """Whether a joint is of a tail."""
-    return not _TAIL.isdisjoint(words_of(name))
-
-
-def is_paw(name: str) -> bool:
-    """Whether a joint is of an animal's foot."""
-    return not _PAWS.isdisjoint(words_of(name))
-
-
-def is_end(name: str) -> bool:
-    """Whether a name says that a bone ends there."""
-    words = words_of(name)
-    return name.rpartition(":")[2].startswith("End of ") or bool(
-        {"end", "nub", "tip", "top", "site"} & words
-    )
-
-
-def is_middle(name: str) -> bool:
-    """Whether a joint is of the middle finger or toe."""
-    return not {"middle", "mid", "mittel"}.isdisjoint(words_of(name)) or "中指" in name
+    Parameters
+    ----------
+    kind : "extra" hangs on the body: a prop, hair, an eye, a handle of the rig; "twist" only
+        turns the skin along a bone; "tail"; "paw" is an animal's foot; "end" of a bone;
+        "middle" finger or toe
+    """
+    if kind in _LETTERS and _LETTERS[kind] in name:
+        return True
+    if kind == "end" and name.rpartition(":")[2].startswith("End of "):
+        return True
+    return not _KINDS[kind].isdisjoint(words_of(name))
 
 
 def words_of(name: str) -> frozenset[str]:
