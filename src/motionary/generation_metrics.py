@@ -159,7 +159,9 @@ def published_features(positions: ArrayLike) -> Floats:
             "published features need every joint in every frame, got positions that are not "
             "seen (NaN); mode='corrected' takes them"
         )
-    return np.array([held.mean() for held in _features(_Body(array))])
+    body = _Body(array)
+    held = (*_of_hands(body), *_of_feet(body), *_of_the_whole(body))
+    return np.array([one.mean() for one in held])
 
 
 def frechet_distance(generated: ArrayLike, real: ArrayLike, *, mode: Mode = "corrected") -> float:
@@ -321,10 +323,6 @@ def _length(a: str, b: str) -> float:
 def _both(feature: Callable[[str, str], Bools]) -> list[Bools]:
     """A feature of the right side, called with ("r", "l"), and of the left."""
     return [feature("r", "l"), feature("l", "r")]
-
-
-def _features(body: _Body) -> list[Bools]:
-    return [*_of_hands(body), *_of_feet(body), *_of_the_whole(body)]
 
 
 def _of_hands(body: _Body) -> list[Bools]:

@@ -37,15 +37,11 @@ def _both(pattern: Feature) -> list[Feature]:
     """The feature of the right and of the left side: {side} and {s} are filled in."""
 
     def fill(id: str, mirror: str, side: str) -> Feature:
-        return replace(
-            pattern,
-            id=id,
-            mirror=mirror,
-            name=pattern.name.format(side=side),
-            sentence=pattern.sentence.format(side=side),
-            no=pattern.no.format(side=side),
-            joints=tuple(joint.format(s=side[0]) for joint in pattern.joints),
-        )
+        joints = tuple(joint.format(s=side[0]) for joint in pattern.joints)
+        phrases = {
+            key: getattr(pattern, key).format(side=side) for key in ("name", "sentence", "no")
+        }
+        return replace(pattern, id=id, mirror=mirror, joints=joints, **phrases)
 
     right, left = pattern.id, pattern.mirror
     return [fill(right, left, "right"), fill(left, right, "left")]
@@ -248,16 +244,12 @@ def _one_threshold_each(feature: Feature) -> list[Feature]:
         side = feature.name.partition(" ")[0]
         return [
             replace(
-                feature,
-                id=f"{feature.id}{joint[1]}",
-                mirror=f"{feature.mirror}{joint[1]}",
-                name=f"{side} {joint[1:]} fast",
-                joints=(joint,),
-                sentence=f"The {side} {joint[1:]} moves fast.",
-                no=f"{side} {joint[1:]} slow",
+                feature, id=f"{feature.id}{joint[1]}", mirror=f"{feature.mirror}{joint[1]}",
+                name=f"{side} {joint[1:]} fast", no=f"{side} {joint[1:]} slow",
+                sentence=f"The {side} {joint[1:]} moves fast.", joints=(joint,),
             )
             for joint in feature.joints
-        ]
+        ]  # fmt: skip
     if isinstance(feature.weak, tuple) and isinstance(feature.strong, tuple):
         ends: tuple[tuple[Comparison, str, str, str], ...] = (
             (">=", "spine far from upright", "spine near upright",
@@ -279,16 +271,13 @@ def _one_threshold_each(feature: Feature) -> list[Feature]:
 def _at_levels(feature: Feature) -> list[Feature]:
     return [
         replace(
-            feature,
-            id=feature.id + sign,
-            mirror=feature.mirror + sign,
-            name=feature.name + yes,
-            no=feature.no + no,
+            feature, id=feature.id + sign, mirror=feature.mirror + sign,
+            name=feature.name + yes, no=feature.no + no,
             weak=_moved(feature.weak, feature, steps),
             strong=_moved(feature.strong, feature, steps),
         )
         for sign, yes, no, steps in _LEVELS
-    ]
+    ]  # fmt: skip
 
 
 def _moved(threshold: Threshold, feature: Feature, steps: int) -> Threshold:

@@ -139,13 +139,12 @@ def _postures() -> Iterator[Quantity]:
 
 def _travels() -> Iterator[Quantity]:
     """How the body goes through the room, over different times."""
+    ways = (
+        ("ahead", q.move_ahead), ("to the left", q.move_left), ("up", q.move_up),
+        ("along the floor", q.travel),
+    )  # fmt: skip
     for window_s in (0.2, 0.5, 1.0):
-        for way, function in (
-            ("ahead", q.move_ahead),
-            ("to the left", q.move_left),
-            ("up", q.move_up),
-            ("along the floor", q.travel),
-        ):
+        for way, function in ways:
             name = f"body goes {way} over {window_s:g} s"
             is_left = function is q.move_left
             yield _middle(name, TRAVEL, function, "root", window_s=window_s, signed=is_left)
@@ -192,17 +191,12 @@ def _steps(quantity: Quantity, thresholds: list[float]) -> Iterator[Feature]:
         ends = ("lowest", "highest") if below else ("highest", "lowest")
         yield Feature(
             id=f"{quantity.name}{sign}{percent}",
-            name=f"{quantity.name}: in the {ends[0]} {passed} %",
-            group=quantity.group,
-            quantity=quantity.function,
-            joints=quantity.joints,
-            test=test,
-            weak=threshold,
-            strong=threshold,
-            unit=quantity.unit,
+            name=f"{quantity.name}: in the {ends[0]} {passed} %", group=quantity.group,
+            quantity=quantity.function, joints=quantity.joints, test=test, weak=threshold,
+            strong=threshold, unit=quantity.unit,
             sentence=f"{quantity.name[0].upper()}{quantity.name[1:]}, "
             f"{'less' if below else 'more'} than in {100 - passed} % of everyday motion.",
             window_s=quantity.window_s,
             mirror=f"{quantity.mirror}{mirrored if quantity.is_signed else f'{sign}{percent}'}",
             no=f"{quantity.name}: in the {ends[1]} {100 - passed} %",
-        )
+        )  # fmt: skip

@@ -113,13 +113,6 @@ def cut_clips(
     return map_ordered(work, clips, jobs=jobs, on_done=on_done)
 
 
-class _Text(NamedTuple):
-    """Lines of a file with their ends, and whether letters stand for bytes."""
-
-    lines: list[str]
-    is_raw: bool
-
-
 def can_cut(path: str | Path) -> bool:
     """Whether clips can be cut out of a file, by its name."""
     form = find_format(path)
@@ -169,10 +162,9 @@ def cut_file(
         with write_atomically(out) as beside:
             beside.write_bytes(clip)
         return
-    text = _read(path)
-    lines = load_function(form.cut)(text.lines, first_frame, last_frame, path.name)
-    content = "".join(lines)
-    if out.suffix.lower() == PACKED or not text.is_raw:
+    lines, is_raw = _read(path)
+    content = "".join(load_function(form.cut)(lines, first_frame, last_frame, path.name))
+    if out.suffix.lower() == PACKED or not is_raw:
         write_text(out, content)
         return
     with write_atomically(out) as beside:
@@ -288,16 +280,10 @@ def _plain(text: str) -> str:
     return re.sub(r"[^\w.+-]+", "_", text).strip("._")[:_LONGEST] or "clip"
 
 
-def _read(path: Path) -> _Text:
-    """Lines of a file; of a plain one byte for byte, whatever its encoding."""
-    if path.suffix.lower() == PACKED:
-        return _Text(_split(read_text(path)), is_raw=False)
-    content = read_bytes(path)
-    if content.startswith(_MARKS):
-        return _Text(_split(read_text(path)), is_raw=False)
-    return _Text(_split(content.decode("latin-1")), is_raw=True)
-
-
-def _split(text: str) -> list[str]:
+def _read(path: Path) -> tuple[list[str], bool]:
+    """Lines of a file with their ends, and whether they are its bytes, whatever its encoding."""
+    content = b"" if path.suffix.lower() == PACKED else read_bytes(path)
+    is_raw = path.suffix.lower() != PACKED and not content.startswith(_MARKS)
+    text = content.decode("latin-1") if is_raw else read_text(path)
     # Not `splitlines`: in Latin-1 some letters would end a line.
-    return re.findall(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+$", text)
+    return re.findall(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+$", text), is_raw

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput, UnreadableFile, describe_cause
+from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import NO_SUCH_FILE
 from motionary.io.cameras import natural
-from motionary.io.depth_videos import VIDEOS, StoredImages
+from motionary.io.depth_videos import VIDEOS, StoredImages, telling
 from motionary.io.text import read_json
 
 Floats = NDArray[np.float64]
@@ -298,11 +298,12 @@ def read_intrinsics(path: Path) -> dict[str, Any]:
 
 def _read_npz(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
     # Images of a still background pack too well for the limits of other arrays.
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            held = {key: arrays[key] for key in arrays.files}
-    except Exception as error:
-        raise UnreadableFile(f"cannot be read: {describe_cause(error)}", file=path.name) from None
+    with (
+        telling(path, "NumPy"),
+        path.open("rb") as file,
+        np.load(file, allow_pickle=False) as arrays,
+    ):
+        held = {key: arrays[key] for key in arrays.files}
     images = held.pop("depth", None)
     if images is None or images.ndim != 3 or not len(images):
         raise UnreadableFile(
@@ -318,11 +319,8 @@ def _read_npz(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
 def _read_mat(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
     from scipy.io import loadmat
 
-    try:
+    with telling(path, "SciPy"):
         held = loadmat(path)
-    except Exception as error:
-        # SciPy raises whatever a damaged file leads it to.
-        raise UnreadableFile(f"cannot be read: {describe_cause(error)}", file=path.name) from None
     images = held.get("d_depth")
     if images is None or images.ndim != 3:
         raise UnreadableFile("holds no d_depth (height, width, images)", file=path.name)

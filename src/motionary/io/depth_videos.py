@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile, describe_cause
 
-__all__ = ["VIDEOS", "StoredImages"]
+__all__ = ["VIDEOS", "StoredImages", "telling"]
 
 _CODES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 # Azure Kinect's modes by the size of their images: size of the sensor that the calibration is for,
@@ -43,8 +43,8 @@ class StoredImages:
 
 
 @contextmanager
-def _telling(path: Path, package: str) -> Iterator[None]:
-    """Errors of another library, as ours."""
+def telling(path: Path, package: str) -> Iterator[None]:
+    """Raise what another library raises of a file as `UnreadableFile`, or what it needs."""
     try:
         yield
     except (InvalidInput, UnreadableFile):
@@ -62,7 +62,7 @@ def _telling(path: Path, package: str) -> Iterator[None]:
 
 def _read_bag(path: Path) -> tuple[StoredImages, dict[str, Any]]:
     """Depth of a bag of RealSense's recorder or of ROS, and its camera."""
-    with _telling(path, "rosbags"):
+    with telling(path, "rosbags"):
         from rosbags.highlevel import AnyReader
 
         told: dict[str, Any] = {}
@@ -131,7 +131,7 @@ def _read_companion(message: Any) -> dict[str, Any]:
 
 
 def _open_bag(path: Path, topic: str) -> Iterator[NDArray[Any]]:
-    with _telling(path, "rosbags"):
+    with telling(path, "rosbags"):
         from rosbags.highlevel import AnyReader
 
         with AnyReader([path]) as bag:
@@ -146,7 +146,7 @@ def _open_bag(path: Path, topic: str) -> Iterator[NDArray[Any]]:
 
 def _read_mkv(path: Path) -> tuple[StoredImages, dict[str, Any]]:
     """The depth track of a Matroska file, and its camera by the calibration that is attached."""
-    with _telling(path, "av"):
+    with telling(path, "av"):
         import av
 
         with av.open(str(path)) as container:
@@ -184,7 +184,7 @@ def _find_track(path: Path, container: Any) -> Any:
 
 
 def _open_mkv(path: Path) -> Iterator[NDArray[Any]]:
-    with _telling(path, "av"):
+    with telling(path, "av"):
         import av
 
         with av.open(str(path)) as container:

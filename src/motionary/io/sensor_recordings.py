@@ -175,14 +175,9 @@ def write_orientations(
         f"DataRate={rate_hz:.6f}\nDataType=Quaternion\nversion=3\nOpenSimVersion=4.1\nendheader\n"
     )
     titles = "\t".join(["time", *(f"{name}_imu" for name in orientations)]) + "\n"
-    rows = (
-        "\t".join(
-            [
-                f"{frame / rate_hz:.6f}",
-                *(",".join(f"{x:.9f}" for x in one[frame]) for one in columns),
-            ]
-        )
-        + "\n"
-        for frame in range(longest)
-    )
-    write_text(path, chain([head, titles], rows))
+
+    def format_row(frame: int) -> str:
+        turns = (",".join(f"{x:.9f}" for x in one[frame]) for one in columns)
+        return "\t".join([f"{frame / rate_hz:.6f}", *turns]) + "\n"
+
+    write_text(path, chain([head, titles], map(format_row, range(longest))))

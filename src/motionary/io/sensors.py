@@ -172,24 +172,17 @@ def _xsens(path: Path, head: Sequence[str], titles: Sequence[str], rows: Floats)
         notes.append(f"the file has no rate: {rate:g} Hz is assumed")
     if missing:
         notes.append(f"{missing} packets are missing")
-    quaternion = (
-        ["Quat_W", "Quat_X", "Quat_Y", "Quat_Z"]
-        if "Quat_W" in titles
-        else [f"Quat_q{k}" for k in range(4)]
+    parts = "WXYZ" if "Quat_W" in titles else ("q0", "q1", "q2", "q3")
+    quaternion = [f"Quat_{part}" for part in parts]
+    gyr, acc, mag = (
+        _pick(titles, filled, [f"{kind}_{axis}" for axis in "XYZ"])
+        for kind in ("Gyr", "Acc", "Mag")
     )
-    gyr = _pick(titles, filled, ["Gyr_X", "Gyr_Y", "Gyr_Z"])
     if gyr is not None and is_dot:
         gyr = np.radians(gyr)
         notes.append("rates of turn are read as degrees a second")
-    return SensorRecording(
-        _name_of(path),
-        float(rate),
-        gyr,
-        _pick(titles, filled, ["Acc_X", "Acc_Y", "Acc_Z"]),
-        _pick(titles, filled, ["Mag_X", "Mag_Y", "Mag_Z"]),
-        _pick(titles, filled, quaternion),
-        notes=tuple(notes),
-    )
+    turns = _pick(titles, filled, quaternion)
+    return SensorRecording(_name_of(path), float(rate), gyr, acc, mag, turns, notes=tuple(notes))
 
 
 def _name_of(path: Path) -> str:
@@ -247,9 +240,8 @@ def _read_sto(path: Path, columns: Mapping[str, Any] | None) -> list[SensorRecor
     lines = read_text(path).splitlines()
     end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None or len(lines) < end + 4:
-        raise UnreadableFile(
-            "an STO of orientations needs a line endheader and rows", file=path.name
-        )
+        problem = "an STO of orientations needs a line endheader and rows"
+        raise UnreadableFile(problem, file=path.name)
     head = {
         key.strip().lower(): value.strip()
         for key, sign, value in (line.partition("=") for line in lines[:end])
@@ -283,15 +275,12 @@ def _rate_of(times: Floats) -> float:
 def _read_mvnx(path: Path, columns: Mapping[str, Any] | None) -> list[SensorRecording]:
     sensors = read_mvnx_sensors(path, ReadOptions())
     acc = None if sensors.free else sensors.accelerations
-    return [
-        SensorRecording(
-            name,
-            sensors.rate_hz,
-            acc=None if acc is None or np.isnan(acc[:, k]).all() else acc[:, k],
-            orientations=sensors.orientations[:, k],
-        )
-        for k, name in enumerate(sensors.names)
-    ]
+    found = []
+    for k, name in enumerate(sensors.names):
+        own = None if acc is None or np.isnan(acc[:, k]).all() else acc[:, k]
+        turns = sensors.orientations[:, k]
+        found.append(SensorRecording(name, sensors.rate_hz, acc=own, orientations=turns))
+    return found
 
 
 def _read_hdf5(path: Path, columns: Mapping[str, Any] | None) -> list[SensorRecording]:

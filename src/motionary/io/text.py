@@ -129,8 +129,7 @@ def parse_json(text: str, **where: Any) -> Any:
 
 
 def _unpack(content: bytes, name: str) -> bytes:
-    pieces, size = [], 0
-    most = most_unpacked(len(content))
+    pieces, size, most = [], 0, most_unpacked(len(content))
     unpacker = zlib.decompressobj(wbits=31)
     try:
         while content:
@@ -138,12 +137,10 @@ def _unpack(content: bytes, name: str) -> bytes:
             pieces.append(piece)
             size += len(piece)
             content = unpacker.unconsumed_tail
-            if unpacker.eof:
+            finished = unpacker.eof
+            if finished:
                 # Packed files may be put one after the other.
                 content, unpacker = unpacker.unused_data, zlib.decompressobj(wbits=31)
-                finished = True
-            else:
-                finished = False
             if size > most:
                 raise UnreadableFile(
                     f"unpacks to more than {most >> 20} MB, as no text of a motion does; "
