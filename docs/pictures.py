@@ -52,8 +52,8 @@ from motionary.plots.style import (
     swatch,
 )
 from motionary.recording import Recording
-from motionary.retrieval.class_distances import class_distance
 from motionary.retrieval.index import Collection, collect
+from motionary.retrieval.labelling import class_distance
 from motionary.retrieval.search import QueryExpansion, SearchResult
 from motionary.samples import synthetic_motion, synthetic_stream
 

@@ -25,7 +25,7 @@ from motionary.models.library import ClassLibrary, TrainingOptions, learn_classe
 from motionary.plots import plot_annotation, plot_distance
 from motionary.recording import Recording
 from motionary.retrieval.annotation import annotate
-from motionary.retrieval.class_distances import class_distance
+from motionary.retrieval.labelling import class_distance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

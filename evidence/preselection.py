@@ -46,7 +46,7 @@ from motionary.features import FeatureSequence
 from motionary.matching import Pattern, corpus_distance, find_hits
 from motionary.models.keyframes import select_in_sequence
 from motionary.models.library import MotionClass, Prototype
-from motionary.retrieval.class_distances import class_distance
+from motionary.retrieval.labelling import class_distance
 
 TITLE = "Labels with and without keyframes, beside table 5.2 of the thesis"
 SPLIT = (

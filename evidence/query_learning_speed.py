@@ -28,7 +28,7 @@ from motionary.models.keyframes import select_in_sequence
 from motionary.models.library import ClassLibrary, TrainingOptions, learn_classes, learn_queries
 from motionary.models.query_learning import weighted_f
 from motionary.retrieval.annotation import annotate
-from motionary.retrieval.class_distances import class_distance
+from motionary.retrieval.labelling import class_distance
 
 TITLE = "Labels with and without keyframe queries: time and quality"
 SPLIT = "the clips of bd, bk, dg and mm train; those of tr among other recordings are labelled"

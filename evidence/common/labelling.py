@@ -36,7 +36,7 @@ from motionary.models.library import (
 )
 from motionary.recording import split_runs
 from motionary.retrieval.annotation import annotate
-from motionary.retrieval.class_distances import ClassDistance, class_distance
+from motionary.retrieval.labelling import ClassDistance, class_distance
 
 #: Overlap at which average precision is reported.
 IOU = 0.5

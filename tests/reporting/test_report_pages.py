@@ -21,7 +21,7 @@ from motionary.motion import Motion
 from motionary.recording import Recording, Segment
 from motionary.reporting import html, recordings, report_comparison
 from motionary.reporting.html import UNIT_M, encode_positions, encode_series, encode_states
-from motionary.retrieval import class_distances
+from motionary.retrieval import labelling
 from motionary.samples import synthetic_motion, synthetic_stream
 
 HOSTILE = (
@@ -264,7 +264,7 @@ def test_curves_are_what_labels_were_assigned_by_computed_once(
     motion, library, monkeypatch, by_scores
 ):
     scored = count_calls(monkeypatch, assignment, "score_patterns")
-    compared = count_calls(monkeypatch, class_distances, "corpus_distance")
+    compared = count_calls(monkeypatch, labelling, "corpus_distance")
     if not by_scores:
         # A threshold of costs of its own: then costs decide.
         library = replace(library, classes=tuple(replace(one, threshold=0.2) for one in library))

@@ -10,9 +10,9 @@ from motionary.features import FULL_BODY_2006, FeatureSequence
 from motionary.matching import align, distance_function, local_minima
 from motionary.models.library import ClassLibrary, TrainingOptions, learn
 from motionary.retrieval import annotation
-from motionary.retrieval.annotation import annotate_with_distances, unassessed
-from motionary.retrieval.class_distances import class_distance
+from motionary.retrieval.annotation import annotate_fully, unassessed
 from motionary.retrieval.explanation import explain
+from motionary.retrieval.labelling import class_distance
 from oracles import annotation as oracle
 from packing_cases import N, random_rows, seconds, sequence, stream
 
@@ -283,7 +283,7 @@ def test_a_class_distance_owns_its_frames(library):
 
 def test_the_distances_of_an_annotation_are_those_of_its_classes(library):
     rows, _ = stream(STEP, TURN)
-    found = annotate_with_distances(sequence(rows), library)
+    found = annotate_fully(sequence(rows), library, assignment="published")
     assert found.track == annotate(sequence(rows), library)
     assert list(found.distances) == ["step", "turn"]
     for name, distance in found.distances.items():

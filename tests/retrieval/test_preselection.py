@@ -34,9 +34,9 @@ from motionary.models.keyframes import (
 from motionary.models.library import ClassLibrary, MotionClass, Prototype, learn
 from motionary.packing import full_mask
 from motionary.retrieval.annotation import annotate
-from motionary.retrieval.class_distances import class_distance
 from motionary.retrieval.explanation import explain
 from motionary.retrieval.index import Collection
+from motionary.retrieval.labelling import class_distance
 from motionary.retrieval.search import Deriving, QueryExpansion, derive_queries, search
 from packing_cases import N, random_rows, sequence, stream
 

@@ -31,12 +31,12 @@ from motionary.live.assignment import (
 )
 from motionary.live.poses import EvenTimes
 from motionary.matching import StreamedPath
-from motionary.models.library import ClassLibrary, load_everyday
+from motionary.models.library import ClassLibrary, load_everyday, thresholds_for
 from motionary.motion import GENERIC_JOINTS, Motion
 from motionary.packing import PackedFeatures, count, count_integers
 from motionary.recording import Recording, Segment
 from motionary.retrieval.explanation import ASSESSED_FROM, Evidence, explain
-from motionary.retrieval.scored_labels import find_evidence, limits_for, make_label
+from motionary.retrieval.labelling import find_evidence, make_label
 
 Status = Literal["provisional", "revised", "withdrawn", "final", "unassessed"]
 
@@ -104,7 +104,7 @@ class LiveAnnotator:
         library = load_everyday() if library is None else library
         if threshold is not None and at_most_false_per_min is not None:
             raise InvalidInput("threshold or at_most_false_per_min: give one, not both")
-        least = limits_for(library, threshold, at_most_false_per_min)
+        least = thresholds_for(library, at_most_false_per_min, given=threshold)
         self.library, self._skeleton = library, skeleton
         self._settings: dict[str, Any] = {
             "rate_hz": rate_hz,

@@ -23,8 +23,8 @@ from motionary.io.formats.npz import ArchivedArrays
 from motionary.models.library import ClassLibrary
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.multiview.cameras import bridge
-from motionary.retrieval.class_distances import class_distance
 from motionary.retrieval.explanation import Evidence
+from motionary.retrieval.labelling import class_distance
 from motionary.rotations import unit_vectors
 
 Floats = NDArray[np.float64]

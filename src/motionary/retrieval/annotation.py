@@ -1,41 +1,43 @@
 """Labels of the motions in a recording.
 
 The annotation procedure of Müller, Baak and Seidel (2009), section 4: per frame the class whose
-modified distance function is least, see `class_distances`; runs of one class, extended while
-the class's own function does not rise.
-
-The other assignment ranks matches by what they tell and not by what they cost; see
-`scored_labels`.
+modified distance function is least; runs of one class, extended while the class's own function
+does not rise. The other assignment ranks matches by what they tell and not by what they cost.
+Both are those of `labelling`.
 
 Conventions: frames are those of the sequence, at 30 Hz, 0-based; ties go to the earlier class.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
-import numpy as np
-
 from motionary.batch import Failure, Workers, map_ordered
 from motionary.errors import InvalidInput, check_kind
-from motionary.features import SEQUENCE_HZ, FeatureSequence, compute_features
-from motionary.labels import Label, LabelTrack
-from motionary.matching import SKIP_WEIGHT, ClassSegment, annotate_distances
+from motionary.features import FeatureSequence, compute_features
+from motionary.labels import LabelTrack
+from motionary.matching import SKIP_WEIGHT
 from motionary.models.library import (
     THRESHOLD,
     Candidates,
     ClassLibrary,
     find_candidates,
     load_everyday,
+    thresholds_for,
 )
 from motionary.motion import Motion
 from motionary.packing import count
 from motionary.recording import Segment, find_runs
-from motionary.retrieval.class_distances import ClassDistance, class_distance
-from motionary.retrieval.explanation import ASSESSED_FROM, describe_nearest
+from motionary.retrieval.explanation import ASSESSED_FROM
 from motionary.retrieval.index import Collection, Index, Portion
-from motionary.retrieval.scored_labels import label_by_scores, limits_for
+from motionary.retrieval.labelling import (
+    ClassDistance,
+    class_distance,
+    describe_cheapest,
+    label_by_costs,
+    label_by_scores,
+)
 
 #: How labels are assigned: by scores, or by costs as published in 2009.
 Assignment = Literal["scores", "published"]
@@ -114,17 +116,28 @@ def annotate_fully(
     if assignment is None:
         assignment = "published" if threshold is not None else default_assignment(library)
     _check_assignment(assignment, threshold, at_most_false_per_min)
+    distance = partial(class_distance, sequence, threshold=threshold, skip_weight=skip_weight)
+    distances: dict[str, ClassDistance] = {}
+    candidates = None
     if assignment == "published":
-        return annotate_with_distances(
-            sequence, library, threshold=threshold, preselect=preselect, skip_weight=skip_weight
-        )
-    limits = limits_for(library, threshold, at_most_false_per_min)
-    candidates = find_candidates(sequence, library)
-    labels, nearest = label_by_scores(sequence, library, candidates, limits=limits)
-    if not labels and not nearest:
-        nearest = _cheapest(sequence, library)
+        distances = {one.name: distance(one, preselect=preselect) for one in library}
+        labels, nearest = label_by_costs(sequence, list(distances.values())), ""
+        if not labels:
+            everywhere = [
+                distance(one, preselect=False) if one.has_queries else distances[one.name]
+                for one in library
+            ]
+            limits = [one.threshold if threshold is None else threshold for one in library]
+            nearest = describe_cheapest(sequence, everywhere, limits)
+    else:
+        least = thresholds_for(library, at_most_false_per_min, given=threshold)
+        candidates = find_candidates(sequence, library)
+        labels, nearest = label_by_scores(sequence, library, candidates, limits=least)
+        if not labels and not nearest:
+            everywhere = [class_distance(sequence, one, preselect=False) for one in library]
+            nearest = describe_cheapest(sequence, everywhere, [None] * len(library))
     track = LabelTrack(sequence.recording, labels, unassessed(sequence), nearest)
-    return Annotation(track, {}, candidates)
+    return Annotation(track, distances, candidates)
 
 
 def annotate_collection(
@@ -221,9 +234,7 @@ def default_assignment(library: ClassLibrary) -> Assignment:
     its own: calibrated, or given.
     """
     by_costs = any(
-        one.threshold != THRESHOLD
-        or one.estimated_precision is not None
-        or any(prototype.queries for prototype in one.prototypes)
+        one.threshold != THRESHOLD or one.estimated_precision is not None or one.has_queries
         for one in library
     )
     return "published" if by_costs or not library.has_scores else "scores"
@@ -244,36 +255,6 @@ def _check_assignment(
             )
         if threshold is not None:
             raise InvalidInput("threshold or at_most_false_per_min: give one, not both")
-
-
-def annotate_with_distances(
-    recording: Motion | FeatureSequence,
-    library: ClassLibrary,
-    *,
-    threshold: float | None = None,
-    preselect: bool = True,
-    skip_weight: float = SKIP_WEIGHT,
-) -> Annotation:
-    """Labels by costs, with the distances of all classes; otherwise as `annotate`."""
-    sequence = _sequence_of(recording, library)
-    distance = partial(class_distance, sequence, threshold=threshold, skip_weight=skip_weight)
-    distances = [distance(motion_class, preselect=preselect) for motion_class in library]
-    segments = annotate_distances([d.modified for d in distances])
-    labels = tuple(_label(sequence, distances[s.class_index], s) for s in segments)
-    nearest = ""
-    if not labels:
-        everywhere = [
-            distance(one, preselect=False) if any(p.queries for p in one.prototypes) else found
-            for one, found in zip(library, distances, strict=True)
-        ]
-        nearest = _nearest(sequence, library, everywhere, threshold)
-    track = LabelTrack(
-        recording=sequence.recording,
-        labels=labels,
-        unassessed=unassessed(sequence),
-        nearest=nearest,
-    )
-    return Annotation(track, dict(zip(library.names, distances, strict=True)))
 
 
 def unassessed(sequence: FeatureSequence) -> tuple[Segment, ...]:
@@ -308,51 +289,3 @@ def _check_library(library: ClassLibrary, call: str) -> None:
     check_kind(library, (ClassLibrary,), name="library", remedy=f"it comes second: {call}")
     if not library:
         raise InvalidInput("the library has no classes, so there is nothing to look for")
-
-
-def _label(sequence: FeatureSequence, distance: ClassDistance, segment: ClassSegment) -> Label:
-    start, stop = segment.frames
-    inside = distance.modified[start:stop]
-    best = start + int(np.argmin(inside))
-    evidence = distance.matches[distance.owner[best]]
-    start_s, end_s = sequence.segment(start, stop)
-    return Label(
-        evidence.name, start_s, end_s,
-        cost=float(inside.min()),
-        known=evidence.known,
-        start_frame=sequence.recording.frame_at(start_s),
-        end_frame=sequence.recording.last_frame_before(end_s),
-        evidence=evidence,
-    )  # fmt: skip
-
-
-def _cheapest(sequence: FeatureSequence, library: ClassLibrary) -> str:
-    """What came closest by its cost, in a recording in which no match is worth a score."""
-    every = [class_distance(sequence, one, preselect=False).least for one in library]
-    found = [evidence for evidence in every if evidence is not None]
-    if not found:
-        return f"no class fits into what was seen in {sequence.duration_s:.1f} s"
-    evidence = min(found, key=lambda e: e.alignment.cost)
-    return describe_nearest(evidence, what=evidence.name, threshold=None)
-
-
-def _nearest(
-    sequence: FeatureSequence,
-    library: ClassLibrary,
-    everywhere: Sequence[ClassDistance],
-    threshold: float | None,
-) -> str:
-    """What came closest, with keyframes or without, for a recording without labels."""
-    least = zip((d.least for d in everywhere), library, strict=True)
-    found = [(evidence, motion_class) for evidence, motion_class in least if evidence]
-    if not found:
-        return f"no class fits into what was seen in {sequence.duration_s:.1f} s"
-    evidence, motion_class = min(found, key=lambda f: f[0].alignment.cost)
-    limit = motion_class.threshold if threshold is None else threshold
-    cost, start = evidence.alignment.cost, evidence.alignment.start
-    if cost <= limit:
-        return (
-            "no class shows the keyframes that it needs; nearest without them: "
-            f"{motion_class.name} {cost:.3f} at {start / SEQUENCE_HZ:.1f} s"
-        )
-    return describe_nearest(evidence, what=motion_class.name, threshold=limit)

@@ -213,15 +213,11 @@ def _place(example: FeatureSequence, motion_class: MotionClass) -> tuple[str, Fe
 def _count(tracks: Sequence[LabelTrack], truth: Sequence[LabelTrack]) -> dict[str, Counts]:
     """Counts of labels by class, over all recordings."""
     found: dict[str, list[Counts]] = {}
-    for one, true in zip(tracks, truth, strict=True):
-        counted = count_matches(_segments(one), _segments(true), iou=_IOU)
-        for name, counts in counted.items():
+    for pair in zip(tracks, truth, strict=True):
+        segments = [[LabelledSegment(x.name, x.start_s, x.end_s) for x in track] for track in pair]
+        for name, counts in count_matches(*segments, iou=_IOU).items():
             found.setdefault(name, []).append(counts)
     return {name: pool_counts(counts) for name, counts in found.items()}
-
-
-def _segments(labels: Sequence[Label] | LabelTrack) -> list[LabelledSegment]:
-    return [LabelledSegment(x.name, x.start_s, x.end_s) for x in labels]
 
 
 def _count_changes(

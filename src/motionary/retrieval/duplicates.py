@@ -192,12 +192,9 @@ class _Sides:
             if is_mirrored:
                 right = mirrored(right, self.mirror_order)
             found = find_candidates(
-                self.left_changes,
-                right,
-                n_features=self.n_features,
-                n_right=len(self.right),
-                least_votes=settings.least_votes,
-            )
+                self.left_changes, right, n_features=self.n_features,
+                n_right=len(self.right), least_votes=settings.least_votes,
+            )  # fmt: skip
             for pair in self._weigh(found, is_mirrored):
                 key = (pair.left, pair.right)
                 if key not in best or pair.evidence.bits > best[key].evidence.bits:
@@ -218,11 +215,9 @@ class _Sides:
             sides.append((self.right, self.right_changes))
         worth = -np.log2(np.minimum(self.rates, 1.0))
         for sequences, changes in sides:
-            bits = np.bincount(
-                changes.sequences, weights=worth[changes.symbols], minlength=len(sequences)
-            )
-            names += [s.source for s, b in zip(sequences, bits, strict=True)
-                      if b < settings.least_bits]  # fmt: skip
+            weights = worth[changes.symbols]
+            bits = np.bincount(changes.sequences, weights=weights, minlength=len(sequences))
+            names += [sequences[i].source for i in np.flatnonzero(bits < settings.least_bits)]
         return tuple(names)
 
     def _weigh(self, found: Candidates, is_mirrored: bool) -> list[_Pair]:

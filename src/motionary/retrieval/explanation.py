@@ -7,7 +7,7 @@ ranked quantities each tells how alike it is.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, WrongKind
 from motionary.features import FULL_BODY, FeatureSequence
 from motionary.features.everyday import QUANTILES, list_quantities
+from motionary.labels import Label
 from motionary.matching import Alignment, CellRatios, Paths, Pattern, explain_scores
 from motionary.models.templates import QuantisedTemplate
 from motionary.packing import unpack
-from motionary.recording import find_runs
+from motionary.recording import Segment, find_runs
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -65,6 +66,19 @@ class Evidence:
     def is_assessed(self) -> bool:
         """Whether enough was seen: what was not seen is no match at any threshold."""
         return self.known >= ASSESSED_FROM
+
+    def label(self, segment: Segment, **scores: Any) -> Label:
+        """The label of a segment for which this is the evidence."""
+        recording = self.sequence.recording
+        return Label(
+            self.name, segment.start_s, segment.end_s,
+            cost=self.alignment.cost,
+            known=self.known,
+            start_frame=recording.frame_at(segment.start_s),
+            end_frame=recording.last_frame_before(segment.end_s),
+            evidence=self,
+            **scores,
+        )  # fmt: skip
 
 
 class Explainable(Protocol):
@@ -173,11 +187,7 @@ class Explanation:
 
 
 def explain(match: Explainable | Evidence) -> Explanation:
-    """What of a label or hit held and what failed.
-
-    Parameters
-    ----------
-    match : Label of `annotate`, Hit of `search`, or their evidence
+    """What held and what failed of a label, a hit, or the evidence of one.
 
     Raises
     ------
@@ -226,16 +236,12 @@ def explain(match: Explainable | Evidence) -> Explanation:
 def describe_nearest(evidence: Evidence, *, what: str, threshold: float | None) -> str:
     """What came closest where nothing matched, and what it lacked, in a sentence.
 
-    Parameters
-    ----------
-    evidence : of the cheapest match
-    what : class or recording that came closest
-    threshold : cost that it did not reach; None where nothing was worth a score
+    `what` is the class or recording that it is of, and the threshold the cost that it did not
+    reach, None where nothing was worth a score.
     """
     why = explain(evidence)
-    nearest = f"{what} {why.cost:.3f} at {why.start_s:.1f} s"
     aim = "that scores" if threshold is None else f"below {threshold:g}"
-    text = f"nothing {aim}; nearest: {nearest}"
+    text = f"nothing {aim}; nearest: {what} {why.cost:.3f} at {why.start_s:.1f} s"
     if why.failed:
         text += ", failed: " + ", ".join(str(f) for f in why.worst())
     if why.unknown:

@@ -8,16 +8,17 @@ from hypothesis import strategies as st
 from motionary.errors import InvalidInput
 from motionary.models.keyframes import index_packed
 from motionary.models.query_learning import Augmentation, GeneticSettings, Individual, to_query
-from motionary.models.query_learning.fitness import Clips, Evaluator, Fitness, augment
 from motionary.models.query_learning.generations import (
     PUBLISHED,
+    Clips,
+    Evaluator,
+    Fitness,
+    augment,
     gaps_alone,
     genetic,
     random_creation,
     run_generations,
     sample_universally,
-    simplify,
-    without_free_keyframes,
 )
 from motionary.models.query_learning.individuals import (
     GenePool,
@@ -28,7 +29,9 @@ from motionary.models.query_learning.individuals import (
     recombine,
     remove_keyframe,
     shift_gap,
+    simplify,
     specialise,
+    without_free_keyframes,
 )
 from motionary.packing import pack
 from oracles import query_learning as oracle
@@ -263,11 +266,11 @@ def test_gaps_alone_leave_keyframes_as_they_are():
 def test_copies_keep_what_they_do_not_augment():
     rng = np.random.default_rng(0)
     bits = rng.random((20, N_FEATURES)) < 0.5
-    same, known = augment(bits, ~bits, Augmentation(copies=1, shift=0, tempo=1.0), rng)
+    same, known = augment(bits, ~bits, Augmentation(shift=0, tempo=1.0), rng)
     assert np.array_equal(same, bits)
     assert np.array_equal(known, ~bits)
     for _ in range(20):
-        copy, _ = augment(bits, bits, Augmentation(copies=1, shift=2, tempo=2.0), rng)
+        copy, _ = augment(bits, bits, Augmentation(shift=2, tempo=2.0), rng)
         assert 10 <= len(copy) <= 40
 
 
@@ -286,7 +289,7 @@ def test_impossible_settings(settings, message):
         GeneticSettings(**settings)
 
 
-@pytest.mark.parametrize("settings", [dict(copies=-1), dict(shift=-1), dict(tempo=0.5)])
+@pytest.mark.parametrize("settings", [dict(negative_copies=-1), dict(shift=-1), dict(tempo=0.5)])
 def test_impossible_copies(settings):
     with pytest.raises(InvalidInput, match="copies need"):
         Augmentation(**settings)

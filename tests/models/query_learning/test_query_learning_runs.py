@@ -105,7 +105,7 @@ def test_learning_goes_on_where_it_stopped(positives, negatives, learned):
 
 
 def test_copies_are_part_of_the_seed(positives, negatives):
-    varied = replace(QUICK, augmentation=replace(QUICK.augmentation, copies=2, negative_copies=1))
+    varied = replace(QUICK, augmentation=replace(QUICK.augmentation, negative_copies=3))
     one, two = (
         learn_query(positives, negatives, settings=varied, runs=2, seed=1) for _ in range(2)
     )

@@ -161,10 +161,10 @@ def gap_of_seconds(least_s: float, most_s: float, *, rate_hz: float) -> Gap:
     """
     if not 0.0 <= least_s < math.inf or not least_s <= most_s:
         raise InvalidInput(f"a gap needs 0 <= least <= most, got {least_s} to {most_s} s")
-    least = _whole(least_s * rate_hz, math.ceil(least_s * rate_hz))
+    least = math.ceil(least_s * rate_hz - _SNAP)
     if math.isinf(most_s):
         return Gap(least, None)
-    most = _whole(most_s * rate_hz, math.floor(most_s * rate_hz))
+    most = math.floor(most_s * rate_hz + _SNAP)
     if most < least:
         raise InvalidInput(
             f"no frame of {rate_hz:g} Hz lies between {least_s:g} and {most_s:g} s; "
@@ -181,11 +181,10 @@ def from_template(
     groups: Sequence[str | None] | None = None,
     feature_set: FeatureSet = FULL_BODY,
 ) -> KeyframeQuery:
-    """Query of columns of a template.
+    """Query of columns of a template; fixed cells are the fixed features of the keyframes.
 
     Parameters
     ----------
-    template : fixed cells are the fixed features of the keyframes
     positions : columns, ascending, from 0; a column may come twice, with another group
     stiffness : of all gaps, or one for each; distances are those of the columns
     groups : per keyframe, the group of features that it keeps (others become free), or
@@ -272,18 +271,13 @@ def join_queries(
     most_s: float,
     rate_hz: float = SEQUENCE_HZ,
 ) -> KeyframeQuery:
-    """One query after the other, with a bounded pause.
+    """One query after the other, with a bounded pause; without template positions.
 
     Parameters
     ----------
     first, second : queries over the same features
     least_s, most_s : seconds from the last keyframe of the first to the first keyframe of
         the second; infinity means no upper bound
-    rate_hz : frames per second
-
-    Returns
-    -------
-    KeyframeQuery without template positions
 
     Raises
     ------
@@ -342,16 +336,10 @@ def _typical(gap: Gap) -> int:
     return max(round(middle), 1)
 
 
-def _whole(frames: float, otherwise: int) -> int:
-    nearest = round(frames)
-    return nearest if abs(frames - nearest) <= _SNAP else otherwise
-
-
 def _check_gaps(gaps: Sequence[Gap], *, n_keyframes: int) -> tuple[Gap, ...]:
     """The gaps as whole numbers."""
     if len(gaps) != n_keyframes - 1:
         raise InvalidInput(f"{n_keyframes} keyframes need {n_keyframes - 1} gaps, got {len(gaps)}")
-    checked = []
     for number, (least, most) in enumerate(gaps, start=1):
         if least < 0 or (most is not None and most < least):
             raise InvalidInput(
@@ -360,8 +348,7 @@ def _check_gaps(gaps: Sequence[Gap], *, n_keyframes: int) -> tuple[Gap, ...]:
             )
         if max(least, most or 0) > _LONGEST:
             raise InvalidInput(f"gap {number} is longer than any recording; None means no bound")
-        checked.append(Gap(int(least), None if most is None else int(most)))
-    return tuple(checked)
+    return tuple(Gap(int(least), None if most is None else int(most)) for least, most in gaps)
 
 
 def _check_packed(

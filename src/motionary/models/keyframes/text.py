@@ -96,8 +96,6 @@ def from_features(
     Parameters
     ----------
     keyframes : per keyframe, True or False by id or name of a feature; others are free
-    gaps : between neighbouring keyframes
-    vocabulary : the features
     positions : template columns of the keyframes
 
     Raises
@@ -158,13 +156,7 @@ def from_patterns(
 def parse_query(
     text: str, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = SEQUENCE_HZ
 ) -> KeyframeQuery:
-    """Query that a text describes.
-
-    Parameters
-    ----------
-    text : lines as in the module's description
-    vocabulary : names of the features
-    rate_hz : frames per second
+    """Query that a text describes, in lines as above.
 
     Raises
     ------
@@ -179,10 +171,15 @@ def parse_query(
             if _is_header(line, vocabulary, first=not keyframes):
                 continue
             gap = _parse_gap(line, rate_hz)
-            _check_order(gap is not None, n_keyframes=len(keyframes), n_gaps=len(gaps))
             if gap is not None:
+                if len(gaps) == len(keyframes):
+                    raise InvalidInput("a gap must stand between two keyframes")
                 gaps.append(gap)
                 continue
+            if len(gaps) < len(keyframes):
+                raise InvalidInput(
+                    "between two keyframes there must be a gap, such as 'then within 0.1 to 0.5 s'"
+                )
             position, keyframe = _parse_keyframe(line, vocabulary, rate_hz)
             positions.append(position)
             keyframes.append(keyframe)
@@ -246,15 +243,14 @@ def format_queries(
     rate_hz: float = SEQUENCE_HZ,
 ) -> str:
     """Text of queries over this vocabulary; `parse_queries` reads it back to the same."""
-    texts = [format_query(query, vocabulary=vocabulary, rate_hz=rate_hz) for query in queries]
+    texts = (format_query(query, vocabulary=vocabulary, rate_hz=rate_hz) for query in queries)
     return f"{_OR}\n".join(texts)
 
 
 def _lines(text: str) -> list[tuple[int, str]]:
     """Lines that are not empty, with their numbers; spaces evened out."""
     plain = [" ".join(line.split("#")[0].split()) for line in text.splitlines()]
-    numbered = [(n, part) for n, line in enumerate(plain, start=1) for part in _at_gaps(line)]
-    return [(number, part) for number, part in numbered if part]
+    return [(n, part) for n, line in enumerate(plain, start=1) for part in _at_gaps(line) if part]
 
 
 def _at_gaps(line: str) -> list[str]:
@@ -299,15 +295,6 @@ def _parse_gap(line: str, rate_hz: float) -> Gap | None:
             "'at the same time'"
         )
     return None
-
-
-def _check_order(is_gap: bool, *, n_keyframes: int, n_gaps: int) -> None:
-    if is_gap and n_gaps == n_keyframes:
-        raise InvalidInput("a gap must stand between two keyframes")
-    if not is_gap and n_gaps < n_keyframes:
-        raise InvalidInput(
-            "between two keyframes there must be a gap, such as 'then within 0.1 to 0.5 s'"
-        )
 
 
 def _parse_keyframe(

@@ -79,13 +79,7 @@ class JudgedLabel(NamedTuple):
 
 
 def find_candidates(sequence: FeatureSequence, library: ClassLibrary) -> Candidates:
-    """Scored matches of all prototypes in one recording.
-
-    Raises
-    ------
-    InvalidInput
-        If the library has no priors.
-    """
+    """Scored matches of all prototypes in one recording; refused of a library without priors."""
     check_has_scores(library)
     places: list[PrototypePlace] = []
     patterns: list[Pattern] = []
@@ -94,10 +88,8 @@ def find_candidates(sequence: FeatureSequence, library: ClassLibrary) -> Candida
         places += [PrototypePlace(i, j) for j in range(len(one.prototypes))]
         patterns += [pattern for _, pattern in one.patterns]
         ratios += one.ratios
-    every = bool(sequence.known_features.all())
-    known = None if every else sequence.known
-    paths = score_patterns(patterns, ratios, sequence.packed, known)
-    return Candidates(paths, tuple(places))
+    known = None if sequence.known_features.all() else sequence.known
+    return Candidates(score_patterns(patterns, ratios, sequence.packed, known), tuple(places))
 
 
 def choose_candidates(
@@ -106,10 +98,8 @@ def choose_candidates(
     """Indices of the matches that become labels, by end; one threshold, or one a class."""
     scoring = library.scoring
     look_ahead_s = scoring.look_ahead_s if scoring else 0.0
-    chosen = choose_causally(
-        as_intervals(candidates, library, threshold=threshold),
-        look_ahead=look_ahead_s * SEQUENCE_HZ,
-    )
+    matches = as_intervals(candidates, library, threshold=threshold)
+    chosen = choose_causally(matches, look_ahead=look_ahead_s * SEQUENCE_HZ)
     return np.asarray(chosen, dtype=np.intp)
 
 
@@ -159,10 +149,7 @@ def check_has_scores(library: ClassLibrary) -> None:
 def measure_false_rates(library: ClassLibrary, others: Sequence[FeatureSequence]) -> ClassLibrary:
     """Library that knows how many false labels a minute to expect at each score.
 
-    Parameters
-    ----------
-    library : with scores
-    others : recordings without any of its classes
+    The others are recordings without any of its classes.
     """
     check_has_scores(library)
     lowest = lowest_scores(library)
@@ -172,7 +159,7 @@ def measure_false_rates(library: ClassLibrary, others: Sequence[FeatureSequence]
         for i in choose_candidates(found, library, threshold=lowest).tolist():
             scores[found.place_of(i).class_index].append(float(found.paths.scores[i]))
     minutes = sum(map(len, others)) / _FRAMES_A_MINUTE
-    return _with_rates(library, _fit_rates(library, scores, minutes))
+    return _with_rates(library, scores, minutes)
 
 
 def calibrate_scores(
@@ -195,7 +182,7 @@ def calibrate_scores(
     check_has_scores(library)
     least = dict(zip(library.names, thresholds_for(library).tolist(), strict=True))
     false = [[x.score for x in labels if x.name == n and not x.is_right] for n in library.names]
-    rated = _with_rates(library, _fit_rates(library, false, minutes))
+    rated = _with_rates(library, false, minutes)
     margins = [label.score - least[label.name] for label in labels]
     curve = fit_probability(margins, [label.is_right for label in labels])
     rounded = (round(curve[0], 4), round(curve[1], 4))
@@ -207,18 +194,15 @@ def lowest_scores(library: ClassLibrary) -> Floats:
     return thresholds_for(library) - _BELOW
 
 
-def _fit_rates(
+def _with_rates(
     library: ClassLibrary, scores: Sequence[Sequence[float]], minutes: float
-) -> FalseRates:
-    return fit_false_rates(
-        scores, minutes, lowest=lowest_scores(library), least=_own_thresholds(library)
-    )
-
-
-def _with_rates(library: ClassLibrary, rates: FalseRates) -> ClassLibrary:
-    levels = [round(float(level), 4) for level in rates.levels]
+) -> ClassLibrary:
+    """Library with the rates of false labels of these scores, by class."""
+    own = _own_thresholds(library)
+    rates = fit_false_rates(scores, minutes, lowest=lowest_scores(library), least=own)
     classes = tuple(
-        replace(one, false_level=level) for one, level in zip(library, levels, strict=True)
+        replace(one, false_level=round(float(level), 4))
+        for one, level in zip(library, rates.levels, strict=True)
     )
     scoring = library.scoring and replace(library.scoring, false_slope=round(rates.slope, 4))
     return replace(library, classes=classes, scoring=scoring)
@@ -233,19 +217,27 @@ def false_rates_of(library: ClassLibrary) -> FalseRates | None:
     return FalseRates(np.array(levels), slope, _own_thresholds(library))
 
 
-def thresholds_for(library: ClassLibrary, at_most_false_per_min: float | None = None) -> Floats:
+def thresholds_for(
+    library: ClassLibrary,
+    at_most_false_per_min: float | None = None,
+    *,
+    given: float | None = None,
+) -> Floats:
     """Least scores of the labels of each class, shape (classes,).
 
     Parameters
     ----------
     at_most_false_per_min : all so much higher or lower that so many false labels are
         expected in a minute of motion without right ones; by default the library's
+    given : one score for all classes, before those
 
     Raises
     ------
     InvalidInput
         If rates of false labels are asked for and not known.
     """
+    if given is not None:
+        return np.full(len(library), given, dtype=np.float64)
     check_has_scores(library)
     thresholds = _own_thresholds(library)
     if at_most_false_per_min is None:

@@ -16,6 +16,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -114,11 +115,9 @@ def _to_entry(prototype: Prototype, feature_set: FeatureSet) -> dict[str, Any]:
     """The table of a template."""
     template = prototype.template
     entry: dict[str, Any] = {
-        "name": prototype.name,
-        "examples": template.n_examples,
-        "columns": template.n_columns,
+        "name": prototype.name, "examples": template.n_examples, "columns": template.n_columns,
         "provenance": template.provenance,
-    }
+    }  # fmt: skip
     if prototype.mirror_of:
         entry["mirror_of"] = prototype.mirror_of
     if template.unmeasured:
@@ -167,13 +166,7 @@ def _pack_examples(prototype: Prototype, number: int) -> dict[str, NDArray[Any]]
 
 
 def read_class(folder: Path, stem: str, name: str, feature_set: FeatureSet) -> MotionClass:
-    """Read one class.
-
-    Raises
-    ------
-    UnreadableFile
-        If its table or its values are missing, broken, or do not fit.
-    """
+    """Read one class; UnreadableFile if its table or values are missing, broken, or do not fit."""
     path = folder / f"{stem}.toml"
     content = read_toml(path, CLASS_KEYS)
     if content["name"] != name:
@@ -288,11 +281,10 @@ def _read_values(path: Path, name: str) -> Arrays:
     file = path.parent / name
     if not name or Path(name).name != name:
         raise refuse(path, ("values",), f"must name a file beside it, got {name!r}")
-    try:
+    is_there = False
+    # A name may be too long for the system.
+    with suppress(OSError):
         is_there = file.is_file()
-    except OSError:
-        # A name that is too long for the system.
-        is_there = False
     if not is_there:
         raise refuse(path, ("values",), f"means {name[:80]}, which is missing")
     try:
@@ -322,16 +314,10 @@ def _read_values(path: Path, name: str) -> Arrays:
 def choose_stems(
     names: Iterable[str], *, kept: Mapping[str, str], taken: Collection[str]
 ) -> dict[str, str]:
-    """File name without suffix for each class.
+    """File name without suffix for each class: the kept one, or a new one that is not taken.
 
     Some file systems fold case, some decompose accents, some keep names of devices to
     themselves, all limit the length.
-
-    Parameters
-    ----------
-    names : of the classes
-    kept : stems that classes had before and keep
-    taken : stems that others must not get
     """
     used = {_fold(stem) for stem in (*taken, *kept.values())}
     stems = {}

@@ -6,7 +6,7 @@ the same), with the threshold below which a match counts.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -182,10 +182,9 @@ class MotionClass:
         if not self.prototypes:
             raise InvalidInput(f"class {self.name!r} needs at least one template, got none")
         self._check_prototypes()
-        self._check_numbers()
-        self._check_words()
         for key in ("background", "prior"):
-            object.__setattr__(self, key, self._check_fractions(key))
+            object.__setattr__(self, key, tuple(map(float, getattr(self, key))))
+        self._check_settings()
         object.__setattr__(self, "threshold", float(self.threshold))
         object.__setattr__(self, "tolerance", float(self.tolerance))
         object.__setattr__(self, "parts", tuple(self.parts))
@@ -195,7 +194,7 @@ class MotionClass:
         return f"MotionClass({self.name!r}, {len(self.prototypes)} templates: {names[:200]})"
 
     def _check_prototypes(self) -> None:
-        originals = {one.name for one in self.prototypes if not one.mirror_of}
+        originals = {one.name for one in self.originals}
         if len({one.name for one in self.prototypes}) != len(self.prototypes):
             raise InvalidInput(f"class {self.name!r}: names of prototypes must be unique")
         for one in self.prototypes:
@@ -205,49 +204,36 @@ class MotionClass:
                     f"is no mirror image, got {one.mirror_of!r}"
                 )
 
-    def _check_numbers(self) -> None:
-        if not 0 <= self.threshold <= 1:
-            raise InvalidInput(
-                f"class {self.name!r}: threshold must lie in [0, 1], got {self.threshold}",
-                key="threshold",
-            )
-        if not 0 <= self.tolerance < 0.5:
-            raise InvalidInput(
-                f"class {self.name!r}: tolerance must be at least 0 and below 0.5, "
-                f"got {self.tolerance}",
-                key="tolerance",
-            )
-        if self.score_threshold is not None and not self.score_threshold > 0:
-            raise InvalidInput(
-                f"class {self.name!r}: score_threshold must be above 0, got {self.score_threshold}",
-                key="score_threshold",
-            )
-        for key in ("estimated_precision", "estimated_recall"):
-            fraction = getattr(self, key)
-            if fraction is not None and not 0 <= fraction <= 1:
-                raise InvalidInput(f"class {self.name!r}: {key} must lie in [0, 1], got {fraction}")
+    def _check_settings(self) -> None:
+        n, least = self.prototypes[0].template.n_features, self.score_threshold
+        estimates = {key: getattr(self, key) for key in ("estimated_precision", "estimated_recall")}
+        fractions = {key: getattr(self, key) for key in ("background", "prior")}
+        for key, fits, problem in (
+            ("threshold", 0 <= self.threshold <= 1, f"must lie in [0, 1], got {self.threshold}"),
+            ("tolerance", 0 <= self.tolerance < 0.5,
+             f"must be at least 0 and below 0.5, got {self.tolerance}"),
+            ("score_threshold", least is None or least > 0, f"must be above 0, got {least}"),
+            *((key, x is None or 0 <= x <= 1, f"must lie in [0, 1], got {x}")
+              for key, x in estimates.items()),
+            ("kind", self.kind in get_args(ClassKind),
+             f"must be event or state, got {self.kind!r}"),
+            ("parts", set(self.parts) <= set(BODY_PARTS),
+             f"must be of {', '.join(BODY_PARTS)}, got {', '.join(map(str, self.parts))}"),
+            *((key, not xs or (len(xs) == n and all(0 < x < 1 for x in xs)),
+               f"needs {n} fractions between 0 and 1") for key, xs in fractions.items()),
+        ):  # fmt: skip
+            if not fits:
+                raise InvalidInput(f"class {self.name!r}: {key} {problem}", key=key)
 
-    def _check_fractions(self, key: str) -> tuple[float, ...]:
-        n_features = self.prototypes[0].template.n_features
-        fractions = tuple(float(fraction) for fraction in getattr(self, key))
-        if fractions and (len(fractions) != n_features or not all(0 < s < 1 for s in fractions)):
-            raise InvalidInput(
-                f"class {self.name!r}: {key} needs {n_features} fractions between 0 and 1",
-                key=key,
-            )
-        return fractions
+    @property
+    def originals(self) -> tuple[Prototype, ...]:
+        """Its prototypes but for mirror images."""
+        return tuple(one for one in self.prototypes if not one.mirror_of)
 
-    def _check_words(self) -> None:
-        if self.kind not in get_args(ClassKind):
-            raise InvalidInput(
-                f"class {self.name!r}: kind must be event or state, got {self.kind!r}", key="kind"
-            )
-        if not set(self.parts) <= set(BODY_PARTS):
-            raise InvalidInput(
-                f"class {self.name!r}: parts must be of {', '.join(BODY_PARTS)}, "
-                f"got {', '.join(map(str, self.parts))}",
-                key="parts",
-            )
+    @property
+    def has_queries(self) -> bool:
+        """Whether a prototype has keyframe queries."""
+        return any(one.queries for one in self.prototypes)
 
     @property
     def parts_mask(self) -> int:
@@ -299,29 +285,6 @@ class MotionClass:
             cell_ratios(one.template.values, prior, n_examples=one.template.n_examples)
             for one in self.prototypes
         )
-
-
-def describe_prototypes(motion_class: MotionClass) -> list[dict[str, Any]]:
-    """What there is to tell of each template of a class."""
-    return [
-        {
-            "class": motion_class.name,
-            "template": prototype.name,
-            "examples": prototype.template.n_examples,
-            "columns": prototype.template.n_columns,
-            "seconds": prototype.template.duration_s,
-            "fixed": fraction,
-            "threshold": motion_class.threshold,
-            "promised_precision": motion_class.estimated_precision,
-            "promised_recall": motion_class.estimated_recall,
-            "queries": len(prototype.queries),
-            "kept_examples": len(prototype.examples),
-            "made": prototype.template.provenance,
-        }
-        for prototype, fraction in zip(
-            motion_class.prototypes, fractions_fixed(motion_class), strict=True
-        )
-    ]
 
 
 def fractions_fixed(motion_class: MotionClass) -> list[float]:

@@ -75,13 +75,7 @@ def rename_class(library: ClassLibrary, name: str, new_name: str) -> ClassLibrar
 
 
 def find_prototype(motion_class: MotionClass, name: str | None = None) -> Prototype:
-    """The prototype of a name; by default the only one, or the one called like the class.
-
-    Raises
-    ------
-    InvalidInput
-        If there is none of that name, or none is given and several may be meant.
-    """
+    """The prototype of a name; by default the only one, or the one called like the class."""
     wanted = motion_class.name if name is None else name
     for one in motion_class.prototypes:
         if one.name == wanted or (name is None and len(motion_class.prototypes) == 1):
@@ -255,13 +249,7 @@ def load_everyday() -> ClassLibrary:
 
 
 def load_parts(home: Path) -> ClassLibrary:
-    """One calibrated library of both folders, wherever they lie.
-
-    Raises
-    ------
-    UnreadableFile
-        As `load_library`.
-    """
+    """One calibrated library of both folders, wherever they lie."""
     whole = merge_libraries([load_library(home / one) for one in _FOLDERS], clash="both")
     content = tomllib.loads((home / _FOLDERS[1] / CALIBRATION).read_text("utf-8"))
     levels = content["false_levels"]
@@ -287,14 +275,9 @@ def write_calibration(whole: ClassLibrary, path: Path) -> None:
 
 
 def open_library(folder: str | Path) -> ClassLibrary:
-    """A library by its folder, or the one that ships by its name.
+    """A library by its folder as of `load_library`, or the one that ships by its name.
 
     A folder of that name that is a library comes first.
-
-    Raises
-    ------
-    UnreadableFile
-        As `load_library`.
     """
     if str(folder) == EVERYDAY and not (Path(folder) / INDEX).exists():
         return load_everyday()

@@ -8,9 +8,11 @@ to one before it is averaged.
 Conventions: parts are cut from the features of the whole recording, at 30 Hz.
 """
 
+import itertools
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +48,9 @@ Measurable = Motion | FeatureSequence | ArrayLike
 #: Paths of recordings, or the recordings themselves by name.
 Recordings = str | Path | Sequence[str | Path] | Mapping[str, Measurable]
 
+#: A file of labels, or their tracks.
+Labels = str | Path | LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack]
+
 #: The further column of labels that says who moves.
 PERSON = "person"
 
@@ -70,6 +75,10 @@ class ReadExamples:
     classes: dict[str, dict[str, list[FeatureSequence]]] = field(default_factory=dict)
     failures: list[Failure[NamedFile]] = field(default_factory=list)
     unusable: list[MotionaryError] = field(default_factory=list)
+
+    def add(self, name: str, prototype: str, example: FeatureSequence) -> None:
+        """Add an example."""
+        self.classes.setdefault(name, {}).setdefault(prototype, []).append(example)
 
 
 # -- folders ------------------------------------------------------------------------------
@@ -100,7 +109,7 @@ def read_examples(
         if isinstance(item, Failure):
             result.failures.append(item)
         else:
-            result.classes.setdefault(name, {}).setdefault(prototype, []).append(item)
+            result.add(name, prototype, item)
     return result
 
 
@@ -137,8 +146,8 @@ def list_examples(folder: Path, *, split: bool = True) -> list[tuple[str, str, P
 
 
 def read_labelled(
-    labels: str | Path | LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack],
-    recordings: Recordings | None = None,
+    labels: Labels,
+    recordings: Recordings,
     *,
     reading: ReadOptions | None = None,
     feature_set: FeatureSet = FULL_BODY,
@@ -152,14 +161,13 @@ def read_labelled(
     Parameters
     ----------
     labels : a file in any format of labels, or tracks
-    recordings : by default the folder that holds the file of labels
     reading, feature_set, jobs, on_done : as of `read_examples`; arrays take rate and skeleton
         from `reading`
 
     Raises
     ------
     InvalidInput
-        If there is no label, or tracks come without recordings.
+        If there is no label.
     UnreadableFile
         If the labels cannot be read, or there is no recording where one is looked for.
     """
@@ -167,26 +175,19 @@ def read_labelled(
     if not tracks:
         raise InvalidInput("there are no labels to learn from")
     sequences = find_sequences(
-        tracks,
-        _default_recordings(labels) if recordings is None else recordings,
-        reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done,
-    )  # fmt: skip
+        tracks, recordings, reading=reading, feature_set=feature_set, jobs=jobs, on_done=on_done
+    )
     result = ReadExamples(failures=sequences.failures, unusable=sequences.unusable)
     for track, sequence in sequences.pairs:
         for label in track:
             try:
-                part = cut_example(sequence, label)
+                result.add(label.name, label.name, cut_example(sequence, label))
             except InvalidInput as error:
                 result.unusable.append(error)
-                continue
-            result.classes.setdefault(label.name, {}).setdefault(label.name, []).append(part)
     return result
 
 
-def list_tracks(
-    labels: str | Path | LabelTrack | Iterable[LabelTrack] | Mapping[str, LabelTrack],
-    reading: ReadOptions | None = None,
-) -> list[LabelTrack]:
+def list_tracks(labels: Labels, reading: ReadOptions | None = None) -> list[LabelTrack]:
     """Tracks of a file of labels, or as they are given."""
     if isinstance(labels, str | Path):
         labels = read_labels(labels, rate_hz=reading.rate_hz if reading else None)
@@ -225,13 +226,9 @@ def find_sequences(
     done: Iterator[FeatureSequence | Failure[NamedFile]]
     if isinstance(recordings, Mapping):
         found = _match(tracks, recordings, result)
+        how: dict[str, Any] = {"feature_set": feature_set, "reading": reading}
         done = (
-            measure(
-                recordings[name],
-                name=f"recording {name!r}",
-                feature_set=feature_set,
-                reading=reading,
-            ).renamed(name)
+            measure(recordings[name], name=f"recording {name!r}", **how).renamed(name)
             for _, name in found
         )
     else:
@@ -247,21 +244,16 @@ def find_sequences(
             result.failures.append(sequence)
             continue
         try:
-            fitting = of_recording(track, sequence.recording)
+            result.pairs.append((of_recording(track, sequence.recording), sequence))
         except InvalidInput as error:
             result.unusable.append(error)
-        else:
-            result.pairs.append((fitting, sequence))
     return result
 
 
 def cut_example(sequence: FeatureSequence, label: Label) -> FeatureSequence:
     """The labelled part of a recording, with the person that the label knows.
 
-    Raises
-    ------
-    InvalidInput
-        If it has no duration, or lies outside of the recording.
+    A label without duration, or outside of the recording, is refused.
     """
     start = max(round(label.start_s * SEQUENCE_HZ), 0)
     stop = min(round(label.end_s * SEQUENCE_HZ), len(sequence))
@@ -280,13 +272,7 @@ def measure(
     feature_set: FeatureSet = FULL_BODY,
     reading: ReadOptions | None = None,
 ) -> FeatureSequence:
-    """Features of a motion, or of an array whose rate and skeleton `reading` gives.
-
-    Raises
-    ------
-    WrongKind
-        If it is something else, which `name` then calls.
-    """
+    """Features of a motion, or of an array whose rate and skeleton `reading` gives."""
     if isinstance(recording, FeatureSequence):
         return recording
     if isinstance(recording, Motion):
@@ -300,25 +286,14 @@ def measure(
     )
 
 
-def _default_recordings(labels: object) -> Path:
-    if isinstance(labels, str | Path):
-        return Path(labels).parent
-    raise InvalidInput("labels without a file need the recordings that they are of (recordings=)")
-
-
 def _match(
     tracks: Sequence[LabelTrack], known: Collection[str], result: LabelledSequences
 ) -> list[tuple[LabelTrack, str]]:
     """Tracks and their recordings' names; those without one are noted as unusable."""
-    found, without = [], []
-    for track in tracks:
-        name = match_recording(track.recording.name, known)
-        if name is None:
-            without.append(track.recording.name)
-        else:
-            found.append((track, name))
+    named = [(track, match_recording(track.recording.name, known)) for track in tracks]
+    without = [track.recording.name for track, name in named if name is None]
     result.unusable += map(InvalidInput, explain_unmatched(without, known))
-    return found
+    return [(track, name) for track, name in named if name is not None]
 
 
 # -- sides --------------------------------------------------------------------------------
@@ -334,10 +309,9 @@ def fold_sides(examples: Sequence[FeatureSequence]) -> list[FeatureSequence]:
     flipped = [mirror_sequence(example) for example in examples]
     n = len(examples)
     gain = np.zeros((n, n))
-    for i in range(n):
-        for j in range(i):
-            same = _difference(examples[i], examples[j])
-            gain[i, j] = gain[j, i] = _difference(examples[i], flipped[j]) - same
+    for i, j in itertools.combinations(range(n), 2):
+        same = _difference(examples[j], examples[i])
+        gain[i, j] = gain[j, i] = _difference(examples[j], flipped[i]) - same
     side = np.ones(n)
     for _ in range(_MOST_ROUNDS):
         before = side.copy()

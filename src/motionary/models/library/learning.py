@@ -126,10 +126,9 @@ def learn(
         If there are no examples, examples of a class have nothing in common, or one of
         them cannot be read.
     """
-    of_reading = {one.name: options.pop(one.name) for one in fields(ReadOptions)
-                  if one.name in options}  # fmt: skip
+    names = {one.name for one in fields(ReadOptions)} & options.keys()
+    reading = replace(reading or ReadOptions(), **{name: options.pop(name) for name in names})
     settings = replace(training or TrainingOptions(), **options)
-    reading = replace(reading or ReadOptions(), **of_reading)
     watch = monitor or StrictMonitor()
     nested = _read(examples, recordings, reading, feature_set, jobs=jobs, monitor=watch)
     if not nested:
@@ -137,15 +136,31 @@ def learn(
     if monitor is not None:
         for advice in advise(nested, tolerance=settings.tolerance):
             watch.notify(Notice(str(advice)))
-    library = _learn_templates(nested, settings, watch, negatives)
+
+    def refuse(name: str, error: InvalidInput) -> None:
+        watch.notify(Notice(f"class {name!r} is left out: {error}", True, error))
+
+    scoring = scoring_for(find_feature_set(nested), negatives)
+    with watch.stage("learning", len(nested)) as done:
+        library = learn_classes(
+            nested, training=settings, scoring=scoring, on_done=done, on_refused=refuse
+        )
     if negatives and library:
         library = measure_false_rates(library, negatives)
     if settings.calibrate and library:
         learned = {name: nested[name] for name in library.names}
         library = calibrate(library, learned, negatives=negatives, jobs=jobs, monitor=watch)
-    if settings.queries != "none" and library:
-        library = _add_queries(library, nested, settings, jobs=jobs, monitor=watch)
-    return library
+    if settings.queries == "none" or not library:
+        return library
+    with watch.stage("keyframes", len(library)) as done:
+        if settings.queries == "chosen":
+            queried = choose_queries(library, nested, on_done=done)
+        else:
+            runs = settings.query_runs
+            queried = learn_queries(library, nested, runs=runs, jobs=jobs, on_done=done)
+    for name, reason in queried.without.items():
+        watch.notify(Notice(f"class {name!r} has no queries: {reason}"))
+    return queried.library
 
 
 def calibrate(
@@ -197,8 +212,11 @@ def _read(
     measured: Any = {"reading": reading, "feature_set": feature_set}
     if _is_labels(examples):
         tracks = list_tracks(examples, reading)
-        if recordings is None and isinstance(examples, str | Path):
-            recordings = Path(examples).parent
+        if recordings is None and not isinstance(examples, str | Path):
+            raise InvalidInput(
+                "labels without a file need the recordings that they are of (recordings=)"
+            )
+        recordings = Path(examples).parent if recordings is None else recordings
         with monitor.stage("reading", sum(len(track) > 0 for track in tracks)) as done:
             read = read_labelled(tracks, recordings, jobs=jobs, on_done=done, **measured)
         _report(read, {label.name for track in tracks for label in track}, monitor)
@@ -259,38 +277,3 @@ def _report_stray(folder: Path, monitor: Monitor) -> None:
         more = f" and {len(stray) - 1} more" if len(stray) > 1 else ""
         hint = "in no class; put examples into a folder named after their class"
         monitor.notify(Notice(f"{stray[0]}{more}: {hint}", True))
-
-
-def _learn_templates(
-    examples: Examples,
-    training: TrainingOptions,
-    monitor: Monitor,
-    negatives: Sequence[FeatureSequence],
-) -> ClassLibrary:
-    def refuse(name: str, error: InvalidInput) -> None:
-        monitor.notify(Notice(f"class {name!r} is left out: {error}", True, error))
-
-    scoring = scoring_for(find_feature_set(examples), negatives)
-    with monitor.stage("learning", len(examples)) as done:
-        return learn_classes(
-            examples, training=training, scoring=scoring, on_done=done, on_refused=refuse
-        )
-
-
-def _add_queries(
-    library: ClassLibrary,
-    examples: Examples,
-    training: TrainingOptions,
-    *,
-    jobs: int,
-    monitor: Monitor,
-) -> ClassLibrary:
-    with monitor.stage("keyframes", len(library)) as done:
-        if training.queries == "chosen":
-            queried = choose_queries(library, examples, on_done=done)
-        else:
-            runs = training.query_runs
-            queried = learn_queries(library, examples, runs=runs, jobs=jobs, on_done=done)
-    for name, reason in queried.without.items():
-        monitor.notify(Notice(f"class {name!r} has no queries: {reason}"))
-    return queried.library

@@ -7,6 +7,7 @@ examples, with their number as its weight.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import NamedTuple
 
 from motionary.errors import InvalidInput
@@ -113,8 +114,8 @@ def edit_class(
         called, changed = edit.rename, rename_class(changed, name, edit.rename)
     if edit.join is not None and edit.threshold is None and _is_calibrated(library[name]):
         changed = _calibrate_again(changed, [called], jobs=jobs, monitor=monitor)
-    had = name in library.names and _has_queries(library[name])
-    return EditedLibrary(changed, called, had and not _has_queries(changed[called]))
+    had = name in library.names and library[name].has_queries
+    return EditedLibrary(changed, called, had and not changed[called].has_queries)
 
 
 def add_examples(
@@ -208,8 +209,7 @@ def learn_beside(
             library = replace_prototype(library, name, _learn_more(old, items, fold=False))
             if len(items) > 1:
                 library = _add_prototype(library, name, prototype, items)
-    expanded = _weigh_again(library)
-    return _calibrate_again(expanded, calibrated, jobs=jobs, monitor=monitor)
+    return _calibrate_again(_weigh_again(library), calibrated, jobs=jobs, monitor=monitor)
 
 
 def _add_prototype(
@@ -217,10 +217,9 @@ def _add_prototype(
 ) -> ClassLibrary:
     """Library in which a class has a further prototype, and its mirror image as the others do."""
     motion_class = library[name]
-    number = 2
-    while f"{beside} {number}" in {one.name for one in motion_class.prototypes}:
-        number += 1
-    added = [learn_prototype(f"{beside} {number}", items)]
+    taken = {one.name for one in motion_class.prototypes}
+    called = next(f"{beside} {n}" for n in count(2) if f"{beside} {n}" not in taken)
+    added = [learn_prototype(called, items)]
     if any(one.mirror_of == beside for one in motion_class.prototypes):
         added.append(mirror_prototype(added[0], library.feature_set))
     prototypes = (*motion_class.prototypes, *added)
@@ -253,7 +252,7 @@ def join_classes(
         joined = Prototype(called, join(one.template, other.template))
     numbers = [s.template.n_examples for s in (one, other)]
     threshold = sum(n * c.threshold for n, c in zip(numbers, classes, strict=True)) / sum(numbers)
-    both_mirrored = all(any(s.mirror_of for s in c.prototypes) for c in classes)
+    both_mirrored = all(len(c.originals) < len(c.prototypes) for c in classes)
     images = [mirror_prototype(joined, library.feature_set)] if both_mirrored else []
     changed = without_estimates(
         classes[0], name=called, prototypes=(joined, *images), threshold=round(threshold, 4)
@@ -264,13 +263,9 @@ def join_classes(
 
 def kept_examples(library: ClassLibrary) -> Examples | None:
     """Packed features of everything a library was learned from; None unless it keeps all."""
-    originals = [(c.name, s) for c in library for s in c.prototypes if not s.mirror_of]
-    if not all(prototype.keeps_examples for _, prototype in originals):
+    if not all(one.keeps_examples for c in library for one in c.originals):
         return None
-    examples: dict[str, dict[str, Sequence[FeatureSequence]]] = {}
-    for name, prototype in originals:
-        examples.setdefault(name, {})[prototype.name] = prototype.examples
-    return examples
+    return {c.name: {one.name: one.examples for one in c.originals} for c in library}
 
 
 def training_of(library: ClassLibrary) -> TrainingOptions | None:
@@ -283,7 +278,7 @@ def training_of(library: ClassLibrary) -> TrainingOptions | None:
         return library.training
     tolerances = {one.tolerance for one in library}
     weighted = {bool(one.background) for one in library}
-    mirrored = {any(s.mirror_of for s in one.prototypes) for one in library}
+    mirrored = {len(one.originals) < len(one.prototypes) for one in library}
     if len(tolerances) > 1 or len(weighted) > 1 or len(mirrored) > 1:
         return None
     return TrainingOptions(
@@ -317,10 +312,6 @@ def _take_text(library: ClassLibrary, name: str, edit: ClassEdit) -> ClassLibrar
         feature_set=feature_set,
     )
     return replace_template(library, name, revised, prototype=edit.template)
-
-
-def _has_queries(motion_class: MotionClass) -> bool:
-    return any(one.queries for one in motion_class.prototypes)
 
 
 def _learn_more(old: Prototype, new: Sequence[FeatureSequence], *, fold: bool) -> Prototype:
@@ -362,10 +353,10 @@ def _calibrate_again(
 
 
 def _only_prototype(motion_class: MotionClass) -> Prototype:
-    originals = [s for s in motion_class.prototypes if not s.mirror_of]
-    if len(originals) > 1:
-        names = ", ".join(repr(s.name) for s in originals)
+    first, *others = motion_class.originals
+    if others:
+        names = ", ".join(repr(one.name) for one in motion_class.originals)
         raise InvalidInput(
             f"class {motion_class.name!r} has several templates ({names}); join classes of one"
         )
-    return originals[0]
+    return first

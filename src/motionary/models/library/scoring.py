@@ -72,27 +72,24 @@ class Scoring:
     probability: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        fractions = tuple(float(x) for x in self.corpus)
-        if not fractions or not all(0 < x < 1 for x in fractions):
-            raise InvalidInput("corpus needs fractions between 0 and 1", key="corpus")
-        if not (np.isfinite(self.threshold) and self.threshold > 0):
-            raise InvalidInput(
-                f"threshold of scores must be above 0, got {self.threshold}", key="threshold"
-            )
-        if not self.look_ahead_s >= 0:
-            raise InvalidInput(
-                f"look_ahead_s must be at least 0, got {self.look_ahead_s}", key="look_ahead_s"
-            )
-        if self.false_slope is not None and not self.false_slope > 0:
-            raise InvalidInput(
-                f"false_slope must be above 0, got {self.false_slope}", key="false_slope"
-            )
+        fractions = tuple(map(float, self.corpus))
+        threshold, ahead, slope = self.threshold, self.look_ahead_s, self.false_slope
+        odds = None if self.probability is None else tuple(map(float, self.probability))
+        for key, fits, problem in (
+            ("corpus", fractions and all(0 < x < 1 for x in fractions),
+             "corpus needs fractions between 0 and 1"),
+            ("threshold", np.isfinite(threshold) and threshold > 0,
+             f"threshold of scores must be above 0, got {threshold}"),
+            ("look_ahead_s", ahead >= 0, f"look_ahead_s must be at least 0, got {ahead}"),
+            ("false_slope", slope is None or slope > 0,
+             f"false_slope must be above 0, got {slope}"),
+            ("probability", odds is None or (len(odds) == 2 and np.isfinite(odds).all()),
+             "probability needs two numbers"),
+        ):  # fmt: skip
+            if not fits:
+                raise InvalidInput(problem, key=key)
         object.__setattr__(self, "corpus", fractions)
-        if self.probability is not None:
-            numbers = tuple(float(x) for x in self.probability)
-            if len(numbers) != 2 or not np.isfinite(numbers).all():
-                raise InvalidInput("probability needs two numbers", key="probability")
-            object.__setattr__(self, "probability", numbers)
+        object.__setattr__(self, "probability", odds)
 
     def probability_of(self, margin: float) -> float | None:
         """That a label is right whose score lies so far above the least of its class."""
@@ -115,13 +112,7 @@ def scoring_for(feature_set: FeatureSet, others: Sequence[FeatureSequence] = ())
 def mix_prior(
     examples: Sequence[FeatureSequence], scoring: Scoring | None, *, mirror: bool
 ) -> tuple[float, ...]:
-    """Prior of each feature; empty without a corpus, or without examples.
-
-    Parameters
-    ----------
-    examples : of all classes
-    mirror : whether templates are learned with their mirror images
-    """
+    """Prior of each feature, from the examples of all classes; empty without, or without corpus."""
     if scoring is None or not examples:
         return ()
     feature_set = examples[0].feature_set
@@ -218,8 +209,7 @@ def fit_false_rates(
 
     Parameters
     ----------
-    scores : one array a class: its labels in motion that does not show it
-    minutes : length of that motion
+    scores : one array a class: its labels in motion, so many minutes, that does not show it
     lowest : scores above it are counted; one number, or one a class
     least : scores that are asked for, above which alone the slope is fitted: below them
         rates grow faster. By default `lowest`
@@ -261,11 +251,6 @@ def fit_probability(margins: ArrayLike, is_right: ArrayLike) -> tuple[float, flo
     Returns
     -------
     logarithm of the odds at a margin of 0, and how it grows with the margin: never falling
-
-    Raises
-    ------
-    InvalidInput
-        If there is no label.
     """
     # Not needed to read or use a library: imported where it is.
     from scipy.optimize import minimize

@@ -33,7 +33,7 @@ from motionary.models.library.classes import (
     MotionClass,
     Prototype,
     TrainingOptions,
-    describe_prototypes,
+    fractions_fixed,
 )
 from motionary.models.library.scoring import Scoring
 from motionary.models.library.toml_tables import (
@@ -65,6 +65,11 @@ _TRAINING_KEYS: Keys = {
 }  # fmt: skip
 _SCORING_KEYS: Keys = {"corpus": list, "threshold": float, "look_ahead_s": float}
 _OPTIONAL_KEYS: Keys = {"false_slope": float, "probability": list}
+_COLUMNS = (
+    "class", "template", "examples", "columns", "seconds", "fixed", "threshold",
+    "promised_precision", "promised_recall", "queries", "kept_examples", "made", "feature_set",
+    "provenance", "licence",
+)  # fmt: skip
 _VALUES = re.compile(r"(.+)\.[0-9a-f]{8}\.npz")
 
 
@@ -106,15 +111,19 @@ class ClassLibrary(Tabular):
 
     def list_rows(self) -> Table:
         """A row for each template, by class."""
-        rows: list[dict[str, Any]] = []
-        for one in self:
-            origin = {
-                "feature_set": self.feature_set.name,
-                "provenance": one.provenance or self.provenance,
-                "licence": one.licence or self.licence,
-            }
-            rows += (row | origin for row in describe_prototypes(one))
-        return Table(tuple(rows[0]) if rows else (), [tuple(row.values()) for row in rows])
+        rows = [
+            (
+                one.name, prototype.name, prototype.template.n_examples,
+                prototype.template.n_columns, prototype.template.duration_s, fraction,
+                one.threshold, one.estimated_precision, one.estimated_recall,
+                len(prototype.queries), len(prototype.examples), prototype.template.provenance,
+                self.feature_set.name, one.provenance or self.provenance,
+                one.licence or self.licence,
+            )
+            for one in self
+            for prototype, fraction in zip(one.prototypes, fractions_fixed(one), strict=True)
+        ]  # fmt: skip
+        return Table(_COLUMNS if rows else (), rows)
 
     def __iter__(self) -> Iterator[MotionClass]:
         return iter(self.classes)
@@ -227,23 +236,26 @@ def _write_index(library: ClassLibrary, stems: Mapping[str, str], folder: Path) 
     document = read_document(folder / INDEX)
     if not document:
         document.add(tomlkit.comment("A motionary library: classes of motion, their origin."))
+    features = library.feature_set
     content = {
-        "version": VERSION,
-        "feature_set": library.feature_set.name,
-        "features": list(library.feature_set.ids),
-        "provenance": library.provenance,
-        "licence": library.licence,
-    }
+        "version": VERSION, "feature_set": features.name, "features": list(features.ids),
+        "provenance": library.provenance, "licence": library.licence,
+    }  # fmt: skip
     update_table(document, content)
-    own_set = library.feature_set.name not in known_sets()
-    rows = describe_set(library.feature_set) if own_set else ()
-    tables = {
+    rows = () if features.name in known_sets() else describe_set(features)
+    tables: dict[str, Any] = {
         "training": _to_table(library.training, _TRAINING_KEYS),
         "scoring": _to_table(library.scoring, {**_SCORING_KEYS, **_OPTIONAL_KEYS}),
         "classes": stems, "relations": rows,
     }  # fmt: skip
     for key, table in tables.items():
-        _replace_table(document, key, table, required=key == "classes")
+        before = document.get(key)
+        # One that is the same stays as it is written; the order of classes counts, which
+        # equality of tables passes over.
+        if before != table or list(before or ()) != list(table or ()):
+            document.pop(key, None)
+            if table or key == "classes":
+                document[key] = table
     write_document(folder / INDEX, document)
 
 
@@ -255,16 +267,6 @@ def _to_table(settings: TrainingOptions | Scoring | None, keys: Keys) -> dict[st
         for key, value in values.items()
         if value is not None
     }
-
-
-def _replace_table(document: Any, key: str, content: Any, *, required: bool) -> None:
-    """Give a document a table, or tables; one that holds the same already stays as it is."""
-    before = document.get(key)
-    # The order of classes counts, which equality of tables passes over.
-    if before != content or list(before or ()) != list(content or ()):
-        document.pop(key, None)
-        if content or required:
-            document[key] = content
 
 
 def _remove_stale(folder: Path, stems: Collection[str], *, kept: Collection[Path]) -> None:

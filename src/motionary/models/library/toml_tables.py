@@ -31,13 +31,7 @@ _MARK = "\ue000here\ue000"
 
 
 def read_toml(path: Path, keys: Keys) -> dict[str, Any]:
-    """Content of a TOML file that has these keys.
-
-    Raises
-    ------
-    UnreadableFile
-        If it cannot be read, is not TOML, or a key is missing or of another kind.
-    """
+    """Content of a TOML file; UnreadableFile if it is none, or lacks a key of its kind."""
     try:
         content = tomllib.loads(read_bytes(path).decode("utf-8"))
     except UnicodeDecodeError as error:
@@ -125,13 +119,7 @@ def read_document(path: Path) -> "TOMLDocument":
 
 
 def write_document(path: Path, document: "TOMLDocument") -> None:
-    """Write a TOML file whole or not at all.
-
-    Raises
-    ------
-    UnwritableFile
-        If it cannot be written, or a text in it cannot be encoded.
-    """
+    """Write a TOML file whole or not at all; UnwritableFile if it cannot be."""
     import tomlkit
 
     try:

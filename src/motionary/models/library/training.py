@@ -79,13 +79,11 @@ def learn_classes(
     for name, prototypes in examples.items():
         try:
             learned = learn_class(name, prototypes, background=background, training=training)
-            learned = replace(learned, prior=prior)
+            classes.append(replace(learned, prior=prior))
         except InvalidInput as error:
             if on_refused is None:
                 raise
             on_refused(name, error)
-        else:
-            classes.append(learned)
         if on_done:
             on_done()
     return ClassLibrary(
@@ -111,7 +109,11 @@ def learn_class(
         items = fold_sides(given) if training.fold_sides else given
         learned.append(learn_prototype(key, items, learning=learning, keep_examples=keep))
         if training.per_group and training.groups:
-            learned += learn_groups(key, items, name_groups(items, training.groups))
+            own: dict[str, list[FeatureSequence]] = {}
+            for group, item in zip(name_groups(items, training.groups), items, strict=True):
+                own.setdefault(group, []).append(item)
+            if len(own) > 1:
+                learned += [learn_prototype(f"{key}, {x}", of_x) for x, of_x in own.items()]
     if training.mirror:
         feature_set = next(iter(examples.values()))[0].feature_set
         learned += [mirror_prototype(prototype, feature_set) for prototype in learned]
@@ -149,18 +151,6 @@ def learn_prototype(
     origin = f"learned from {len(examples)} recording{'s' if len(examples) > 1 else ''}"
     template = template_of(examples, provenance=origin, learning=learning)
     return Prototype(name, template, examples=tuple(examples) if keep_examples else ())
-
-
-def learn_groups(
-    name: str, examples: Sequence[FeatureSequence], groups: Sequence[str]
-) -> list[Prototype]:
-    """A template of each group of examples; none if all are of one group."""
-    by_group: dict[str, list[FeatureSequence]] = {}
-    for group, example in zip(groups, examples, strict=True):
-        by_group.setdefault(group, []).append(example)
-    if len(by_group) < 2:
-        return []
-    return [learn_prototype(f"{name}, {group}", own) for group, own in by_group.items()]
 
 
 def list_sequences(examples: Examples) -> list[FeatureSequence]:

@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING
 from motionary.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from motionary.models.query_learning.fitness import Augmentation, Evaluator, weighted_f
-    from motionary.models.query_learning.generations import PUBLISHED, GeneticSettings, RunResult
+    from motionary.models.query_learning.generations import (
+        PUBLISHED,
+        Augmentation,
+        Evaluator,
+        GeneticSettings,
+        RunResult,
+        weighted_f,
+    )
     from motionary.models.query_learning.individuals import (
         Accumulation,
         Individual,
@@ -57,8 +63,7 @@ __all__ = [
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
-        "fitness": "Augmentation Evaluator weighted_f",
-        "generations": "PUBLISHED GeneticSettings RunResult",
+        "generations": "PUBLISHED Augmentation Evaluator GeneticSettings RunResult weighted_f",
         "individuals": "Accumulation Individual accumulate to_query",
         "learning": (
             "LearnedQueries Problem clip_evaluator combine_runs continue_learning "

@@ -1,4 +1,4 @@
-"""Individuals of the genetic algorithm: made, recombined, mutated, added up.
+"""Individuals of the genetic algorithm: made, recombined, mutated, simplified, added up.
 
 An individual is a keyframe query in whole numbers (Baak 2012, section 4.1): template
 columns, features as bits of a number, and the fewest and most frames between neighbours.
@@ -9,12 +9,15 @@ Initialisation (Baak 2012, Algorithm 2), recombination and the three mutations
 keyframes carry their column and are sorted by it; a keyframe that is removed leaves the sum
 of its two gaps, so that no hit is lost; one entry at a time becomes fixed or free.
 
+Of two equally fit queries the more general one asks for less and leaves more time: entries
+go one by one where the fitness allows it, gaps widen at both ends.
+
 Runs of the algorithm differ; what their individuals share characterises the class (Baak
 2012, section 4.4 and Fig. 4.2): keyframes are added up at their columns of the template.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,6 +37,8 @@ _MEAN_KEYFRAMES, _SPREAD_KEYFRAMES = 3.0, 2.0
 _FEWEST_KEYFRAMES = 2
 #: Columns on either side in which keyframes of other runs are the same one.
 _NEAR = 2
+#: Frames by which a bound is moved, tried from the largest.
+_STEPS = (8, 4, 2, 1)
 
 
 class Individual(NamedTuple):
@@ -61,6 +66,14 @@ class Individual(NamedTuple):
     def slack(self) -> int:
         """Frames by which the gaps may vary, in all."""
         return sum(self.most) - sum(self.least)
+
+
+class Score(NamedTuple):
+    """Measures of an individual, each in [0, 1]."""
+
+    fitness: float
+    precision: float
+    recall: float
 
 
 def to_query(
@@ -280,6 +293,48 @@ def _without_gap(bounds: Numbers, k: int) -> Numbers:
     return (*bounds[: max(k - 1, 0)], *between, *bounds[k + 1 :])
 
 
+def simplify(
+    individual: Individual, evaluator: Callable[[Individual], Score], rng: np.random.Generator
+) -> Individual:
+    """The individual without entries and bounds that its fitness does not need.
+
+    Which of several needless entries go first, `rng` decides.
+    """
+    aim = evaluator(individual).fitness
+    entries = [(k, bit) for k, fixed in enumerate(individual.fixed) for bit in bits(fixed)]
+    for number in rng.permutation(len(entries)):
+        freed = free_entry(individual, *entries[number])
+        if evaluator(freed).fitness >= aim:
+            individual = freed
+    for step in _STEPS:
+        for gap in range(len(individual.least)):
+            sooner = max(0, individual.least[gap] - step)
+            wider = individual._replace(least=put(individual.least, gap, sooner))
+            if evaluator(wider).fitness >= aim:
+                individual = wider
+            later = individual.most[gap] + step
+            wider = individual._replace(most=put(individual.most, gap, later))
+            if evaluator(wider).fitness >= aim:
+                individual = wider
+    return without_free_keyframes(individual)
+
+
+def without_free_keyframes(individual: Individual) -> Individual:
+    """The individual without keyframes that ask for nothing, which retrieves the same clips.
+
+    At an end, one whose distance has a lower bound stays: it asks that the clip goes on.
+    """
+    k = 0
+    while k < len(individual.positions) > 1:
+        inner = 0 < k < len(individual.positions) - 1
+        beside = individual.least[max(k - 1, 0)]
+        if individual.fixed[k] == 0 and (inner or beside == 0):
+            individual, k = without_keyframe(individual, k), 0
+        else:
+            k += 1
+    return individual
+
+
 class Accumulation(NamedTuple):
     """Keyframes of many runs, added up.
 
@@ -297,12 +352,16 @@ class Accumulation(NamedTuple):
 
 def accumulate(individuals: Sequence[Individual], pool: GenePool) -> Accumulation:
     """Mean of the keyframes of individuals over the columns of their template."""
-    ones, zeros = _count_entries(individuals, pool)
-    values = 0.5 + (ones - zeros) / (2.0 * len(individuals))
-    agreement = np.zeros(len(pool))
+    votes, agreement = np.zeros((len(pool), pool.n_features)), np.zeros(len(pool))
+    columns = np.arange(len(pool))[:, None]
     for individual in individuals:
-        agreement += _closeness(individual, len(pool))
-    return Accumulation(values, agreement / len(individuals))
+        values, fixed = _bits(individual.values, pool), _bits(individual.fixed, pool)
+        positions = list(individual.positions)
+        np.add.at(votes, positions, fixed * (2.0 * values - 1.0))
+        distance = np.abs(columns - positions).min(axis=1)
+        agreement += np.maximum(0.0, 1.0 - distance / (_NEAR + 1))
+    n = len(individuals)
+    return Accumulation(0.5 + votes / (2.0 * n), agreement / n)
 
 
 def frequent_keyframes(individuals: Sequence[Individual], pool: GenePool) -> list[Keyframe]:
@@ -311,31 +370,13 @@ def frequent_keyframes(individuals: Sequence[Individual], pool: GenePool) -> lis
     They stand at local maxima of the agreement, and ask for what at least half of the
     keyframes there ask for.
     """
-    agreement = accumulate(individuals, pool).agreement
+    agreed = accumulate(individuals, pool).agreement
     wanted = max(pool.fewest, round(np.mean([len(one.positions) for one in individuals])))
-    padded = np.pad(agreement, 1)
+    padded = np.pad(agreed, 1)
     # Of a plateau the first column.
-    is_peak = (agreement > padded[:-2]) & (agreement >= padded[2:])
-    peaks = np.flatnonzero(is_peak)
-    chosen = peaks[np.argsort(-agreement[peaks], kind="stable")][:wanted].tolist()
+    peaks = np.flatnonzero((agreed > padded[:-2]) & (agreed >= padded[2:]))
+    chosen = peaks[np.argsort(-agreed[peaks], kind="stable")][:wanted].tolist()
     return [_consensus(individuals, column, pool) for column in sorted(chosen)]
-
-
-def _count_entries(individuals: Sequence[Individual], pool: GenePool) -> tuple[Floats, Floats]:
-    ones, zeros = np.zeros((2, len(pool), pool.n_features))
-    for individual in individuals:
-        values, fixed = _bits(individual.values, pool), _bits(individual.fixed, pool)
-        np.add.at(ones, list(individual.positions), fixed & values)
-        np.add.at(zeros, list(individual.positions), fixed & ~values)
-    return ones, zeros
-
-
-def _closeness(individual: Individual, n_columns: int) -> Floats:
-    """How near each column is to a keyframe, from 0 to 1."""
-    columns = np.arange(n_columns)[:, None]
-    distance = np.abs(columns - np.array(individual.positions)).min(axis=1)
-    closeness: Floats = np.maximum(0.0, 1.0 - distance / (_NEAR + 1))
-    return closeness
 
 
 def _consensus(individuals: Sequence[Individual], column: int, pool: GenePool) -> Keyframe:

@@ -25,15 +25,17 @@ from motionary.models.keyframes import (
     select_in_index,
 )
 from motionary.models.query_learning import RUNS
-from motionary.models.query_learning.fitness import Clips, Evaluator, Fitness, augment_clip
 from motionary.models.query_learning.generations import (
+    Clips,
+    Evaluator,
+    Fitness,
     GeneticSettings,
     RunResult,
+    augment_clip,
     gaps_alone,
     genetic,
     random_creation,
     run_generations,
-    simplify,
 )
 from motionary.models.query_learning.individuals import (
     Accumulation,
@@ -42,6 +44,7 @@ from motionary.models.query_learning.individuals import (
     assemble,
     frequent_keyframes,
     gene_pool,
+    simplify,
     to_query,
 )
 from motionary.models.templates import MotionTemplate, quantise, template_of
@@ -86,14 +89,12 @@ class Problem:
         return clip_evaluator(self.positives, self.negatives, settings=self.settings)
 
     def augmented_evaluator(self, rng: np.random.Generator) -> Evaluator:
-        """Scores on the examples and varied copies of them."""
+        """Scores on the examples and varied copies of the negatives."""
         augmentation = self.settings.augmentation
-        positives, negatives = [*self.positives], [*self.negatives]
-        for _ in range(augmentation.copies):
-            positives += [augment_clip(clip, augmentation, rng) for clip in self.positives]
+        negatives = [*self.negatives]
         for _ in range(augmentation.negative_copies):
             negatives += [augment_clip(clip, augmentation, rng) for clip in self.negatives]
-        return clip_evaluator(positives, negatives, settings=self.settings)
+        return clip_evaluator(self.positives, negatives, settings=self.settings)
 
 
 def clip_evaluator(

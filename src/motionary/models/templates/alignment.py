@@ -59,15 +59,7 @@ Engine = Callable[[Iterator[PairCost]], MatchedColumns]
 def align_all(
     values: Floats, weights: Floats, offsets: Indices, *, engine: Engine
 ) -> MatchedColumns:
-    """Columns that meet when each example in turn is the reference of all others.
-
-    Parameters
-    ----------
-    values : array, shape (columns, features), a stack
-    weights : array, shape (columns,)
-    offsets : array, shape (examples + 1,)
-    engine : `align_batched`, or its compiled twin
-    """
+    """Columns that meet when each example of a stack in turn is the reference of all others."""
     return engine(_pairs(values, weights, offsets))
 
 
@@ -118,13 +110,7 @@ def align_compiled(pairs: Iterator[PairCost]) -> MatchedColumns:
 
 
 def choose_engine(name: EngineName, offsets: Indices) -> Engine:
-    """The engine of a name; "auto" takes the compiled one where it is worth loading.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no such engine, or it is not installed.
-    """
+    """The engine of a name; "auto" takes the compiled one where it is worth loading."""
     lengths = np.diff(offsets)
     n_cells = int(lengths.sum() ** 2 - (lengths**2).sum()) // 2
     compiler = load_twin("numba", name, pays=n_cells >= WORTH_LOADING)

@@ -88,13 +88,8 @@ def free(
         If a feature is unknown, or the segment not in the template.
     """
     values = template.values.copy()
-    part = _part(template, start_s, end_s)
-    chosen = (
-        range(template.n_features)
-        if features is None
-        else _numbers(template, features, feature_set)
-    )
-    values[part, list(chosen)] = _FREE
+    chosen = slice(None) if features is None else _numbers(template, features, feature_set)
+    values[_part(template, start_s, end_s)][:, chosen] = _FREE
     return _changed(template, values, "loosened by hand")
 
 
@@ -220,11 +215,7 @@ def describe_template(
 
     Times are seconds from the template's beginning, by the time its columns stand for.
 
-    Parameters
-    ----------
-    template : MotionTemplate
-    tolerance : as in `quantise`
-    feature_set : the features that the template's columns have
+    The tolerance is that of `quantise`.
     """
     quantised = quantise(template, tolerance=tolerance)
     edges = np.concatenate([[0.0], np.cumsum(template.weights)]) / template.rate_hz
@@ -233,7 +224,10 @@ def describe_template(
         f"{100 * quantised.fraction_fixed:.0f} % of its cells are fixed"
     ]
     lines += _asked(quantised, edges, feature_set)
-    lines += _names("never", _never(quantised, feature_set))
+    # What must not hold nearly all the time.
+    off = (quantised.fixed & ~quantised.values).mean(axis=0) >= 1 - _VARIES_FROM
+    never = zip(feature_set.names, off & ~quantised.values.any(axis=0), strict=True)
+    lines += _names("never", _say_once([name for name, is_never in never if is_never]))
     known = np.array([name not in template.unmeasured for name in template.feature_names])
     lines += _names("varies", _varying(~quantised.fixed & known, edges, feature_set))
     names = [name for name, seen in zip(feature_set.names, known, strict=True) if not seen]
@@ -243,10 +237,9 @@ def describe_template(
 
 def _asked(template: QuantisedTemplate, edges: Floats, feature_set: FeatureSet) -> list[str]:
     """The longest segments in which features must hold, in the order of time."""
-    wanted = template.values & template.fixed
     runs = [
         _Run(float(edges[first]), float(edges[stop]), name)
-        for name, column in zip(feature_set.names, wanted.T, strict=True)
+        for name, column in zip(feature_set.names, template.values.T, strict=True)
         for first, stop in find_runs(column)
         if stop - first >= _SHORTEST_RUN
     ]
@@ -256,15 +249,6 @@ def _asked(template: QuantisedTemplate, edges: Floats, feature_set: FeatureSet) 
     if len(joined) > len(longest):
         lines.append(f"and {len(joined) - len(longest)} shorter segments")
     return _column("holds", lines)
-
-
-def _never(template: QuantisedTemplate, feature_set: FeatureSet) -> list[str]:
-    """Features that must not hold nearly all the time."""
-    off = (template.fixed & ~template.values).mean(axis=0) >= 1 - _VARIES_FROM
-    on = (template.fixed & template.values).any(axis=0)
-    return _say_once(
-        [name for name, never in zip(feature_set.names, off & ~on, strict=True) if never]
-    )
 
 
 def _varying(free: Bools, edges: Floats, feature_set: FeatureSet) -> list[str]:
@@ -285,18 +269,12 @@ def _say_once(names: list[str]) -> list[str]:
 
 def _join_sides(runs: list[_Run]) -> list[_Run]:
     """Runs in which what holds of the right and of the left at one time is said once."""
-    lefts = {run: run.phrase.removeprefix("left ") for run in runs
-             if run.phrase.startswith("left ")}  # fmt: skip
     joined, used = [], set()
     for run in runs:
         side, _, rest = run.phrase.partition(" ")
-        twin = None
-        if side == "right":
-            twin = next(
-                (left for left, name in lefts.items() if name == rest and _together(run, left)),
-                None,
-            )
-        if twin:
+        lefts = [left for left in runs if left.phrase == f"left {rest}" and _together(run, left)]
+        if side == "right" and lefts:
+            twin = lefts[0]
             used.add(twin)
             start_s, end_s = max(run.start_s, twin.start_s), min(run.end_s, twin.end_s)
             run = _Run(start_s, end_s, f"right and left {rest}")

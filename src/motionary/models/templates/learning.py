@@ -46,13 +46,10 @@ class Learning:
 
     Attributes
     ----------
-    stop : float
-        Learning ends after a pass whose highest-cost alignment costs at most this much per
-        column, in features.
-    max_passes : int
-        It ends after so many passes in any case.
-    contract_at : float
-        Columns are merged until they weigh this much.
+    stop : learning ends after a pass whose highest-cost alignment costs at most this much per
+        column, in features
+    max_passes : it ends after so many passes in any case
+    contract_at : columns are merged until they weigh this much
     """
 
     stop: float = 0.005
@@ -129,9 +126,8 @@ def learn_template(
         columns = _with_fractions(examples, known)
         never = ~np.concatenate(columns)[:, n_features:].any(axis=0)
         unmeasured = tuple(np.array(feature_names)[never].tolist())
-    offsets = np.cumsum([0] + [len(example) for example in examples]).astype(np.intp)
-    stack = Stack(np.concatenate(columns), np.ones(offsets[-1]), offsets)
-    stack = repeat_passes(stack, n_features, settings, choose_engine(engine, offsets))
+    stack = _stack(columns, [np.ones(len(example)) for example in examples])
+    stack = repeat_passes(stack, n_features, settings, choose_engine(engine, stack.offsets))
     end = stack.offsets[1]
     return MotionTemplate(
         values=_values(stack.columns[:end], n_features),
@@ -179,12 +175,7 @@ def join(
     fraction = Fraction(first.n_examples, n_examples).limit_denominator(_MOST_COPIES)
     fraction = min(max(fraction, Fraction(1, _MOST_COPIES)), 1 - Fraction(1, _MOST_COPIES))
     copies = [first] * fraction.numerator + [second] * (fraction.denominator - fraction.numerator)
-    offsets = np.cumsum([0] + [t.n_columns for t in copies]).astype(np.intp)
-    stack = Stack(
-        np.concatenate([t.values for t in copies]),
-        np.concatenate([t.weights for t in copies]),
-        offsets,
-    )
+    stack = _stack([t.values for t in copies], [t.weights for t in copies])
     stack = repeat_passes(stack, first.n_features, learning or Learning(), align_batched)
     end = stack.offsets[1]
     names = [t.provenance or "a template" for t in (first, second)]
@@ -196,6 +187,11 @@ def join(
         n_examples=n_examples,
         unmeasured=tuple(name for name in first.unmeasured if name in second.unmeasured),
     )
+
+
+def _stack(columns: Sequence[Floats], weights: Sequence[Floats]) -> Stack:
+    offsets = np.cumsum([0, *map(len, columns)]).astype(np.intp)
+    return Stack(np.concatenate(columns), np.concatenate(weights), offsets)
 
 
 def repeat_passes(stack: Stack, n_features: int, settings: Learning, engine: Engine) -> Stack:
@@ -215,21 +211,11 @@ def repeat_passes(stack: Stack, n_features: int, settings: Learning, engine: Eng
 def learn_pass(
     stack: Stack, *, n_features: int, contract_at: float, engine: Engine
 ) -> tuple[Stack, float]:
-    """One pass: every example as reference of all others, averaged and unwarped.
+    """Stack of the next pass, and the highest cost of an alignment.
 
-    Parameters
-    ----------
-    stack : Stack
-        Its columns hold the values, shape (n, features); or, where entries are unknown,
-        values times the known fraction and next to them that fraction, (n, 2 * features).
-    n_features : number of features
-    contract_at : weight up to which columns are merged
-    engine : `align_batched` or `align_compiled`
-
-    Returns
-    -------
-    stack : Stack of the next pass
-    cost : highest cost of an alignment
+    Every example is the reference of all others, averaged and unwarped. Columns hold the
+    values, shape (n, features); or, where entries are unknown, values times the known fraction
+    and next to them that fraction, (n, 2 * features).
     """
     values = _values(stack.columns, n_features)
     matched = align_all(values, stack.weights, stack.offsets, engine=engine)

@@ -175,7 +175,6 @@ def quantise(template: MotionTemplate, *, tolerance: float) -> QuantisedTemplate
 
     Parameters
     ----------
-    template : MotionTemplate
     tolerance : float, in [0, 0.5)
         A cell of at most `tolerance` becomes 0, of at least `1 - tolerance` becomes 1, both
         inclusive and with a slack of 1e-9 for the rounding of averages; others become free.
@@ -207,7 +206,6 @@ def pattern_of(template: QuantisedTemplate, *, ones: NDArray[np.float64] | None 
 
     Parameters
     ----------
-    template : QuantisedTemplate
     ones : array, shape (features,), optional
         Fraction of frames in which each feature holds in the searched recordings. With it,
         entries weigh their self-information, and columns the sum of theirs over the mean.
@@ -223,19 +221,13 @@ def pattern_of(template: QuantisedTemplate, *, ones: NDArray[np.float64] | None 
 
 
 def mirror(template: MotionTemplate, order: ArrayLike) -> MotionTemplate:
-    """Template of the mirrored motion.
+    """Template of the mirrored motion; names of features stay where they are.
 
     Parameters
     ----------
-    template : MotionTemplate
     order : array, shape (features,), of int
         Feature that takes the place of each: the partner of the other side, or the feature
-        itself. Names stay where they are.
-
-    Raises
-    ------
-    InvalidInput
-        If `order` is not a swap of pairs of the template's features.
+        itself; must be a swap of pairs
     """
     partners = np.asarray(order)
     identity = np.arange(template.n_features)
@@ -320,14 +312,7 @@ def find_set(template: MotionTemplate, *, feature_set: FeatureSet | None = None)
 
 
 def check_values(values: ArrayLike) -> NDArray[np.float64]:
-    """Read-only copy of template values, shape (columns, features), clipped to [0, 1].
-
-    Raises
-    ------
-    InvalidInput
-        If the shape is not (columns, features), each at least 1, or a value is not a number
-        in [0, 1] (within a rounding slack of 1e-9).
-    """
+    """Read-only copy of template values, shape (columns, features), clipped to [0, 1]."""
     matrix = np.array(values, dtype=np.float64)
     if matrix.ndim != 2 or 0 in matrix.shape:
         raise InvalidInput(

@@ -107,7 +107,6 @@ def template_to_text(
 
     Parameters
     ----------
-    template : MotionTemplate
     tolerance : in [0, 0.5); as in `quantise`
     feature_set : gives the features their phrases; sets that are known by their name
         need not be given
@@ -144,7 +143,6 @@ def revise_template(
 
     Parameters
     ----------
-    template : MotionTemplate
     text : `template_to_text` of the template, edited
     tolerance : what the text was made with
     feature_set : as in `template_to_text`
