@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from motionary.batch import Failure
 from motionary.errors import InvalidInput, WrongKind
 from motionary.features import (
     FULL_BODY,
@@ -20,6 +21,7 @@ from motionary.features import (
     read_features,
     write_features,
 )
+from motionary.io import ReadOptions
 from motionary.samples import synthetic_motion
 
 KINDS = ("squat", "kick_left", "wave_right", "bow", "walk")
@@ -83,6 +85,32 @@ def test_quantities_from_elsewhere_see_one_motion_at_a_time(array):
     own = FeatureSet("own", (feature,))
     assert not own.is_of_package
     assert len(compute_batch(array, rate_hz=20, feature_set=own)) == len(array)
+
+
+def test_files_read_together_are_those_alone_and_one_that_fails_is_alone(array, tmp_path):
+    def high(body, window_s):
+        if body.height("head").max() > 5:
+            raise ZeroDivisionError("too high")
+        return body.height("head")
+
+    for i in range(40):
+        np.save(tmp_path / f"{i:02}.npy", array[i % len(array)] + (0, 9.0 * (i in (3, 30)), 0))
+    (tmp_path / "35.npy").write_bytes(b"nothing")
+    files = [(path.name, path) for path in sorted(tmp_path.iterdir())]
+    feature = FULL_BODY.features[0]
+    own = FeatureSet("own", (replace(feature, quantity=high, joints=(), mirror="", id="X"),))
+    options = ReadOptions(skeleton="generic", rate_hz=20.0)
+    done = []
+    items = list(read_features(files, options=options, feature_set=own, on_done=done.append))
+    assert done == files
+    failed = [i for i, item in enumerate(items) if isinstance(item, Failure)]
+    assert failed == [3, 30, 35]
+    assert [items[i].item for i in failed] == [files[i] for i in failed]
+    published = list(read_features(files, options=options))
+    for i in (0, 17, 36):
+        (alone,) = read_features([files[i]], options=options)
+        np.testing.assert_array_equal(published[i].packed, alone.packed)
+        assert published[i].source == files[i][0]
 
 
 def test_results_do_not_depend_on_processes(array, batch, tmp_path, monkeypatch):

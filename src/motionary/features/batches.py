@@ -46,7 +46,6 @@ SPLITS = {"train": 0.8, "validation": 0.1, "test": 0.1}
 
 # Motions that a process takes at once: sending costs little beside computing.
 _CHUNK = 32
-_KEPT_BYTES = 1 << 24
 _FEWEST_DIGITS = 3
 
 
@@ -302,9 +301,6 @@ class Computed(NamedTuple):
 def _compute_some(
     motions: Sequence[Any], *, rate_hz: float | None, skeleton: Skeleton, feature_set: FeatureSet
 ) -> list[Computed]:
-    # glibc from then on keeps freed memory up to this size, which it would otherwise give back
-    # and ask for again with each motion: a quarter of the time.
-    np.empty(_KEPT_BYTES, dtype=np.uint8)
     arrays = (
         motion if isinstance(motion, Motion) else motion_from_array(motion, rate_hz, skeleton)
         for motion in motions

@@ -36,6 +36,7 @@ _STEP = 4
 _LEAST_HZ = 1.0
 # Frames at 120 Hz of short motions that are computed together: a minute.
 _FRAMES_TOGETHER = 7200
+_KEPT_BYTES = 1 << 24
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -249,6 +250,9 @@ def compute_together(
     motions: Iterable[Resampled], feature_set: FeatureSet
 ) -> Iterator[FeatureSequence]:
     """Features of motions, of which short ones are one array for arithmetic."""
+    # glibc from then on keeps freed memory up to this size, which it would otherwise give back
+    # and ask for again with each motion: a quarter of the time.
+    np.empty(_KEPT_BYTES, dtype=np.uint8)
     # Quantities from elsewhere may know nothing of several recordings in one body.
     most = _FRAMES_TOGETHER if feature_set.is_of_package else 0
     some: list[Resampled] = []

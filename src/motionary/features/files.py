@@ -15,14 +15,28 @@ from motionary.batch import Cluster, Failure, Workers, map_ordered
 from motionary.errors import InvalidInput, check_path
 from motionary.features.batches import Computed, FeatureBatch
 from motionary.features.catalogue import FULL_BODY
-from motionary.features.computing import SEQUENCE_HZ, FeatureSequence, compute_features
+from motionary.features.computing import (
+    SEQUENCE_HZ,
+    FeatureSequence,
+    Resampled,
+    compute_together,
+    resample_motion,
+)
 from motionary.features.feature_set import FeatureSet
 from motionary.files import write_atomically
 from motionary.io import Cell, ReadOptions, format_suffix, read_poses, write_table
+from motionary.io.text import TAKE_MARK
 from motionary.tables import write_parquet
 
 #: A recording's name and its path.
 NamedFile = tuple[str, Path]
+
+#: Features that come back of a file, or why there are none.
+Measured = Computed | Failure[NamedFile]
+
+# Short recordings are measured together, in one array.
+_MOST_TOGETHER = 16
+_SHORT_BYTES = 1 << 18
 
 # Recordings that are laid out as columns at once: memory stays small, and so do files.
 _PORTION = 1000
@@ -50,21 +64,86 @@ def read_features(
     if isinstance(jobs, Cluster):
         # Its workers run in folders of their own.
         options, files = options.absolute(), ((name, path.absolute()) for name, path in files)
-    work = partial(_measure, options=options, feature_set=feature_set)
-    measured = map_ordered(work, files, jobs=jobs, on_done=on_done)
-    # The set is here already: sending it takes as long as reading a short file.
-    return (
-        item
-        if isinstance(item, Failure)
-        else FeatureSequence(item.packed, item.known, feature_set, item.recording)
-        for item in measured
-    )
+    work = partial(_measure, options=options or ReadOptions(), feature_set=feature_set)
+    for done in map_ordered(work, _join_short(files), jobs=jobs):
+        for file, item in (
+            done if not isinstance(done, Failure) else _measure_alone(work, done, jobs)
+        ):
+            if on_done is not None:
+                on_done(file)
+            # The set is here already: sending it takes as long as reading a short file.
+            yield (
+                item
+                if isinstance(item, Failure)
+                else FeatureSequence(item.packed, item.known, feature_set, item.recording)
+            )
 
 
-def _measure(file: NamedFile, *, options: ReadOptions, feature_set: FeatureSet) -> Computed:
+def _join_short(files: Iterable[NamedFile]) -> Iterator[list[NamedFile]]:
+    """Files to be measured together: more and more of short ones, so that few are spread."""
+    some: list[NamedFile] = []
+    for number, file in enumerate(files):
+        if some and not (_is_short(file[1]) and _is_short(some[0][1])):
+            yield some
+            some = []
+        some.append(file)
+        if len(some) >= min(_MOST_TOGETHER, 1 + number // _MOST_TOGETHER):
+            yield some
+            some = []
+    if some:
+        yield some
+
+
+def _is_short(path: Path) -> bool:
+    """Whether a recording is one of many: a take, or a small file."""
+    if TAKE_MARK in path.suffix:
+        return True
+    try:
+        return path.stat().st_size < _SHORT_BYTES
+    except OSError:
+        # Reading says what is wrong.
+        return True
+
+
+def _measure(
+    files: list[NamedFile], *, options: ReadOptions, feature_set: FeatureSet
+) -> list[tuple[NamedFile, Measured]]:
+    """Of each file what features it has, or why none."""
+    failures: dict[NamedFile, Failure[NamedFile]] = {}
+
+    def read_each() -> Iterator[Resampled]:
+        for item in map_ordered(partial(_read, options=options), files):
+            if isinstance(item, Failure):
+                failures[item.item] = item
+            else:
+                yield item
+
+    computed = iter(list(compute_together(read_each(), feature_set)))
+    return [
+        (file, failures[file] if file in failures else Computed.of(next(computed)))
+        for file in files
+    ]
+
+
+def _read(file: NamedFile, *, options: ReadOptions) -> Resampled:
     name, path = file
-    motion = read_poses(path, options.for_file(path)).renamed(name)
-    return Computed.of(compute_features(motion, feature_set=feature_set))
+    return resample_motion(read_poses(path, options.for_file(path)).renamed(name))
+
+
+def _measure_alone(
+    work: Callable[[list[NamedFile]], list[tuple[NamedFile, Measured]]],
+    failure: Failure[list[NamedFile]],
+    jobs: Workers,
+) -> Iterator[tuple[NamedFile, Measured]]:
+    """Each of the files that failed together, as one of them may have ended a process."""
+    files = failure.item
+    if len(files) == 1:
+        yield files[0], Failure(files[0], failure.error)
+        return
+    for file, done in zip(
+        files, map_ordered(work, [[one] for one in files], jobs=jobs), strict=True
+    ):
+        yield from [(file, Failure(file, done.error))] if isinstance(done, Failure) else done
 
 
 def write_features(batch: FeatureBatch, path: str | Path, *, excel: bool = False) -> None:

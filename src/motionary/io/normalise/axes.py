@@ -8,6 +8,7 @@ time, does not tell.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -56,23 +57,45 @@ _ENDS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Stance:
-    """How a body stands.
+    """How a body stands; what only doubtful cases need is computed when it is asked for.
 
     Attributes
     ----------
     fractions : per axis, the fraction of frames in which the body stands along it
-    floors : per axis, how far the body's end on its side wanders, as a fraction of the body; 0
-        where no foot is seen, as there is no floor to tell of
-    walks : whether it goes some way, and in the direction that it faces
-    is_planted : whether a foot stays where it is while the hips move, as of who stands
+    bodies, along : frames in which that is known, and the way from the body's low end to the
+        high one in each
+    size : the usual length of that way
+    has_feet : whether the low end are feet
     """
 
     fractions: dict[str, float]
-    floors: dict[str, float]
-    walks: bool
-    is_planted: bool
+    bodies: Floats
+    along: Floats
+    size: float
+    has_feet: bool
+
+    @cached_property
+    def floors(self) -> dict[str, float]:
+        """Per axis, how far the body's end on its side wanders, as a fraction of the body.
+
+        0 where no foot is seen, as there is no floor to tell of.
+        """
+        bodies = self.bodies[:, ~np.isnan(self.bodies).all(axis=(0, 2))]
+        ends = np.hstack((np.nanmin(bodies, axis=1), np.nanmax(bodies, axis=1)))
+        wander = _wandering(ends) / self.size if self.has_feet else np.zeros(6)
+        return dict(zip(("x", "y", "z", "-x", "-y", "-z"), wander.tolist(), strict=True))
+
+    @cached_property
+    def walks(self) -> bool:
+        """Whether the body goes some way, and in the direction that it faces."""
+        return _walks(self.bodies, self.along, self.size)
+
+    @cached_property
+    def is_planted(self) -> bool:
+        """Whether a foot stays where it is while the hips move, as of who stands."""
+        return _is_planted(self.bodies, self.size)
 
     def stands(self, axis: str) -> bool:
         """Whether the body stands along an axis now and then."""
@@ -162,20 +185,15 @@ def find_stance(generic: Floats) -> Stance | None:
             break
     else:
         return None
-    along, bodies = along[seen], generic[seen]
+    along = along[seen]
     lengths = np.linalg.norm(along, axis=1, keepdims=True)
     cosines = along / np.maximum(lengths, 1e-12)
     size = max(float(np.median(lengths)), 1e-12)
-    bodies = bodies[:, ~np.isnan(bodies).all(axis=(0, 2))]
     fractions = {}
     for i, letter in enumerate("xyz"):
         fractions[letter] = float((cosines[:, i] > _CLEAR).mean())
         fractions[f"-{letter}"] = float((cosines[:, i] < -_CLEAR).mean())
-    ends = np.hstack((np.nanmin(bodies, axis=1), np.nanmax(bodies, axis=1)))
-    wander = _wandering(ends) / size if has_feet else np.zeros(6)
-    floors = dict(zip(("x", "y", "z", "-x", "-y", "-z"), wander.tolist(), strict=True))
-    walks, is_planted = _walks(generic[seen], along, size), _is_planted(generic[seen], size)
-    return Stance(fractions, floors, walks, is_planted)
+    return Stance(fractions, generic[seen], along, size, has_feet)
 
 
 def detect_up(stance: Stance | None, *, usual: str) -> str | None:
@@ -193,7 +211,7 @@ def detect_up(stance: Stance | None, *, usual: str) -> str | None:
     if not standing:
         return None
     best = usual if usual in standing else max(standing, key=lambda axis: stance.fractions[axis])
-    rivals = [axis for axis in standing if stance.steadier(axis, best)]
+    rivals = [axis for axis in standing if axis != best and stance.steadier(axis, best)]
     best = min(rivals, key=lambda axis: stance.floors[axis]) if rivals else best
     if usual in standing:
         return best
@@ -203,11 +221,11 @@ def detect_up(stance: Stance | None, *, usual: str) -> str | None:
 
 def is_still(stance: Stance, *, usual: str, seen: str) -> bool:
     """Whether a body along another axis than the usual one may as well be lying still."""
-    opposite = usual.removeprefix("-") == seen.removeprefix("-")
+    if usual.removeprefix("-") == seen.removeprefix("-"):
+        return False
     # Who lies and moves may keep a foot in its place, too, but rests on the usual floor.
     stands = stance.is_planted and stance.floors[seen] <= stance.floors[usual]
-    sure = stance.walks or stands or stance.steadier(seen, usual)
-    return not (seen == usual or opposite or sure)
+    return not (stance.walks or stands or stance.steadier(seen, usual))
 
 
 class Decision(NamedTuple):

@@ -86,7 +86,7 @@ def check_quality(motion: Motion) -> Motion:
 
 def mark_in_place(motion: Motion) -> Motion:
     """The motion, marked if it is kept in place."""
-    if motion.mapping is None or _goes_far(_some(motion)):
+    if motion.mapping is None or _goes_far(_some(motion, _HIPS_AND_LEGS)):
         return motion
     return replace(motion, in_place=True) if is_in_place(motion) else motion
 
@@ -144,9 +144,9 @@ def _goes_far(body: Floats) -> bool:
     return bool(len(root) and np.ptp(root, axis=0).max() > 2 * _ON_THE_SPOT * _leg(body))
 
 
-def _some(motion: Motion) -> Floats:
+def _some(motion: Motion, joints: Sequence[str] = GENERIC_JOINTS) -> Floats:
     """A few frames of the generic joints, from all of the motion."""
-    return _body(motion, np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW))
+    return _body(motion, np.arange(0, motion.n_frames, 1 + motion.n_frames // _FEW), joints)
 
 
 def _body(

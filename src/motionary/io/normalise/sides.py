@@ -7,6 +7,7 @@ axes are left-handed, has all of it the wrong way round. A recording that is mir
 places, is one of a person again: of one who moved the mirror image.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -101,12 +102,13 @@ def _contradiction(motion: Motion) -> str | None:
             "the shoulders face the other way than the hips, so the names of left and right are "
             "exchanged on arms or legs; rename them, or insist with --sides named (sides=...)"
         )
-    measures = (
-        ("toes point", _forward_of_legs(body, _feet(sample, body)), _FEET),
-        ("knees bend", _forward_of_legs(body, None), _KNEES),
-        ("elbows bend", _forward_elbows(body), _ELBOWS),
+    measures: tuple[tuple[str, Callable[[], float], float], ...] = (
+        ("toes point", lambda: _forward_of_legs(body, _feet(sample, body)), _FEET),
+        ("knees bend", lambda: _forward_of_legs(body, None), _KNEES),
+        ("elbows bend", lambda: _forward_elbows(body), _ELBOWS),
     )
-    for what, forward, least in measures:
+    for what, measure, least in measures:
+        forward = measure()
         if forward < -least:
             return (
                 f"{what} backward if left and right are as named: either the names are exchanged "

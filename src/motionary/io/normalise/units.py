@@ -262,9 +262,10 @@ def _limb(generic: Floats, joints: tuple[str, str, str]) -> float:
         seen = np.isfinite(upper + lower)
         if not seen.any():
             continue
-        bones = float(np.median(upper[seen])), float(np.median(lower[seen]))
+        both = np.stack((upper, lower, upper + lower))[:, seen]
+        *bones, whole = np.median(both, axis=1).tolist()
         if min(bones) > _COLLAPSED * max(bones):
-            lengths.append(float(np.median((upper + lower)[seen])))
+            lengths.append(whole)
     return float(np.mean(lengths)) if lengths else np.nan
 
 
