@@ -118,9 +118,9 @@ def test_paths_hold_for_workers_in_other_folders(cluster, tmp_path, monkeypatch)
     assert found.sequences[0].packed.tobytes() == expected.packed.tobytes()
 
 
-def measure_elsewhere(file, **how):
-    os.chdir(file[1].parents[1] / "away")
-    return measure(file, **how)
+def measure_elsewhere(files, **how):
+    os.chdir(files[0][1].parents[1] / "away")
+    return measure(files, **how)
 
 
 def hits_of(result):
