@@ -16,9 +16,10 @@ from motionary.features import compute_features, files
 from motionary.io import ReadOptions, read, save_skeleton
 from motionary.models.keyframes import parse_queries
 from motionary.models.library import learn
+from motionary.retrieval import duplicates
 from motionary.retrieval.index import Index, building, collect, collection
 from motionary.retrieval.search import search
-from motionary.samples import synthetic_motion
+from motionary.samples import synthetic_motion, synthetic_stream
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
@@ -184,3 +185,16 @@ def test_labels_and_counts_are_the_same_whoever_makes_them(
         there, here = motionary(*given, "--scheduler", scheduler), motionary(*given)
         assert (there.code, there.out) == (here.code, here.out) == (1, here.out)
         assert '"recording": "whole.bvh"' in there.out
+
+
+def test_duplicates_are_the_same_whoever_compares(scheduler, motionary, monkeypatch, tmp_path):
+    monkeypatch.setattr(duplicates, "_PORTION", 1)
+    take = synthetic_stream(("squat", "kick_left", "wave_right"), seed=1, rate_hz=30)[0]
+    write_bvh(take, tmp_path / "takes" / "a.bvh")
+    write_bvh(take.cut(30, take.n_frames), tmp_path / "takes" / "b.bvh")
+    write_bvh(take.cut(0, take.n_frames - 20), tmp_path / "takes" / "c.bvh")
+    monkeypatch.chdir(tmp_path)
+    command = ("duplicates", "takes", "--index", "index", "--json")
+    there, here = motionary(*command, "--scheduler", scheduler), motionary(*command)
+    assert (there.code, there.out) == (here.code, here.out) == (0, here.out)
+    assert len(here.out.splitlines()) == 3

@@ -1,5 +1,6 @@
 """`motionary duplicates`: the same motion in different files."""
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -57,14 +58,17 @@ def duplicates(
     with work.open() as workers:
         opener = Opener(reading=reading, feature_set=FULL_BODY, jobs=workers)
         sides = [opener.open([side], index) for side in (folder, other) if side is not None]
-    left, right = sides[0], sides[-1]
-    result = find_duplicates(
-        left.collection,
-        right.collection if other else None,
-        read=lambda name: read_recording(left.files[name], reading),
-        read_right=lambda name: read_recording(right.files[name], reading),
-        comparing=Comparing(least_bits=least_bits),
-    )
+        left, right = sides[0], sides[-1]
+        result = find_duplicates(
+            left.collection,
+            right.collection if other else None,
+            # Workers of a cluster run in other folders.
+            read=partial(read_recording, reading=reading.absolute()),
+            comparing=Comparing(least_bits=least_bits),
+            locate=lambda name: left.files[name].absolute(),
+            locate_right=(lambda name: right.files[name].absolute()) if other else None,
+            jobs=workers,
+        )
     if as_json:
         _say_json(result)
     else:

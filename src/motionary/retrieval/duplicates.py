@@ -6,16 +6,16 @@ that is repeated well changes its features in the same sequence. Compared is at 
 recordings in which hardly anything changes cannot be distinguished and are left out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.batch import Failure
-from motionary.errors import InvalidInput, MotionaryError
+from motionary.batch import Failure, Workers, map_ordered
+from motionary.errors import InvalidInput
 from motionary.features import SEQUENCE_HZ, FeatureSequence
 from motionary.motion import Motion
 from motionary.recording import Recording, Segment
@@ -102,6 +102,10 @@ class DuplicateResult:
     failures: tuple[Failure[str], ...] = field(default=())
 
 
+# So many pairs are weighed at a time.
+_PORTION = 64
+
+
 class _Pair(NamedTuple):
     """Two sequences with the best evidence for them."""
 
@@ -119,6 +123,9 @@ def find_duplicates(
     read: Callable[[str], Motion],
     read_right: Callable[[str], Motion] | None = None,
     comparing: Comparing | None = None,
+    locate: Callable[[str], Any] = str,
+    locate_right: Callable[[str], Any] | None = None,
+    jobs: Workers = 1,
 ) -> DuplicateResult:
     """The same motion in different recordings.
 
@@ -126,9 +133,12 @@ def find_duplicates(
     ----------
     left : recordings
     right : others to compare them with; among themselves if left out
-    read : reads a recording by its name; called once for each that may have a copy
+    read : reads a recording by what `locate` gives; called once for each that may have a copy
     read_right : the same for the others; by default as for the first
     comparing : settings
+    locate, locate_right : what is handed over of a recording of that name; the name by default
+    jobs : who compares: processes, or a cluster, to which `read` is sent; a function of a module,
+        or `functools.partial` of one. The result does not depend on it
 
     Raises
     ------
@@ -139,22 +149,40 @@ def find_duplicates(
     if right is not None and right.feature_set.name != left.feature_set.name:
         raise InvalidInput("both collections need features of one feature set")
     sides = _Sides(left, right)
-    pairs = sides.propose(settings)
-    read_left = cache(lambda name: curves_of(read(name)))
-    read_other = cache(lambda name: curves_of(read_right(name))) if read_right else read_left
+    pairs = sides.propose(settings, jobs)
+    names = [sides.names(pair) for pair in pairs]
+    left_names, right_names = ([pair[side] for pair in names] for side in (0, 1))
+    if read_right is None and locate_right is None:
+        curves = others = _read_all(left_names + right_names, read, locate, jobs)
+    else:
+        curves = _read_all(left_names, read, locate, jobs)
+        others = _read_all(right_names, read_right or read, locate_right or locate, jobs)
     duplicates, failures, n_alike = [], [], 0
-    for pair in pairs:
-        names = sides.names(pair)
-        try:
-            found = _compare(pair, sides, read_left(names[0]), read_other(names[1]))
-        except MotionaryError as error:
-            failures.append(Failure(" and ".join(names), error))
+    for pair, (one, other) in zip(pairs, names, strict=True):
+        read_of_both = curves[one], others[other]
+        unread = next((item for item in read_of_both if isinstance(item, Failure)), None)
+        if unread is not None:
+            failures.append(Failure(f"{one} and {other}", unread.error))
             continue
+        found = _compare(pair, sides, *read_of_both)
         if found.agreement >= settings.least_agreement:
             duplicates.append(found)
         else:
             n_alike += 1
     return DuplicateResult(tuple(duplicates), n_alike, sides.still(settings), tuple(failures))
+
+
+def _read_all(
+    names: Sequence[str], read: Callable[[Any], Motion], locate: Callable[[str], Any], jobs: Workers
+) -> dict[str, Any]:
+    """Curves of recordings by name; of those that cannot be read the failure."""
+    each = list(dict.fromkeys(names))
+    work = partial(_read_curves, read=read)
+    return dict(zip(each, map_ordered(work, map(locate, each), jobs=jobs), strict=True))
+
+
+def _read_curves(place: Any, *, read: Callable[[Any], Motion]) -> NDArray[np.float64]:
+    return curves_of(read(place))
 
 
 class _Sides:
@@ -184,7 +212,7 @@ class _Sides:
     def names(self, pair: _Pair) -> tuple[str, str]:
         return self.left[pair.left].source, self.right[pair.right].source
 
-    def propose(self, settings: Comparing) -> list[_Pair]:
+    def propose(self, settings: Comparing, jobs: Workers) -> list[_Pair]:
         """Pairs with enough evidence, most bits first; each pair of recordings once."""
         best: dict[tuple[int, int], _Pair] = {}
         for is_mirrored in (False, True):
@@ -195,7 +223,7 @@ class _Sides:
                 self.left_changes, right, n_features=self.n_features,
                 n_right=len(self.right), least_votes=settings.least_votes,
             )  # fmt: skip
-            for pair in self._weigh(found, is_mirrored):
+            for pair in self._weigh(found, is_mirrored, jobs):
                 key = (pair.left, pair.right)
                 if key not in best or pair.evidence.bits > best[key].evidence.bits:
                     best[key] = pair
@@ -220,34 +248,80 @@ class _Sides:
             names += [sequences[i].source for i in np.flatnonzero(bits < settings.least_bits)]
         return tuple(names)
 
-    def _weigh(self, found: Candidates, is_mirrored: bool) -> list[_Pair]:
-        pairs = []
-        proposed = set()
+    def _weigh(self, found: Candidates, is_mirrored: bool, jobs: Workers) -> Iterator[_Pair]:
+        proposed: dict[tuple[int, int, int], None] = {}
         for left, right, offset, _ in np.stack(found, axis=1).tolist():
             if self.is_one and left > right:
                 # The mirror image of one beside the other is the other's beside the one.
                 left, right, offset = right, left, -offset
-            if (self.is_one and left == right) or (left, right, offset) in proposed:
-                continue
-            proposed.add((left, right, offset))
-            signs = self._signs(self.left_changes, self.left, left, False)
-            others = self._signs(self.right_changes, self.right, right, is_mirrored)
-            evidence = weigh(signs, others, offset, self.rates)
-            pairs.append(_Pair(left, right, offset, is_mirrored, evidence))
-        return pairs
+            if not (self.is_one and left == right):
+                proposed[left, right, offset] = None
+        each = list(proposed)
+        portions = [each[i : i + _PORTION] for i in range(0, len(each), _PORTION)]
+        items = (self._portion(portion, is_mirrored) for portion in portions)
+        work = partial(_weigh_portion, n_features=self.n_features, rates=self.rates)
+        weighed = map_ordered(work, items, jobs=jobs)
+        for portion, evidence in zip(portions, weighed, strict=True):
+            if isinstance(evidence, Failure):
+                raise evidence.error
+            for place, one in zip(portion, evidence, strict=True):
+                yield _Pair(*place, is_mirrored, one)
 
-    def _signs(
-        self, changes: Changes, sequences: Sequence[FeatureSequence], number: int, flip: bool
-    ) -> Signs:
-        """Changes of one sequence as a matrix of signs."""
+    def _portion(self, places: Sequence[tuple[int, int, int]], is_mirrored: bool) -> "_Portion":
+        left = {n: self._changes_of(self.left_changes, self.left, n) for n, _, _ in places}
+        right = {n: self._changes_of(self.right_changes, self.right, n) for _, n, _ in places}
+        if is_mirrored:
+            right = {
+                number: one._replace(features=self.mirror_order[one.features])
+                for number, one in right.items()
+            }
+        return _Portion(places, left, right)
+
+    def _changes_of(
+        self, changes: Changes, sequences: Sequence[FeatureSequence], number: int
+    ) -> "_ChangesOfOne":
         first, stop = np.searchsorted(changes.sequences, [number, number + 1])
         symbols = changes.symbols[first:stop]
-        features = symbols // 2
-        if flip:
-            features = self.mirror_order[features]
-        signs = np.zeros((len(sequences[number]), self.n_features), dtype=np.int8)
-        signs[changes.frames[first:stop], features] = np.where(symbols % 2, 1, -1)
+        return _ChangesOfOne(
+            len(sequences[number]), changes.frames[first:stop], symbols // 2, symbols % 2
+        )
+
+
+class _ChangesOfOne(NamedTuple):
+    """Changes of one sequence: frames, features, and whether each begins to hold."""
+
+    n_frames: int
+    frames: NDArray[np.int64]
+    features: NDArray[np.int64]
+    begins: NDArray[np.int64]
+
+    def signs(self, n_features: int) -> Signs:
+        """The changes as a matrix."""
+        signs = np.zeros((self.n_frames, n_features), dtype=np.int8)
+        signs[self.frames, self.features] = np.where(self.begins, 1, -1)
         return signs
+
+
+class _Portion(NamedTuple):
+    """Pairs to be weighed (left, right, offset), and the changes of their sequences."""
+
+    places: Sequence[tuple[int, int, int]]
+    left: dict[int, _ChangesOfOne]
+    right: dict[int, _ChangesOfOne]
+
+
+def _weigh_portion(
+    portion: _Portion, *, n_features: int, rates: NDArray[np.float64]
+) -> list[Evidence]:
+    return [
+        weigh(
+            portion.left[left].signs(n_features),
+            portion.right[right].signs(n_features),
+            offset,
+            rates,
+        )
+        for left, right, offset in portion.places
+    ]
 
 
 def _compare(
