@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evidence.common.recordings import CMU, HDM05, Recordings, Results
+from evidence.common.twists import pose_by_twists
 from motionary.body import (
     Body,
     Camera,
@@ -28,9 +29,8 @@ from motionary.body import (
     shade,
     skin,
 )
-from motionary.body.chain import pose_by_twists
-from motionary.body.depth_cameras import KINECT_SPREAD, KINECT_STEP, TIME_OF_FLIGHT_SPREAD
 from motionary.body.fitting import FitSettings
+from motionary.body.rendering import KINECT_SPREAD, KINECT_STEP, TIME_OF_FLIGHT_SPREAD
 from motionary.features import FULL_BODY, compute_features
 from motionary.io import read
 from motionary.motion import GENERIC_JOINTS, Motion

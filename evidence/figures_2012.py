@@ -33,7 +33,6 @@ from evidence.common.sensors import (
     plant,
     sense_limbs,
 )
-from motionary.body.sensors import IDEAL, simulate_sensor
 from motionary.errors import InvalidInput
 from motionary.inertial import (
     CalibrationSettings,
@@ -42,6 +41,7 @@ from motionary.inertial import (
     orient,
     track_limbs,
 )
+from motionary.inertial.limbs import IDEAL, simulate_sensor
 from motionary.inertial.orientations import (
     SENSORS_FROM_TRACKING,
     distance_deg,

@@ -21,7 +21,6 @@ from evidence.common.sensors import (
     rms,
     worse,
 )
-from motionary.body.sensors import IDEAL, integrate_rates, simulate_sensor
 from motionary.inertial import (
     CalibrationSettings,
     calibrate,
@@ -33,13 +32,14 @@ from motionary.inertial import (
     synchronise,
     track_limbs,
 )
+from motionary.inertial.limbs import IDEAL, integrate_rates, simulate_sensor
 from motionary.inertial.orientations import (
     distance_deg,
     heading,
     resample_orientations,
+    speeds_of_turn,
     swing_twist_deg,
 )
-from motionary.inertial.synchronising import speeds_of_turn
 from motionary.io import read
 from motionary.io.sensors import read_sensors
 from motionary.motion import GENERIC_JOINTS

@@ -16,7 +16,7 @@ from motionary.body import (
     render_depth,
     skin,
 )
-from motionary.body.chain import Pose, local_rotations
+from motionary.body.model import Pose, local_rotations
 from motionary.depth.poses import heading_of, turn_about_up
 from motionary.io import read
 

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body.sensors import rates_of_turn, simulate_sensor
 from motionary.errors import InvalidInput
 from motionary.inertial import (
     DetectionSettings,
@@ -18,6 +17,7 @@ from motionary.inertial import (
     orient,
     track_limbs,
 )
+from motionary.inertial.limbs import rates_of_turn, simulate_sensor
 from motionary.inertial.orientations import (
     SENSORS_FROM_TRACKING,
     distance_deg,

@@ -157,6 +157,38 @@ def quaternions_to_rotation_vectors(quaternions: ArrayLike) -> Floats:
     return np.asarray(given[..., 1:] * scale[..., None])
 
 
+def rotation_vectors_to_matrices(vectors: ArrayLike) -> Floats:
+    """Rotation matrices of turns about a vector by its length in radians, (..., 3, 3)."""
+    return quaternions_to_matrices(rotation_vectors_to_quaternions(vectors))
+
+
+def matrices_to_rotation_vectors(matrices: Floats) -> Floats:
+    """Axis times angle in radians, at most half a turn, of rotation matrices, (..., 3)."""
+    return quaternions_to_rotation_vectors(matrices_to_quaternions(matrices))
+
+
+def shortest_turn(start: Floats, end: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) that turn unit vectors into others about their normal."""
+    axis = np.cross(start, end)
+    cosine = (start * end).sum(axis=-1)[..., None, None]
+    cross = np.zeros((*axis.shape[:-1], 3, 3))
+    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = (
+        -axis[..., 2],
+        axis[..., 1],
+        -axis[..., 0],
+    )
+    cross -= np.swapaxes(cross, -1, -2)
+    # Opposite vectors have no one normal; what is left of the turn is then half a turn about any.
+    result: Floats = np.eye(3) + cross + cross @ cross / np.maximum(1 + cosine, 1e-9)
+    opposite = cosine[..., 0, 0] < -1 + 1e-9
+    if np.any(opposite):
+        start = np.broadcast_to(start, axis.shape)[opposite]
+        side = np.cross(start, np.eye(3)[np.abs(start).argmin(axis=-1)])
+        side = unit_vectors(side)
+        result[opposite] = 2 * side[..., :, None] * side[..., None, :] - np.eye(3)
+    return result
+
+
 def slerp(before: Floats, after: Floats, fraction: Floats) -> Floats:
     """Unit quaternions that lie so far on the shorter arc between others; Shoemake (1985).
 

@@ -6,6 +6,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from evidence.common.twists import exponentials, pose_by_twists, revolute_twists
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,13 +25,7 @@ from motionary.body import (
     shade,
     skin,
 )
-from motionary.body.chain import (
-    accumulate,
-    exponentials,
-    place_joints,
-    pose_by_twists,
-    revolute_twists,
-)
+from motionary.body.model import accumulate, place_joints
 from motionary.errors import InvalidInput
 from motionary.matching.distance import load_twin
 from motionary.motion import Skeleton, forward_kinematics

@@ -7,7 +7,7 @@ import pytest
 
 from cli_cases import documented_keys
 from motionary.body import load_body, record_depth
-from motionary.body.depth_cameras import DepthSettings
+from motionary.body.rendering import DepthSettings
 from motionary.io import read, write
 from motionary.samples import synthetic_motion
 

@@ -8,13 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from motionary.body.sensors import (
-    IDEAL,
-    SensorSettings,
-    integrate_rates,
-    magnetic_field,
-    simulate_sensor,
-)
 from motionary.errors import InvalidInput
 from motionary.inertial import (
     CalibrationSettings,
@@ -31,14 +24,21 @@ from motionary.inertial import (
     track_limbs,
     without_drift,
 )
+from motionary.inertial.limbs import (
+    IDEAL,
+    SensorSettings,
+    integrate_rates,
+    magnetic_field,
+    simulate_sensor,
+)
 from motionary.inertial.orientations import (
     distance_deg,
     heading,
     orient_all,
     resample_orientations,
+    speeds_of_turn,
     swing_twist_deg,
 )
-from motionary.inertial.synchronising import speeds_of_turn
 from motionary.io.sensors import SensorRecording
 from motionary.rotations import (
     conjugate_quaternions,

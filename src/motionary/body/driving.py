@@ -13,11 +13,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body.chain import Pose, accumulate, place_joints
-from motionary.body.model import Body
+from motionary.body.model import Body, Pose, accumulate, place_joints
 from motionary.errors import InvalidInput
 from motionary.motion import GENERIC_JOINTS, Motion, forward_kinematics
-from motionary.rotations import quaternions_to_matrices, unit_vectors
+from motionary.rotations import quaternions_to_matrices, shortest_turn, unit_vectors
 
 Floats = NDArray[np.float64]
 Lengths = Literal["adapted", "kept"]
@@ -227,28 +226,6 @@ def _mesh_direction(body: Body, name: str) -> Floats | None:
         tip = body.vertices[body.ends[1 if name[0] == "l" else 2]]
         return unit_vectors(tip - body.joints[body.index(name)])
     return None
-
-
-def shortest_turn(start: Floats, end: Floats) -> Floats:
-    """Rotation matrices (..., 3, 3) that turn unit vectors into others about their normal."""
-    axis = np.cross(start, end)
-    cosine = (start * end).sum(axis=-1)[..., None, None]
-    cross = np.zeros((*axis.shape[:-1], 3, 3))
-    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = (
-        -axis[..., 2],
-        axis[..., 1],
-        -axis[..., 0],
-    )
-    cross -= np.swapaxes(cross, -1, -2)
-    # Opposite vectors have no one normal; what is left of the turn is then half a turn about any.
-    result: Floats = np.eye(3) + cross + cross @ cross / np.maximum(1 + cosine, 1e-9)
-    opposite = cosine[..., 0, 0] < -1 + 1e-9
-    if np.any(opposite):
-        start = np.broadcast_to(start, axis.shape)[opposite]
-        side = np.cross(start, np.eye(3)[np.abs(start).argmin(axis=-1)])
-        side = unit_vectors(side)
-        result[opposite] = 2 * side[..., :, None] * side[..., None, :] - np.eye(3)
-    return result
 
 
 def _frame(

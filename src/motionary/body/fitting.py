@@ -11,14 +11,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.body.chain import Pose, jacobian, local_rotations, pose_body, skin
-from motionary.body.model import MOST_SHAPE, Body, Points
+from motionary.body.model import (
+    MOST_SHAPE,
+    Body,
+    Points,
+    Pose,
+    jacobian,
+    local_rotations,
+    pose_body,
+    skin,
+    sum_normals,
+)
 from motionary.errors import InvalidInput
 from motionary.rotations import (
-    matrices_to_quaternions,
-    quaternions_to_matrices,
-    quaternions_to_rotation_vectors,
-    rotation_vectors_to_quaternions,
+    matrices_to_rotation_vectors,
+    rotation_vectors_to_matrices,
 )
 
 Floats = NDArray[np.float64]
@@ -179,9 +186,7 @@ class _State(NamedTuple):
 
     def stepped(self, change: Floats) -> "_State":
         n = len(self.mean.names)
-        turns = quaternions_to_matrices(
-            rotation_vectors_to_quaternions(change[: 3 * n].reshape(n, 3))
-        )
+        turns = rotation_vectors_to_matrices(change[: 3 * n].reshape(n, 3))
         shape = self.shape
         if len(change) > 3 * n + 3:
             most = np.array([MOST_SHAPE[name] for name in self.mean.shape_names])
@@ -251,9 +256,7 @@ def _linearise(
     cost = float((limit * squares / (squares + limit)).sum())
     n = len(state.mean.names)
     # The root turns and moves freely; the rest is held where it started.
-    away = quaternions_to_rotation_vectors(
-        matrices_to_quaternions(np.swapaxes(start.turns, -1, -2) @ state.turns)
-    )
+    away = matrices_to_rotation_vectors(np.swapaxes(start.turns, -1, -2) @ state.turns)
     held = np.repeat(settings.turn_prior_m**2, 3 * n)
     held[:3] = 0.0
     matrix[np.arange(3 * n), np.arange(3 * n)] += held
@@ -283,11 +286,6 @@ def _rigid_start(body: Body, points: Points, targets: Floats) -> Pose:
 
 def vertex_normals(vertices: Floats, faces: Indices) -> Floats:
     """Unit normals of vertices: of the triangles around them, by their areas."""
-    across = np.cross(
-        vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]]
-    )
-    result = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(result, faces[:, corner], across)
-    normals: Floats = result / np.maximum(np.linalg.norm(result, axis=1, keepdims=True), 1e-12)
+    sums = sum_normals(vertices, faces)
+    normals: Floats = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)
     return normals

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.body import Body, Camera, skin
-from motionary.body.driving import shortest_turn
 from motionary.depth.fitting import State, Surface, place_surface
 from motionary.depth.poses import (
     FLIP,
@@ -24,7 +23,7 @@ from motionary.depth.poses import (
     turn_about_up,
 )
 from motionary.matching.distance import Engine
-from motionary.rotations import quaternions_to_matrices, unit_vectors
+from motionary.rotations import quaternions_to_matrices, shortest_turn, unit_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -15,11 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.body import Body, Camera, load_body, pose_body, pose_from_motion, render_depth, skin
-from motionary.body.chain import Pose, local_rotations
+from motionary.body.model import Pose, local_rotations
 from motionary.depth.clouds import Cloud, build_graph, prepare
 from motionary.errors import InvalidInput, describe_cause
 from motionary.motion import Motion
-from motionary.rotations import matrices_to_quaternions, quaternions_to_rotation_vectors
+from motionary.rotations import (
+    matrices_to_quaternions,
+    matrices_to_rotation_vectors,
+)
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -218,7 +221,7 @@ def build_database(
     pose = expand_pose(body, both)
     places = pose.joints - pose.joints[:, :1]
     chosen = choose_apart(places[:, 1:].reshape(len(both), -1), least_m * (len(body.names) - 1))
-    vectors = quaternions_to_rotation_vectors(matrices_to_quaternions(both[:, 1:]))
+    vectors = matrices_to_rotation_vectors(both[:, 1:])
     flat = vectors.reshape(len(both), -1)
     return PoseDatabase(
         matrices_to_quaternions(both[chosen]),

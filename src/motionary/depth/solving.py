@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.rotations import (
-    matrices_to_quaternions,
-    quaternions_to_matrices,
-    quaternions_to_rotation_vectors,
-    rotation_vectors_to_quaternions,
+    matrices_to_rotation_vectors,
+    rotation_vectors_to_matrices,
 )
 
 Floats = NDArray[np.float64]
@@ -213,7 +211,7 @@ def hold(
 ) -> None:
     """Add the prior over rotation vectors to the system."""
     mean, precision = prior
-    vectors = quaternions_to_rotation_vectors(matrices_to_quaternions(turns[active[1:]]))
+    vectors = matrices_to_rotation_vectors(turns[active[1:]])
     ways = np.zeros((len(mean), len(mean)))
     for k, (joint, r) in enumerate(zip(active[1:], vectors, strict=True)):
         part = slice(3 * k, 3 * k + 3)
@@ -239,7 +237,7 @@ def move(
 ) -> None:
     """Turn and move a pose by a solution of the system."""
     root += change[:3]
-    small = quaternions_to_matrices(rotation_vectors_to_quaternions(change[3:].reshape(-1, 3)))
+    small = rotation_vectors_to_matrices(change[3:].reshape(-1, 3))
     for joint, turn in zip(active, small, strict=True):
         before = np.eye(3) if parents[joint] < 0 else turned[parents[joint]]
         turns[joint] = before.T @ turn @ before @ turns[joint]

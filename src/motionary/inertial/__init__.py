@@ -23,8 +23,7 @@ from motionary.inertial.detection import (
     without_drift,
 )
 from motionary.inertial.limbs import TrackedLimbs, simulate_sensors, track_limbs
-from motionary.inertial.orientations import orient
-from motionary.inertial.synchronising import Lag, synchronise
+from motionary.inertial.orientations import Lag, orient, synchronise
 
 __all__ = [
     "Calibration",

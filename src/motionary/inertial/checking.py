@@ -29,15 +29,13 @@ from motionary.inertial.detection import (
 )
 from motionary.inertial.limbs import TrackedLimbs, compare_speeds, track_limbs
 from motionary.inertial.orientations import (
-    orient_all,
-    resample_orientations,
-    swing_twist_deg,
-)
-from motionary.inertial.synchronising import (
     Lag,
     correlate,
+    orient_all,
     peak_of,
+    resample_orientations,
     speeds_of_turn,
+    swing_twist_deg,
     synchronise,
 )
 from motionary.io.sensors import SensorRecording

@@ -16,11 +16,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from motionary.body.driving import shortest_turn
 from motionary.errors import InvalidInput
 from motionary.features.body import Floats
 from motionary.motion import GENERIC_JOINTS, Motion
-from motionary.rotations import matrices_to_quaternions, unit_vectors
+from motionary.rotations import matrices_to_quaternions, shortest_turn, unit_vectors
 
 #: Where programs that take poses of VMC listen.
 VMC_PORT = 39539

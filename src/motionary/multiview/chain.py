@@ -15,8 +15,7 @@ from motionary.errors import InvalidInput
 from motionary.motion import Skeleton, forward_kinematics
 from motionary.rotations import (
     matrices_to_quaternions,
-    quaternions_to_matrices,
-    rotation_vectors_to_quaternions,
+    rotation_vectors_to_matrices,
     unit_vectors,
 )
 
@@ -126,8 +125,7 @@ def move(chain: Chain, pose: ChainPose, twists: Floats) -> ChainPose:
         each joint, in the world
     """
     n = len(chain.joints)
-    own = rotation_vectors_to_quaternions(twists[:, 3:].reshape(-1, n, 3))
-    steps = quaternions_to_matrices(own)
+    steps = rotation_vectors_to_matrices(twists[:, 3:].reshape(-1, n, 3))
     turns, whole = np.empty_like(pose.turns), np.empty_like(pose.turns)
     for joint, parent in enumerate(chain.parents):
         # First the joint's own turn, then all that turn it from above.
@@ -365,7 +363,7 @@ def _shortest(one: Floats, other: Floats) -> Floats:
     angle = np.arctan2(sine, cosine)
     vectors = axis * (angle / np.maximum(sine, 1e-9))[:, None]
     vectors[np.isnan(vectors).any(axis=1)] = 0.0
-    return quaternions_to_matrices(rotation_vectors_to_quaternions(vectors))
+    return rotation_vectors_to_matrices(vectors)
 
 
 def _cluster(

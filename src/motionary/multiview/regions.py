@@ -19,10 +19,8 @@ from motionary import body as _body
 from motionary.body import Body, Camera, Pose
 from motionary.errors import InvalidInput
 from motionary.rotations import (
-    matrices_to_quaternions,
-    quaternions_to_matrices,
-    quaternions_to_rotation_vectors,
-    rotation_vectors_to_quaternions,
+    matrices_to_rotation_vectors,
+    rotation_vectors_to_matrices,
 )
 
 Floats = NDArray[np.float64]
@@ -97,10 +95,10 @@ def follow_regions(
 def _go_on(body: Body, poses: Sequence[Pose]) -> Pose:
     """The pose after two, if the body nearly goes on as from the first to the second."""
     before, now = (_body.local_rotations(body, one) for one in (poses[0], poses[-1]))
-    turned = _ON_TURNS * _vectors(np.swapaxes(before, -1, -2) @ now)
+    turned = _ON_TURNS * matrices_to_rotation_vectors(np.swapaxes(before, -1, -2) @ now)
     moved = _ON_ROOT * (poses[-1].joints[:, 0] - poses[0].joints[:, 0])
     roots = poses[-1].joints[:, 0] - body.joints[0] + moved
-    return _body.pose_body(body, now @ _matrices(turned), roots)
+    return _body.pose_body(body, now @ rotation_vectors_to_matrices(turned), roots)
 
 
 def fit_regions(
@@ -264,19 +262,11 @@ def _step(
     # The root turns and moves freely.
     joints = np.arange(3, 3 * n)
     matrix[joints, joints] += settings.turn_prior_m**2
-    away = _vectors(np.swapaxes(first, -1, -2) @ now).ravel()
+    away = matrices_to_rotation_vectors(np.swapaxes(first, -1, -2) @ now).ravel()
     slope[joints] += settings.turn_prior_m**2 * away[joints]
     change = np.asarray(np.linalg.solve(matrix, -slope), dtype=np.float64)
     change *= _MOST_ANGLE / max(float(np.abs(change[: 3 * n]).max()), _MOST_ANGLE)
-    turns = _matrices(change[: 3 * n].reshape(n, 3))
+    turns = rotation_vectors_to_matrices(change[: 3 * n].reshape(n, 3))
     root = pose.joints[0, 0] - body.joints[0] + change[3 * n :]
     moved = np.linalg.norm(np.concatenate(rows) @ change, axis=1) / np.concatenate(sizes)
     return _body.pose_body(body, (now @ turns)[None], root[None]), float(moved.mean())
-
-
-def _vectors(turns: Floats) -> Floats:
-    return quaternions_to_rotation_vectors(matrices_to_quaternions(turns))
-
-
-def _matrices(vectors: Floats) -> Floats:
-    return quaternions_to_matrices(rotation_vectors_to_quaternions(vectors))
