@@ -5,7 +5,7 @@ a program must tell apart has a class of its own.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from json import JSONDecodeError
 from os import PathLike
 from pathlib import Path, PurePath
@@ -210,6 +210,18 @@ def check_kind(
         wanted = " or ".join(_CALLED.get(kind.__name__, kind.__name__) for kind in kinds)
         wanted = f"{role}: {wanted}" if role else wanted
         raise WrongKind(f"{name} must be {wanted}, got {type(value).__name__}; {remedy}")
+
+
+def check_choice(value: str, choices: Collection[str], *, name: str) -> str:
+    """The value, which is one of some names.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if value not in choices:
+        raise InvalidInput(f"{name} must be one of {', '.join(choices)}, got {value!r}")
+    return value
 
 
 def check_path(path: object, *, remedy: str = "give the name of a file") -> Path:

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_choice
 from motionary.features import quantities
 from motionary.features.body import LENGTHS, Body, Floats
 from motionary.motion import GENERIC_JOINTS
@@ -80,10 +80,7 @@ class Feature:
     no: str = ""
 
     def __post_init__(self) -> None:
-        if self.unit not in UNITS:
-            raise InvalidInput(
-                f"{self.id}: unit must be one of {', '.join(UNITS)}, got {self.unit!r}"
-            )
+        check_choice(self.unit, UNITS, name=f"{self.id}: unit")
         if not 0 <= self.window_s < float("inf"):
             raise InvalidInput(f"{self.id}: window_s must be at least 0, got {self.window_s}")
         _check_thresholds(self)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_choice
 
 if TYPE_CHECKING:
     from motionary.motion import Motion
@@ -121,9 +121,9 @@ class ReadOptions:
 
             check_up(self.up)
         if self.sides is not None:
-            from motionary.io.normalise.sides import check_sides
+            from motionary.io.normalise.sides import SIDES
 
-            check_sides(self.sides)
+            check_choice(self.sides, SIDES, name="sides")
         if self.fill_by != "cubic" or self.fill_gaps_s is not None:
             from motionary.io.normalise.gaps import check_filling
 

@@ -102,7 +102,7 @@ def guess_from_tree(skeleton: Skeleton, positions: Floats) -> JointMapping | Non
     root, top = _ends_of_spine(tree, limbs)
     put("root", root)
     neck = _add_head(tree, limbs, top, put)
-    spine = _spine(tree, root, top, leg_m)
+    spine = _spine(tree, root, top)
     own_neck = _neck_of_arms(tree, limbs, neck, top, leg_m)
     weights |= own_neck
     if not own_neck and neck is not None and spine and neck == spine[-1]:
@@ -194,7 +194,7 @@ def _above(tree: Tree, node: int | None, limbs: tuple[list[int], ...]) -> int | 
     return node
 
 
-def _spine(tree: Tree, root: int | None, top: int | None, leg: float) -> list[int]:
+def _spine(tree: Tree, root: int | None, top: int | None) -> list[int]:
     """Nodes from above the pelvis to where the arms leave."""
     if root is None or top is None or root == top:
         return []

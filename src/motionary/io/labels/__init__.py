@@ -30,7 +30,7 @@ class LabelFormat(NamedTuple):
     name : as `to=` takes it
     suffixes : in lower case; the first one is written
     title : what it is, for people
-    read : function of (path, rate_hz=), of tables also of frames=
+    read : function of (path), of tables also of frames=, of JSON of rate_hz=
     write : function of (tracks, path), where `is_single` of (track, path)
     resolution_s : to which times are rounded; 0 where they are not
     is_single : whether a file holds one recording
@@ -158,12 +158,14 @@ def read_labels(
     if in_frames and not is_table:
         raise InvalidInput(f"times of {form.title} are no frames; tables may have them", file=path)
     try:
-        if not is_table:
-            return _read(form, Path(path), rate_hz)
-        from motionary.io.labels.table import FrameTimes
+        further: dict[str, Any] = {"rate_hz": rate_hz} if form.read == _JSON else {}
+        if is_table:
+            from motionary.io.labels.table import FrameTimes
 
-        frames = FrameTimes(rate_hz=rate_hz, in_frames=in_frames, recordings=recordings or {})
-        return _read(form, Path(path), rate_hz, frames=frames)
+            frames = FrameTimes(rate_hz=rate_hz, in_frames=in_frames, recordings=recordings or {})
+            further["frames"] = frames
+        tracks: dict[str, LabelTrack] = _load(form.read)(Path(path), **further)
+        return _put_on_frames(tracks, form, rate_hz)
     except InvalidInput as error:
         raise UnreadableFile(str(error), file=Path(path).name) from error
     except (ValueError, OverflowError, LookupError, TypeError, AttributeError) as error:
@@ -173,10 +175,9 @@ def read_labels(
         ) from error
 
 
-def _read(
-    form: LabelFormat, path: Path, rate_hz: float | None, **frames: Any
+def _put_on_frames(
+    tracks: dict[str, LabelTrack], form: LabelFormat, rate_hz: float | None
 ) -> dict[str, LabelTrack]:
-    tracks: dict[str, LabelTrack] = _load(form.read)(path, rate_hz=rate_hz, **frames)
     same = [x for x in FORMATS if x.read == form.read and set(x.suffixes) & set(form.suffixes)]
     resolution_s = max(x.resolution_s for x in same)
     if not resolution_s:

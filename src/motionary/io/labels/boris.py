@@ -61,7 +61,7 @@ def is_boris(content: str) -> bool:
     return _find_header(_cells(content)) is not None
 
 
-def read_boris(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_boris(path: Path) -> dict[str, LabelTrack]:
     """Labels of a table of BORIS, of either layout; see `read_labels`."""
     cells = _cells(read_text(path))
     header = _find_header(cells)

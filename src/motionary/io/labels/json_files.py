@@ -35,7 +35,7 @@ _OWN = (
 Item = Mapping[str, Any]
 
 
-def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_json(path: Path, *, rate_hz: float | None) -> dict[str, LabelTrack]:
     """Labels of Label Studio, BABEL or Blender, as the file is; see `read_labels`."""
     content = parse_json(read_text(path), file=path.name)
     try:
@@ -62,7 +62,7 @@ def read_json(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTra
 # -- lines --------------------------------------------------------------------------------
 
 
-def read_lines(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_lines(path: Path) -> dict[str, LabelTrack]:
     """Labels of JSON lines, an object a recording; see `read_labels`."""
     found = Found()
     for number, line in enumerate(read_text(path).split("\n"), start=1):

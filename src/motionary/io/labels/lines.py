@@ -61,7 +61,7 @@ def _list_all(track: LabelTrack) -> list[tuple[float, float, str]]:
 # -- subtitles ----------------------------------------------------------------------------
 
 
-def read_subtitles(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_subtitles(path: Path) -> dict[str, LabelTrack]:
     """Labels of SubRip or WebVTT; see `read_labels`."""
     text = read_text(path)
     is_vtt = text.startswith("WEBVTT")
@@ -168,7 +168,7 @@ def is_audacity(content: str) -> bool:
     return bool(lines) and _AUDACITY_LINE.fullmatch(lines[0].strip("\ufeff")) is not None
 
 
-def read_audacity(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_audacity(path: Path) -> dict[str, LabelTrack]:
     """Labels of a label track of Audacity; see `read_labels`."""
     name = stem_of(path)
     found = Found(Recording(name))
@@ -260,7 +260,7 @@ def _to_tracks(
 # -- C3D ----------------------------------------------------------------------------------
 
 
-def read_c3d_events(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_c3d_events(path: Path) -> dict[str, LabelTrack]:
     """Labels of the events of a C3D file; see `read_labels`."""
     from motionary.io.recordings import read
 

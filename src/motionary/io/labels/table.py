@@ -91,9 +91,7 @@ class FrameTimes:
         return (frame - first + is_end) / rate_hz
 
 
-def read_any(
-    path: Path, *, rate_hz: float | None = None, frames: FrameTimes | None = None
-) -> dict[str, LabelTrack]:
+def read_any(path: Path, *, frames: FrameTimes) -> dict[str, LabelTrack]:
     """Labels of a table, one of BORIS, or a label track of Audacity; see `read_labels`."""
     from motionary.io.labels.boris import is_boris, read_boris
     from motionary.io.labels.lines import is_audacity, read_audacity
@@ -101,10 +99,10 @@ def read_any(
     content = read_text(path)
     # Without labels, such a track is an empty file.
     if is_audacity(content) or (not content and path.suffix.lower() == ".txt"):
-        return read_audacity(path, rate_hz=rate_hz)
+        return read_audacity(path)
     if is_boris(content):
-        return read_boris(path, rate_hz=rate_hz)
-    return _collect(_rows(content, path.name), frames or FrameTimes(rate_hz=rate_hz))
+        return read_boris(path)
+    return _collect(_rows(content, path.name), frames)
 
 
 def _collect(
@@ -311,9 +309,7 @@ def _load_openpyxl() -> Any:
     return openpyxl
 
 
-def read_spreadsheet(
-    path: Path, *, rate_hz: float | None = None, frames: FrameTimes | None = None
-) -> dict[str, LabelTrack]:
+def read_spreadsheet(path: Path, *, frames: FrameTimes) -> dict[str, LabelTrack]:
     """Labels of the first sheet of a workbook; see `read_labels`."""
     openpyxl = _load_openpyxl()
     with open_regular(path) as file:
@@ -331,7 +327,7 @@ def read_spreadsheet(
                 f"no workbook of Excel (.xlsx), or a damaged one: {describe_cause(error)}",
                 file=path.name,
             ) from error
-    return _collect(rows, frames or FrameTimes(rate_hz=rate_hz))
+    return _collect(rows, frames)
 
 
 def _check_parts(archive: zipfile.ZipFile, name: str) -> None:

@@ -63,7 +63,7 @@ def _to_tracks(
 # -- ELAN ---------------------------------------------------------------------------------
 
 
-def read_elan(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_elan(path: Path) -> dict[str, LabelTrack]:
     """Labels of a file of ELAN; see `read_labels`."""
     root = _parse_xml(read_text(path), path.name)
     if root.tag != "ANNOTATION_DOCUMENT":
@@ -250,7 +250,7 @@ def _clean(text: str) -> str:
 # -- Praat --------------------------------------------------------------------------------
 
 
-def read_text_grid(path: Path, *, rate_hz: float | None = None) -> dict[str, LabelTrack]:
+def read_text_grid(path: Path) -> dict[str, LabelTrack]:
     """Labels of a TextGrid; see `read_labels`."""
     tiers = _read_tiers(_Tokens(read_text(path), path.name))
     return _to_tracks(Recording(stem_of(path)), ((t.name, _texts(t, path.name)) for t in tiers))

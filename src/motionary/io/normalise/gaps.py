@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_choice
 from motionary.motion import Motion
 from motionary.recording import find_runs
 
@@ -38,19 +38,16 @@ class _Gap(NamedTuple):
     stop: int
 
 
-def check_filling(fill_by: str, longest_s: float | None = None) -> str:
-    """One of `FILLINGS`.
+def check_filling(fill_by: str, longest_s: float | None = None) -> None:
+    """Refuse what is none of `FILLINGS`, and a length that is not above 0.
 
     Raises
     ------
     InvalidInput
-        If it is none, or `longest_s` is not above 0.
     """
-    if fill_by not in FILLINGS:
-        raise InvalidInput(f"fill_by must be one of {', '.join(FILLINGS)}, got {fill_by!r}")
+    check_choice(fill_by, FILLINGS, name="fill_by")
     if longest_s is not None and not 0 < longest_s < np.inf:
         raise InvalidInput(f"fill_gaps_s must be a number of seconds above 0, got {longest_s}")
-    return fill_by
 
 
 def fill_gaps(motion: Motion, *, longest_s: float, fill_by: str = "cubic") -> Motion:
@@ -75,10 +72,12 @@ def fill_gaps(motion: Motion, *, longest_s: float, fill_by: str = "cubic") -> Mo
     kept = len(gaps) - len(short) + n_open
     positions = motion.positions.copy() if short else motion.positions
     around = max(1, round(_AROUND_S * motion.rate_hz))
-    for gap in short:
-        track = motion.positions[:, gap.point]
-        fill = _fill_cubic if fill_by == "cubic" else _fill_linearly
-        positions[gap.start : gap.stop, gap.point] = fill(track, gap.start, gap.stop, around)
+    for point, start, stop in short:
+        track = motion.positions[:, point]
+        if fill_by == "cubic":
+            positions[start:stop, point] = _fill_cubic(track, start, stop, around)
+        else:
+            positions[start:stop, point] = _fill_linearly(track, start, stop)
     note = _describe(short, kept, longest_s, fill_by)
     return replace(motion, positions=positions, notes=(*motion.notes, note))
 
@@ -97,7 +96,7 @@ def _find_gaps(positions: Floats) -> tuple[list[_Gap], int]:
     return gaps, n_open
 
 
-def _fill_linearly(track: Floats, start: int, stop: int, around: int) -> Floats:
+def _fill_linearly(track: Floats, start: int, stop: int) -> Floats:
     """Places in the gap on the straight way, shape (frames of the gap, 3)."""
     before, after = track[start - 1], track[stop]
     u = np.arange(1, stop - start + 1)[:, None] / (stop - start + 1)

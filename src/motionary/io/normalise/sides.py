@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, check_choice
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion, Skeleton
 
 Floats = NDArray[np.float64]
@@ -43,19 +43,6 @@ _PAIRS = {
 }
 
 
-def check_sides(sides: str) -> str:
-    """One of `SIDES`.
-
-    Raises
-    ------
-    InvalidInput
-        If it is none.
-    """
-    if sides not in SIDES:
-        raise InvalidInput(f"sides must be one of {', '.join(SIDES)}, got {sides!r}")
-    return sides
-
-
 def normalise_sides(motion: Motion, sides: str | None) -> Motion:
     """The motion with left and right as given, else as the names say.
 
@@ -74,7 +61,8 @@ def normalise_sides(motion: Motion, sides: str | None) -> Motion:
     if motion.mapping is None and sides != "mirrored":
         return motion
     if sides is not None:
-        change = {"swapped": exchange_names, "mirrored": mirror}.get(check_sides(sides))
+        check_choice(sides, SIDES, name="sides")
+        change = {"swapped": exchange_names, "mirrored": mirror}.get(sides)
         changed = change(motion) if change else motion
         return replace(changed, notes=(*motion.notes, f"left and right {sides}, as given"))
     wrong = _contradiction(motion)
