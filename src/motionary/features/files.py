@@ -24,8 +24,7 @@ from motionary.features.computing import (
 )
 from motionary.features.feature_set import FeatureSet
 from motionary.files import write_atomically
-from motionary.io import Cell, ReadOptions, format_suffix, read_poses, write_table
-from motionary.io.text import TAKE_MARK
+from motionary.io import TAKE_MARK, Cell, ReadOptions, format_suffix, read_poses, write_table
 from motionary.tables import write_parquet
 
 #: A recording's name and its path.

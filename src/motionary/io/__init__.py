@@ -32,10 +32,19 @@ if TYPE_CHECKING:
     from motionary.io.labels import read_labels, write_labels
     from motionary.io.options import ReadOptions, find_skeleton, save_skeleton
     from motionary.io.recordings import read, read_all, read_poses, what_is_lost, write
-    from motionary.io.text import Cell, format_suffix, read_text, stem_of, write_table, write_text
+    from motionary.io.text import (
+        TAKE_MARK,
+        Cell,
+        format_suffix,
+        read_text,
+        stem_of,
+        write_table,
+        write_text,
+    )
 
 __all__ = [
-    "MOTION_SUFFIXES", "WRITTEN_SUFFIXES", "Cell", "FileState", "QueryRecord", "ReadOptions",
+    "MOTION_SUFFIXES", "TAKE_MARK", "WRITTEN_SUFFIXES", "Cell", "FileState", "QueryRecord",
+    "ReadOptions",
     "Sidecars", "can_cut", "copy_skeleton", "cut_clips", "cut_file", "explain_unmatched", "file_of",
     "find_recordings", "find_skeleton", "format_suffix", "has_sidecar", "match_recording",
     "name_recordings", "options_of", "plan_clips", "read", "read_all", "read_labels", "read_poses",
@@ -58,6 +67,6 @@ __getattr__, __dir__ = lazy_names(
         "labels": "read_labels write_labels",
         "options": "ReadOptions find_skeleton save_skeleton",
         "recordings": "read read_all read_poses what_is_lost write",
-        "text": "Cell format_suffix read_text stem_of write_table write_text",
+        "text": "TAKE_MARK Cell format_suffix read_text stem_of write_table write_text",
     },
 )
