@@ -171,8 +171,7 @@ def _find_cuts(track: LabelTrack, n_frames: int) -> list[int]:
 
 
 def _cut(track: LabelTrack, sequence: FeatureSequence, start: int, stop: int) -> Corrected:
-    part = sequence.part(start, stop)
-    first_s, last_s = start / SEQUENCE_HZ, stop / SEQUENCE_HZ
+    part, first_s, last_s = sequence.part(start, stop), start / SEQUENCE_HZ, stop / SEQUENCE_HZ
     labels = tuple(
         replace(x, start_s=x.start_s - first_s, end_s=x.end_s - first_s)
         for x in track

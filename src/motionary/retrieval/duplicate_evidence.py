@@ -57,12 +57,7 @@ _BONES = (
 
 
 class Changes(NamedTuple):
-    """Changes of features in sequences, by sequence and time.
-
-    Attributes
-    ----------
-    sequences, frames, symbols : arrays, shape (changes,)
-    """
+    """Changes of features in sequences, by sequence and time; arrays, shape (changes,)."""
 
     sequences: Integers
     frames: Integers
@@ -112,15 +107,7 @@ def mirrored(changes: Changes, mirror_order: NDArray[np.intp]) -> Changes:
 def find_candidates(
     left: Changes, right: Changes, *, n_features: int, n_right: int, least_votes: int
 ) -> Candidates:
-    """Pairs of sequences that share landmarks.
-
-    Parameters
-    ----------
-    left, right : changes of both sides
-    n_features : of the feature set
-    n_right : sequences of the right side
-    least_votes : landmarks that must agree
-    """
+    """Pairs of sequences that share so many landmarks, of `n_right` on the right side."""
     kinds, places, owners = _landmarks(left, n_features)
     order = np.argsort(kinds, kind="stable")
     kinds, places, owners = kinds[order], places[order], owners[order]

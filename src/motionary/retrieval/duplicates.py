@@ -238,11 +238,9 @@ class _Sides:
     def still(self, settings: Comparing) -> tuple[str, ...]:
         """Recordings whose changes could not make enough bits."""
         names = []
-        sides = [(self.left, self.left_changes)]
-        if not self.is_one:
-            sides.append((self.right, self.right_changes))
+        sides = [(self.left, self.left_changes), (self.right, self.right_changes)]
         worth = -np.log2(np.minimum(self.rates, 1.0))
-        for sequences, changes in sides:
+        for sequences, changes in sides[: 1 if self.is_one else 2]:
             weights = worth[changes.symbols]
             bits = np.bincount(changes.sequences, weights=weights, minlength=len(sequences))
             names += [sequences[i].source for i in np.flatnonzero(bits < settings.least_bits)]
@@ -332,22 +330,14 @@ def _compare(
     start, stop = pair.evidence.start, pair.evidence.stop + 1
     if pair.is_mirrored:
         right = right[:, MIRROR_ORDER]
-    value, at = agreement(
-        left[start * per_frame : stop * per_frame],
-        right,
-        (pair.offset - start) * per_frame,
-        within=2 * per_frame,
-    )
+    here = left[start * per_frame : stop * per_frame]
+    offset = (pair.offset - start) * per_frame
+    value, at = agreement(here, right, offset, within=2 * per_frame)
     shift_s = start / SEQUENCE_HZ + at / CURVE_HZ
     start_s, end_s = start / SEQUENCE_HZ, stop / SEQUENCE_HZ
+    there = Segment(max(start_s - shift_s, 0.0), end_s - shift_s)
     return Duplicate(
         Occurrence(sides.left[pair.left].recording, Segment(start_s, end_s)),
-        Occurrence(
-            sides.right[pair.right].recording,
-            Segment(max(start_s - shift_s, 0.0), end_s - shift_s),
-        ),
-        pair.is_mirrored,
-        pair.evidence.bits,
-        pair.evidence.shared,
-        value,
-    )
+        Occurrence(sides.right[pair.right].recording, there),
+        pair.is_mirrored, pair.evidence.bits, pair.evidence.shared, value,
+    )  # fmt: skip

@@ -317,7 +317,6 @@ class Comparison:
 
     Attributes
     ----------
-    example, found : features of both
     windows, published : cost by windows of ranked quantities, and by the published features
     """
 

@@ -100,8 +100,16 @@ def class_distance(
         np.minimum(unmodified, distance, out=unmodified)
         minima = local_minima(distance, threshold=limit)
         least = [int(np.argmin(distance))] if np.isfinite(distance).any() else []
-        for ends, into in ((minima, matches), (least, cheapest)):
-            for found in _align(pattern, sequence, windows, np.asarray(ends), skip_weight):
+        starts = np.array([start for start, _ in windows])
+        for ends, into in ((np.asarray(minima), matches), (np.asarray(least), cheapest)):
+            if not len(ends):
+                continue
+            # Each within the window of its end.
+            since = starts[np.searchsorted(starts, ends, side="right") - 1]
+            for found in align(
+                pattern, sequence.packed, sequence.known, ends,
+                skip_weight=skip_weight, since=since,
+            ):  # fmt: skip
                 evidence = Evidence(motion_class.name, template, pattern, sequence, found)
                 if evidence.is_assessed:
                     into.append(evidence)
@@ -115,12 +123,9 @@ def _windows(prototype: Prototype, sequence: FeatureSequence) -> list[tuple[int,
     from motionary.models.keyframes import select_in_sequence
 
     ranges = select_in_sequence(
-        prototype.queries,
-        prototype.template.n_columns,
-        sequence.packed,
-        sequence.known,
+        prototype.queries, prototype.template.n_columns, sequence.packed, sequence.known,
         votes=prototype.votes,
-    )
+    )  # fmt: skip
     return ranges.of(0)
 
 
@@ -143,22 +148,6 @@ def _distance(
     for (start, stop), part in zip(windows, corpus.split(inside), strict=True):
         distance[start:stop] = part
     return distance
-
-
-def _align(
-    pattern: Pattern,
-    sequence: FeatureSequence,
-    windows: Sequence[tuple[int, int]],
-    ends: NDArray[np.intp],
-    skip_weight: float,
-) -> list[Alignment]:
-    """Matches that end at some frames, each within the window of its end."""
-    if len(ends) == 0:
-        return []
-    starts = np.array([start for start, _ in windows])
-    since = starts[np.searchsorted(starts, ends, side="right") - 1]
-    packed, known = sequence.packed, sequence.known
-    return align(pattern, packed, known, ends, skip_weight=skip_weight, since=since)
 
 
 def label_by_costs(

@@ -128,10 +128,9 @@ def from_patterns(
     ----------
     patterns : per keyframe, "0", "1" or "*" for the first features of its group; features
         that the pattern is too short for are free
-    groups : per keyframe, the group of its features
+    groups : per keyframe, the group of its features, of this feature set
     distances, stiffness : per gap, frames and stiffness
     positions : template columns, from 0
-    feature_set : whose groups and order the patterns follow
 
     Raises
     ------

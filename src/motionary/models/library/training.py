@@ -195,7 +195,13 @@ def make_folds(examples: Examples, *, groups: str | None, seed: int) -> list[Fol
     ]
     rng = np.random.default_rng(seed)
     keys = _find_groups([item for *_, item in items], groups)
-    fold_of = _deal_groups(keys, rng) if keys else _deal(items, rng)
+    fold_of: list[int | None] = []
+    if keys:
+        names = sorted(set(keys))
+        order = rng.permutation(len(names)).tolist()
+        fold_of += (order.index(names.index(key)) % N_FOLDS for key in keys)
+    else:
+        fold_of = _deal(items, rng)
     folds = []
     for fold in range(N_FOLDS):
         learned: dict[str, dict[str, list[FeatureSequence]]] = {}
@@ -222,14 +228,6 @@ def _find_groups(examples: Sequence[FeatureSequence], groups: str | None) -> lis
             "held out; write an expression that tells them apart, or leave it out"
         )
     return keys
-
-
-def _deal_groups(keys: Sequence[str], rng: np.random.Generator) -> Sequence[int | None]:
-    """Folds of examples, those of one group together."""
-    names = sorted(set(keys))
-    order = rng.permutation(len(names))
-    parts = {names[k]: place % N_FOLDS for place, k in enumerate(order)}
-    return [parts[key] for key in keys]
 
 
 def _deal(

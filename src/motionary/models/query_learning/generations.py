@@ -312,7 +312,10 @@ def run_generations(
     population: list[_Ranked] = []
     history, verified = [], []
     for generation in range(settings.generations):
-        population += [_rank(one, evaluator, settings) for one in offspring]
+        for one in offspring:
+            score = evaluator(one)
+            rank = max(0.0, score.fitness - settings.parsimony * one.n_fixed)
+            population.append(_Ranked(rank, one, score))
         # Stable: of equals the older stays.
         population.sort(key=lambda one: -one.rank)
         del population[settings.population :]
@@ -335,12 +338,6 @@ class _Ranked(NamedTuple):
     rank: float
     individual: Individual
     score: Score
-
-
-def _rank(individual: Individual, evaluator: Evaluator, settings: GeneticSettings) -> _Ranked:
-    score = evaluator(individual)
-    cost = settings.parsimony * individual.n_fixed if settings.parsimony else 0.0
-    return _Ranked(max(0.0, score.fitness - cost), individual, score)
 
 
 def _mean_and_spread(scores: Sequence[Score]) -> NDArray[np.float64]:

@@ -108,8 +108,7 @@ def fix(
     InvalidInput
         If a feature is unknown, or the segment not in the template.
     """
-    values = template.values.copy()
-    part = _part(template, start_s, end_s)
+    values, part = template.values.copy(), _part(template, start_s, end_s)
     for name, holds in features.items():
         values[part, _numbers(template, [name], feature_set)] = float(holds)
     return _changed(template, values, "fixed by hand")
@@ -272,7 +271,13 @@ def _join_sides(runs: list[_Run]) -> list[_Run]:
     joined, used = [], set()
     for run in runs:
         side, _, rest = run.phrase.partition(" ")
-        lefts = [left for left in runs if left.phrase == f"left {rest}" and _together(run, left)]
+        lefts = [
+            left
+            for left in runs
+            if left.phrase == f"left {rest}"
+            and abs(run.start_s - left.start_s) < _MOMENT_S
+            and abs(run.end_s - left.end_s) < _MOMENT_S
+        ]
         if side == "right" and lefts:
             twin = lefts[0]
             used.add(twin)
@@ -280,11 +285,6 @@ def _join_sides(runs: list[_Run]) -> list[_Run]:
             run = _Run(start_s, end_s, f"right and left {rest}")
         joined.append(run)
     return [run for run in joined if run not in used]
-
-
-def _together(a: _Run, b: _Run) -> bool:
-    """Whether two runs begin and end within a moment."""
-    return abs(a.start_s - b.start_s) < _MOMENT_S and abs(a.end_s - b.end_s) < _MOMENT_S
 
 
 def _names(head: str, names: list[str], why: str = "") -> list[str]:
