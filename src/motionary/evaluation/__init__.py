@@ -7,11 +7,15 @@ labels at once; what is undefined (0/0) is told in `motionary.evaluation.counts`
 from motionary.evaluation.counts import (
     Confusion,
     Counts,
+    LabelledSegment,
+    LabelLike,
     Rates,
     compute_rates,
     confuse_frames,
     count_frames,
     pool_counts,
+    rename_segments,
+    to_segments,
 )
 from motionary.evaluation.ranking import (
     Classification,
@@ -39,7 +43,6 @@ from motionary.evaluation.segments import (
     count_overlaps,
     pair_segments,
 )
-from motionary.evaluation.tables import LabelledSegment, LabelLike, rename_segments, to_segments
 
 __all__ = [
     "BoundaryError",

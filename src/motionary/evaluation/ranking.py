@@ -3,29 +3,23 @@
 Retrieval: every item of a collection has a cost and is relevant or not. Classification:
 every clip has a cost for each class.
 
-Conventions: small costs come first. An item of infinite cost is never retrieved: if it is
-relevant, it counts as not found. Of items of equal cost the irrelevant come first, so
-that a tie never flatters and the given order never matters. A query without any relevant
-item has no average precision (NaN) and does not enter a mean.
-
 Detections: mean average precision at temporal IoU, in the manner of THUMOS and ActivityNet (Caba
 Heilbron et al., 2015): within a class, the predictions of all recordings are taken by
 rising cost; each takes the true segment of its recording that it overlaps most among
 those not taken yet and is right if there is one with at least the asked IoU. Average
 precision is the area under precision, made monotone, over recall.
 
-Conventions: predictions of infinite cost are never found. Of predictions of equal cost
-the wrong ones come first, so that a tie never flatters and order never matters; within a
-recording equal costs are matched by start, then end. A class without a true segment has
-no average precision (NaN) and does not enter the mean.
+Conventions: small costs come first. What has an infinite cost is never found, whether it is
+right or not. Of equal costs the irrelevant items and wrong predictions come first, so that a tie
+never flatters and the given order never matters; within a recording predictions of equal cost
+are matched by start, then end. A query without any relevant item, and a class without a true
+segment, has no average precision (NaN) and does not enter a mean.
 
 Intervals of a mean that was measured on a few people: values of one actor resemble each
-other, so it is actors that are drawn, not values: a
-cluster bootstrap with percentile limits (Efron and Tibshirani, An introduction to the
-bootstrap, 1993, chapters 8 and 13).
-
-Conventions: every value weighs the same, so an actor with more values weighs more. With
-few groups (five actors) such an interval is too narrow rather than too wide.
+other, so it is actors that are drawn, not values: a cluster bootstrap with percentile limits
+(Efron and Tibshirani, An introduction to the bootstrap, 1993, chapters 8 and 13). Every value
+weighs the same, so an actor with more values weighs more. With few groups (five actors) such an
+interval is too narrow rather than too wide.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,13 +29,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motionary.errors import InvalidInput
-from motionary.evaluation.counts import Confusion, Counts, Rates, compute_rates
-from motionary.evaluation.tables import (
+from motionary.evaluation.counts import (
+    Confusion,
+    Counts,
     LabelledSegment,
+    Rates,
     Segments,
     check_iou,
-    check_segments,
+    check_tables,
     compute_iou,
+    compute_rates,
     list_names,
     select_name,
 )
@@ -220,15 +217,11 @@ def compute_average_precisions(
             "prediction and truth need one entry per recording, "
             f"got {len(predicted)} and {len(truth)}"
         )
-    predicted = [check_segments(one, where="the prediction") for one in predicted]
-    truth = [check_segments(one, where="the truth") for one in truth]
+    pairs = [check_tables(*pair) for pair in zip(predicted, truth, strict=True)]
+    least = np.asarray(ious, dtype=np.float64)
     return {
-        name: _compute_class(
-            [select_name(one, name) for one in predicted],
-            [select_name(one, name) for one in truth],
-            np.asarray(ious, dtype=np.float64),
-        )
-        for name in list_names(*predicted, *truth)
+        name: _compute_class([[select_name(one, name) for one in pair] for pair in pairs], least)
+        for name in list_names(*(table for pair in pairs for table in pair))
     }
 
 
@@ -328,16 +321,14 @@ def _check_costs(costs: ArrayLike, n_clips: int, n_classes: int) -> NDArray[np.f
 
 
 def _compute_class(
-    predicted: Sequence[list[LabelledSegment]],
-    truth: Sequence[list[LabelledSegment]],
-    ious: NDArray[np.float64],
+    pairs: Sequence[Sequence[list[LabelledSegment]]], ious: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    n_true = sum(len(one) for one in truth)
+    n_true = sum(len(real) for _, real in pairs)
     if n_true == 0:
         return np.full(len(ious), np.nan)
     costs: list[float] = []
     right = [np.zeros((0, len(ious)), dtype=np.bool_)]
-    for claimed, real in zip(predicted, truth, strict=True):
+    for claimed, real in pairs:
         found = sorted(
             (segment for segment in claimed if segment.cost < np.inf),
             key=lambda segment: (segment.cost, segment.start, segment.end),

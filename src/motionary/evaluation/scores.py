@@ -11,20 +11,25 @@ what is undefined follows `motionary.evaluation.counts`.
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from motionary.errors import InvalidInput, WrongKind
 from motionary.evaluation.counts import (
     RATE_HZ,
     Confusion,
     Counts,
+    LabelledSegment,
+    Labels,
     Rates,
     check_rate,
     compute_rates,
     confuse_frames,
     count_frames,
+    list_names,
     pool_counts,
+    to_segments,
 )
 from motionary.evaluation.ranking import IOUS, compute_mean_average_precision
 from motionary.evaluation.segments import (
@@ -38,18 +43,27 @@ from motionary.evaluation.segments import (
     count_matches,
     count_overlaps,
 )
-from motionary.evaluation.tables import (
-    ComparedRecording,
-    LabelledSegment,
-    Missing,
-    Recordings,
-    list_names,
-    pair_recordings,
-    select_name,
-)
+from motionary.tables import enumerate_names
+
+Recordings: TypeAlias = Mapping[str, Labels] | Iterable[tuple[str, Labels]]
+Missing: TypeAlias = Literal["error", "skip", "empty"]
 
 # Overlaps at which Lea et al. (2017) report segment F1.
 SEGMENT_IOUS = (0.1, 0.25, 0.5)
+
+
+class _Compared(NamedTuple):
+    """Both tables of one recording, in seconds."""
+
+    name: str
+    predicted: list[LabelledSegment]
+    truth: list[LabelledSegment]
+    seconds: float  # its length, at least up to its last label
+
+    def restricted(self, names: Collection[str]) -> "_Compared":
+        """As if there were no labels of other names."""
+        claimed, real = ([s for s in one if s.name in names] for one in self[1:3])
+        return self._replace(predicted=claimed, truth=real)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,17 +95,20 @@ class Measures:
 
     def as_dict(self) -> dict[str, Any]:
         """The numbers for JSON; None for what is undefined."""
-        return {
-            "frames": _to_json(self.frames._asdict()),
-            "segments": _to_json(self.segments._asdict()),
-            "segment_f": _to_json(self.segment_f),
-            "edit_score": _to_json(self.edit_score),
-            "boundary_s": _to_json(self.boundary._asdict()),
-            "mean_average_precision": _to_json(self.mean_average_precision),
-            "edits_per_minute": _to_json(self.edits_per_minute),
-            "false_per_minute": _to_json(self.false_per_minute),
-            "minutes": _to_json(self.minutes),
-        }
+        values: dict[str, Any] = _to_json(
+            {
+                "frames": self.frames._asdict(),
+                "segments": self.segments._asdict(),
+                "segment_f": self.segment_f,
+                "edit_score": self.edit_score,
+                "boundary_s": self.boundary._asdict(),
+                "mean_average_precision": self.mean_average_precision,
+                "edits_per_minute": self.edits_per_minute,
+                "false_per_minute": self.false_per_minute,
+                "minutes": self.minutes,
+            }
+        )
+        return values
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,9 +194,11 @@ def evaluate(
         If the recordings are not the same (unless `missing` allows it), there is none,
         or a label is malformed.
     """
-    compared, skipped = pair_recordings(
-        predicted, truth, durations_s=durations_s or {}, missing=missing, classes=classes
-    )
+    compared, skipped = _pair(predicted, truth, durations_s or {}, missing)
+    if isinstance(classes, str):
+        raise InvalidInput(f"classes need a list of names, got the one text {classes!r}")
+    if classes is not None:
+        compared = [one.restricted(frozenset(classes)) for one in compared]
     rate = check_rate(rate_hz)
     names = list_names(*(side for one in compared for side in (one.predicted, one.truth)))
     recordings = {one.name: _measure([one], rate, tolerance_s) for one in compared}
@@ -188,7 +207,7 @@ def evaluate(
         mean=_average(list(recordings.values())),
         recordings=recordings,
         classes={
-            name: _measure([_restrict(one, name) for one in compared], rate, tolerance_s)
+            name: _measure([one.restricted((name,)) for one in compared], rate, tolerance_s)
             for name in names
         },
         confusion=_confuse(compared, rate, tuple(names)),
@@ -198,13 +217,7 @@ def evaluate(
     )
 
 
-def _restrict(recording: ComparedRecording, name: str) -> ComparedRecording:
-    return recording._replace(
-        predicted=select_name(recording.predicted, name), truth=select_name(recording.truth, name)
-    )
-
-
-def _measure(compared: Sequence[ComparedRecording], rate_hz: float, tolerance_s: float) -> Measures:
+def _measure(compared: Sequence[_Compared], rate_hz: float, tolerance_s: float) -> Measures:
     pairs = [(one.predicted, one.truth) for one in compared]
     minutes = sum(one.seconds for one in compared) / 60
     offsets = [compute_boundary_offsets(*pair) for pair in pairs]
@@ -264,9 +277,7 @@ def _mean(values: Iterable[float]) -> float:
     return math.fsum(defined) / len(defined) if defined else math.nan
 
 
-def _confuse(
-    compared: Sequence[ComparedRecording], rate_hz: float, names: tuple[str, ...]
-) -> Confusion:
+def _confuse(compared: Sequence[_Compared], rate_hz: float, names: tuple[str, ...]) -> Confusion:
     matrices = [
         confuse_frames(
             one.predicted, one.truth, rate_hz=rate_hz, duration=one.seconds, names=names
@@ -281,3 +292,79 @@ def _to_json(value: Any) -> Any:
         keys = (key if isinstance(key, str) else f"{key:g}" for key in value)
         return dict(zip(keys, map(_to_json, value.values()), strict=True))
     return None if isinstance(value, float) and math.isnan(value) else value
+
+
+# -- which tables belong together ------------------------------------------------------------
+
+
+def _pair(
+    predicted: Recordings, truth: Recordings, durations_s: Mapping[str, float], missing: Missing
+) -> tuple[list[_Compared], tuple[str, ...]]:
+    """Recordings, sorted by name, and the names of recordings that were left out."""
+    claimed = _to_mapping(predicted, side="the prediction")
+    real = _to_mapping(truth, side="the truth")
+    chosen = _choose(set(claimed), set(real), missing)
+    compared = [
+        _compare(name, claimed.get(name, ()), real.get(name, ()), durations_s.get(name))
+        for name in sorted(chosen)
+    ]
+    return compared, tuple(sorted((set(claimed) | set(real)) - chosen))
+
+
+def _choose(claimed: set[str], real: set[str], missing: Missing) -> set[str]:
+    if missing not in ("error", "skip", "empty"):
+        raise InvalidInput(f'missing must be "error", "skip" or "empty", got {missing!r}')
+    if missing == "error" and claimed != real:
+        raise InvalidInput(
+            "prediction and truth must label the same recordings; "
+            f"only in the prediction: {enumerate_names(sorted(claimed - real))}; "
+            f"only in the truth: {enumerate_names(sorted(real - claimed))}; "
+            'pass missing="skip" to leave them out, "empty" to count them as without labels'
+        )
+    chosen = claimed | real if missing == "empty" else claimed & real
+    if not chosen:
+        raise InvalidInput(
+            "there is no recording to evaluate; "
+            f"in the prediction: {enumerate_names(sorted(claimed))}; "
+            f"in the truth: {enumerate_names(sorted(real))}"
+        )
+    return chosen
+
+
+def _to_mapping(recordings: Recordings, *, side: str) -> dict[str, Labels]:
+    if hasattr(recordings, "recording"):
+        recordings = [recordings]  # type: ignore[list-item]
+    if not isinstance(recordings, Iterable) or isinstance(recordings, str):
+        raise WrongKind(f"{side}: expected labels by recording, got {type(recordings).__name__}")
+    items: Iterable[Any] = recordings.items() if isinstance(recordings, Mapping) else recordings
+    mapping: dict[str, Labels] = {}
+    for item in items:
+        if hasattr(item, "recording"):
+            # A track, which knows what it is of.
+            item = (item.recording.name, item)
+        if not (isinstance(item, tuple) and len(item) == 2 and isinstance(item[0], str)):
+            raise InvalidInput(
+                f"{side}: expected a mapping of recording to labels or pairs "
+                f"(recording, labels), got {item!r}"
+            )
+        name, labels = item
+        if name in mapping:
+            raise InvalidInput(f"{side}: recording {name!r} comes twice; join its labels")
+        mapping[name] = labels
+    return mapping
+
+
+def _compare(
+    recording: str, predicted: Labels, truth: Labels, duration_s: float | None
+) -> _Compared:
+    told = (duration_s, getattr(truth, "duration_s", None), getattr(predicted, "duration_s", None))
+    seconds = next((value for value in told if value is not None), 0.0)
+    if not (math.isfinite(seconds) and seconds >= 0):
+        raise InvalidInput(
+            f"the duration of {recording} must be finite and not negative, got {seconds}"
+        )
+    claimed = to_segments(predicted, where=f"the prediction of {recording}")
+    real = to_segments(truth, where=f"the truth of {recording}")
+    # A table may be rounded up past the end of its recording.
+    last = max((segment.end for segment in (*claimed, *real)), default=0.0)
+    return _Compared(recording, claimed, real, max(seconds, last))

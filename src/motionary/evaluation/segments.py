@@ -29,13 +29,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.evaluation.counts import Counts
-from motionary.evaluation.tables import (
+from motionary.evaluation.counts import (
     ROUNDING,
+    Counts,
     LabelledSegment,
     Segments,
     check_iou,
-    check_segments,
+    check_tables,
     compute_iou,
     compute_overlap,
     list_names,
@@ -118,9 +118,12 @@ def compute_edit_distance(predicted: Segments, truth: Segments) -> int:
 
     Labels are ordered by start, then end, then name; when they happen does not matter.
     """
-    predicted = check_segments(predicted, where="the prediction")
-    truth = check_segments(truth, where="the truth")
-    return _levenshtein(_to_order(predicted), _to_order(truth))
+    predicted, truth = check_tables(predicted, truth)
+    orders = (
+        [one.name for one in sorted(table, key=lambda s: (s.start, s.end, s.name))]
+        for table in (predicted, truth)
+    )
+    return _levenshtein(*orders)
 
 
 def compute_edit_score(predicted: Segments, truth: Segments) -> float:
@@ -151,22 +154,19 @@ def pair_segments(
     list of (position in predicted, position in truth)
     """
     least = check_iou(iou)
-    predicted = check_segments(predicted, where="the prediction")
-    truth = check_segments(truth, where="the truth")
+    predicted, truth = check_tables(predicted, truth)
     overlaps = compute_iou(predicted, truth) * _have_equal_names(predicted, truth)
     rows, columns = np.nonzero(overlaps >= least)
     # Equal overlaps go to the earlier segments, whatever the order of the tables.
     times = (*to_times(truth)[columns].T[::-1], *to_times(predicted)[rows].T[::-1])
     order = np.lexsort((*times, -overlaps[rows, columns]))
-    pairs: list[tuple[int, int]] = []
-    used_rows: set[int] = set()
-    used_columns: set[int] = set()
+    pairs: dict[int, int] = {}
+    used: set[int] = set()
     for row, column in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
-        if row not in used_rows and column not in used_columns:
-            used_rows.add(row)
-            used_columns.add(column)
-            pairs.append((row, column))
-    return pairs
+        if row not in pairs and column not in used:
+            used.add(column)
+            pairs[row] = column
+    return list(pairs.items())
 
 
 def compute_boundary_offsets(
@@ -209,8 +209,7 @@ def count_edits(predicted: Segments, truth: Segments, *, tolerance: float = TOLE
     """
     if not (np.isfinite(tolerance) and tolerance >= 0):
         raise InvalidInput(f"a tolerance must be finite and not below 0, got {tolerance}")
-    predicted = check_segments(predicted, where="the prediction")
-    truth = check_segments(truth, where="the truth")
+    predicted, truth = check_tables(predicted, truth)
     # Late: of the package this function alone needs it, and it takes longest to import.
     from scipy.optimize import linear_sum_assignment
 
@@ -222,8 +221,7 @@ def count_edits(predicted: Segments, truth: Segments, *, tolerance: float = TOLE
 def _by_class(
     predicted: Segments, truth: Segments
 ) -> Iterator[tuple[str, list[LabelledSegment], list[LabelledSegment]]]:
-    predicted = check_segments(predicted, where="the prediction")
-    truth = check_segments(truth, where="the truth")
+    predicted, truth = check_tables(predicted, truth)
     for name in list_names(predicted, truth):
         yield name, select_name(predicted, name), select_name(truth, name)
 
@@ -239,11 +237,6 @@ def _count_taken(
         if row[best] >= least:
             taken.add(best)
     return len(taken)
-
-
-def _to_order(segments: Segments) -> list[str]:
-    ordered = sorted(segments, key=lambda s: (s.start, s.end, s.name))
-    return [segment.name for segment in ordered]
 
 
 def _levenshtein(source: list[str], target: list[str]) -> int:
