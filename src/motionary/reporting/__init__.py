@@ -1,13 +1,11 @@
 """Pages to watch: motions with their labels, and why; files that need no network."""
 
 from motionary.reporting.classes import report_library
-from motionary.reporting.clips import PAGE_HZ, describe_body
 from motionary.reporting.comparing import report_comparison
+from motionary.reporting.contents import PAGE_HZ, Lane, describe_body
 from motionary.reporting.galleries import Judging, MotionFiles, Motions, rank_among, report_hits
 from motionary.reporting.html import UNIT_M, Page, build_page
-from motionary.reporting.lanes import Lane
-from motionary.reporting.recordings import Tracks, report
-from motionary.reporting.tracking import report_tracking
+from motionary.reporting.recordings import Tracks, report, report_tracking
 
 __all__ = [
     "PAGE_HZ",

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from motionary.io import match_recording
 from motionary.matching import distance_function
 from motionary.models.library import ClassLibrary, MotionClass, Prototype
 from motionary.motion import Motion
-from motionary.reporting.clips import PAGE_HZ
+from motionary.reporting.contents import PAGE_HZ, describe_features
 from motionary.reporting.galleries import (
     Cell,
     Motions,
@@ -22,9 +22,7 @@ from motionary.reporting.galleries import (
     make_gallery,
     warp_by,
 )
-from motionary.reporting.html import Block, Page, build_page
-from motionary.reporting.lanes import describe_features
-from motionary.reporting.recordings import check_rate
+from motionary.reporting.html import Block, Page, build_page, check_rate
 from motionary.retrieval.index import Collection
 from motionary.retrieval.search import Hit, search
 
@@ -32,13 +30,6 @@ from motionary.retrieval.search import Hit, search
 MOST_EXAMPLES = 12
 
 _MOST_CONFUSED = 6
-
-
-class _AtHand(NamedTuple):
-    """Recordings at hand: motions by name, and their features to search."""
-
-    motions: Mapping[str, Motion]
-    features: Collection
 
 
 def report_library(
@@ -72,18 +63,23 @@ def report_library(
     chosen = [library[name] for name in (library.names if names is None else names)]
     if not chosen:
         raise InvalidInput("the library has no classes to show")
-    at_hand = None if recordings is None else _measure(find_motions(recordings), library)
+    motions = None if recordings is None else find_motions(recordings)
+    sequences = [
+        compute_features(motion, feature_set=library.feature_set).renamed(name)
+        for name, motion in (motions or {}).items()
+        if motion.mapping is not None
+    ]
+    at_hand = Collection(sequences, library.feature_set)
     galleries: list[dict[str, Any]] = []
     blocks: list[Block] = []
     for motion_class in chosen:
-        for gallery, own in _galleries(library, motion_class, at_hand, len(galleries), rate_hz):
-            galleries.append(gallery)
+        for gallery, cells in _galleries(library, motion_class, motions, at_hand):
+            key = f"g{len(galleries)}"
+            shown, own = make_gallery(cells, key=key, rate_hz=rate_hz)
+            galleries.append(shown | gallery)
             blocks += own
     content = {"features": describe_features(library.feature_set), "galleries": galleries}
-    page = build_page(content, blocks, title=title)
-    if path is not None:
-        page.save(path)
-    return page
+    return build_page(content, blocks, title=title, path=path)
 
 
 def find_confusions(library: ClassLibrary, motion_class: MotionClass) -> list[str]:
@@ -126,45 +122,34 @@ def _least(motion_class: MotionClass, sequence: FeatureSequence) -> float:
     )
 
 
-def _measure(motions: Mapping[str, Motion], library: ClassLibrary) -> _AtHand:
-    sequences = [
-        compute_features(motion, feature_set=library.feature_set).renamed(name)
-        for name, motion in motions.items()
-        if motion.mapping is not None
-    ]
-    return _AtHand(motions, Collection(sequences, library.feature_set))
-
-
 def _galleries(
     library: ClassLibrary,
     motion_class: MotionClass,
-    at_hand: _AtHand | None,
-    first: int,
-    rate_hz: float,
-) -> Iterator[tuple[dict[str, Any], list[Block]]]:
-    """A gallery for each template of a class that is no mirror image."""
+    motions: Mapping[str, Motion] | None,
+    at_hand: Collection,
+) -> Iterator[tuple[dict[str, Any], list[Cell]]]:
+    """What stands beside the clips of each template that is no mirror image, and the clips."""
     confusions = find_confusions(library, motion_class) or ["no other class fits into it"]
     hits: tuple[Hit, ...] = ()
-    if at_hand is not None and at_hand.features.sequences:
+    if at_hand.sequences:
         # The nearest are shown with their costs, whatever the threshold lets pass as a label.
         most = MOST_EXAMPLES * len(motion_class.prototypes)
-        hits = search(motion_class, at_hand.features, threshold=np.inf, limit=most).hits
+        hits = search(motion_class, at_hand, threshold=np.inf, limit=most).hits
     own = [i for i, one in enumerate(motion_class.prototypes) if not one.mirror_of]
-    for number, index in enumerate(own, start=first):
+    for index in own:
         prototype = motion_class.prototypes[index]
-        cells, said = _examples(motion_class, index, hits, at_hand)
-        duration_s = prototype.template.duration_s
-        gallery, blocks = make_gallery(
-            cells, key=f"g{number}", duration_s=duration_s, rate_hz=rate_hz
+        cells, said = _examples(motion_class, index, hits, motions)
+        several = f" / {prototype.name}" if len(own) > 1 else ""
+        yield (
+            {
+                "duration_s": round(prototype.template.duration_s, 4),
+                "name": f"{motion_class.name}{several}",
+                "facts": _facts(library, motion_class, prototype),
+                "template": describe_template(motion_class.quantised[index]),
+                "lists": [["Near to it", confusions], ["Examples", said]],
+            },
+            cells,
         )
-        several = len(own) > 1
-        gallery["name"] = (
-            f"{motion_class.name} / {prototype.name}" if several else motion_class.name
-        )
-        gallery["facts"] = _facts(library, motion_class, prototype)
-        gallery["template"] = describe_template(motion_class.quantised[index])
-        gallery["lists"] = [["Near to it", confusions], ["Examples", said]]
-        yield gallery, blocks
 
 
 def _facts(library: ClassLibrary, motion_class: MotionClass, prototype: Prototype) -> list[str]:
@@ -185,15 +170,15 @@ def _facts(library: ClassLibrary, motion_class: MotionClass, prototype: Prototyp
 
 
 def _examples(
-    motion_class: MotionClass, index: int, hits: Sequence[Hit], at_hand: _AtHand | None
+    motion_class: MotionClass, index: int, hits: Sequence[Hit], motions: Mapping[str, Motion] | None
 ) -> tuple[list[Cell], list[str]]:
     """Clips of a template's examples, and what they are."""
-    if at_hand is None:
+    if motions is None:
         return [], ["a library keeps no positions; give recordings to see examples"]
     prototype = motion_class.prototypes[index]
     cells: list[Cell] = []
     for example in prototype.examples:
-        motion = _cut_example(example, at_hand.motions)
+        motion = _cut_example(example, motions)
         if motion is not None and len(cells) < MOST_EXAMPLES:
             warp = warp_by(motion_class.patterns[index].pattern, example, motion)
             cells.append(Cell(example.source, f"{example.duration_s:.2f} s", motion, warp))
@@ -209,7 +194,7 @@ def _examples(
     ]
     own = [hit for hit in hits if any(hit.evidence.template is one for one in templates)]
     cells = [
-        cell_of_hit(rank, hit, at_hand.motions[hit.recording.name])
+        cell_of_hit(rank, hit, motions[hit.recording.name])
         for rank, hit in enumerate(own[:MOST_EXAMPLES], start=1)
     ]
     if not cells:

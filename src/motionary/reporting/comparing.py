@@ -21,10 +21,15 @@ from motionary.features.feature_set import Feature
 from motionary.models.templates import PairCost, align_batched
 from motionary.motion import Motion
 from motionary.recording import Segment, find_runs
-from motionary.reporting.clips import PAGE_HZ, estimate_bytes, make_clip
-from motionary.reporting.html import Block, Page, build_page, check_bytes, encode_states
-from motionary.reporting.lanes import describe_features
-from motionary.reporting.recordings import check_rate
+from motionary.reporting.contents import PAGE_HZ, describe_features, estimate_bytes, make_clip
+from motionary.reporting.html import (
+    Block,
+    Page,
+    build_page,
+    check_bytes,
+    check_rate,
+    encode_states,
+)
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -106,10 +111,7 @@ def report_comparison(
     content["lanes"] = _lanes(differences, names[1])
     shown = {"features": describe_features(FULL_BODY), "recordings": [content]}
     called = title or " and ".join(names)
-    page = build_page(shown, [*blocks, *own, strip], title=called)
-    if path is not None:
-        page.save(path)
-    return page
+    return build_page(shown, [*blocks, *own, strip], title=called, path=path)
 
 
 def align_recordings(reference: FeatureSequence, other: FeatureSequence) -> Floats:

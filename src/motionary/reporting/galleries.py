@@ -14,16 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.features import FeatureSequence, FeatureSet, compute_features
+from motionary.features import FeatureSequence, compute_features
 from motionary.io import ReadOptions, name_recordings, read
 from motionary.matching import Alignment, Pattern, align, distance_function
 from motionary.models.templates import QuantisedTemplate
 from motionary.motion import Motion
-from motionary.recording import Recording, find_runs
-from motionary.reporting.clips import PAGE_HZ, make_clip
-from motionary.reporting.html import Block, Page, build_page
-from motionary.reporting.lanes import describe_features
-from motionary.reporting.recordings import check_rate
+from motionary.recording import find_runs
+from motionary.reporting.contents import PAGE_HZ, describe_features, make_clip
+from motionary.reporting.html import Block, Page, build_page, check_rate
 from motionary.retrieval.explanation import describe_comparison, explain
 from motionary.retrieval.index import Index
 from motionary.retrieval.search import Hit, SearchResult
@@ -58,25 +56,15 @@ class Judging(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A clip among others.
-
-    Attributes
-    ----------
-    title, detail : lines above it
-    motion : cut to what is shown
-    warp : array, shape (points, 2): phases, and the seconds of the clip that meet them
-    start_s : seconds of the recording at which it begins
-    notes : lines below it
-    is_query : whether it is what the others are compared with
-    """
+    """A clip among others, cut to what is shown."""
 
     title: str
-    detail: str
+    detail: str  # a line above the clip, as the title
     motion: Motion
-    warp: Floats
-    start_s: float = 0.0
-    notes: Sequence[str] = ()
-    is_query: bool = False
+    warp: Floats  # shape (points, 2): phases, and the seconds of the clip that meet them
+    start_s: float = 0.0  # seconds of the recording at which it begins
+    notes: Sequence[str] = ()  # lines below it
+    is_query: bool = False  # whether the others are compared with it
 
 
 def report_hits(
@@ -112,12 +100,14 @@ def report_hits(
     cells = [] if query is None else [_cell_of_query(query, hits)]
     found = find_motions(motions)
     for rank, hit in enumerate(hits, start=1):
-        cells.append(cell_of_hit(rank, hit, _motion_of(hit.recording, found)))
+        name = hit.recording.name
+        if name not in found:
+            raise InvalidInput(f"{name!r} is not among the motions; give those that were searched")
+        cells.append(cell_of_hit(rank, hit, found[name]))
     if not cells:
         raise InvalidInput(f"there is nothing to show: {result.nearest or 'no hits'}")
-    feature_set = hits[0].evidence.sequence.feature_set if hits else None
-    duration_s = cells[0].motion.duration_s
-    gallery, blocks = make_gallery(cells, key="g0", duration_s=duration_s, rate_hz=rate_hz)
+    gallery, blocks = make_gallery(cells, key="g0", rate_hz=rate_hz)
+    gallery["duration_s"] = round(cells[0].motion.duration_s, 4)
     gallery["name"] = title
     gallery["facts"] = [_count(len(result), len(hits))] if hits else [result.nearest]
     if hits and len(result.templates) == 1:
@@ -125,10 +115,9 @@ def report_hits(
     if judging is not None:
         said = {name: list(getattr(judging, name)) for name in ("ranks", "relevant", "irrelevant")}
         gallery["judging"] = {"command": judging.command, **said}
-    page = build_page(_content([gallery], feature_set), blocks, title=title)
-    if path is not None:
-        page.save(path)
-    return page
+    features = describe_features(hits[0].evidence.sequence.feature_set) if hits else []
+    content = {"features": features, "galleries": [gallery]}
+    return build_page(content, blocks, title=title, path=path)
 
 
 def rank_among(hits: Sequence[Hit], first: Sequence[Hit]) -> list[int]:
@@ -147,14 +136,14 @@ def _is_same(hit: Hit, other: Hit) -> bool:
 
 
 def make_gallery(
-    cells: Sequence[Cell], *, key: str, duration_s: float, rate_hz: float
+    cells: Sequence[Cell], *, key: str, rate_hz: float
 ) -> tuple[dict[str, Any], list[Block]]:
-    """What the page has of clips side by side, which last so long together."""
+    """What the page has of clips side by side."""
     blocks: list[Block] = []
     contents = []
     for number, cell in enumerate(cells):
-        clip = make_clip(cell.motion, key=f"{key}-{number}", rate_hz=rate_hz)
-        blocks += clip.blocks
+        clip, own = make_clip(cell.motion, key=f"{key}-{number}", rate_hz=rate_hz)
+        blocks += own
         contents.append(
             {
                 "title": cell.title,
@@ -163,10 +152,10 @@ def make_gallery(
                 "notes": list(cell.notes),
                 "query": cell.is_query,
                 "warp": np.round(cell.warp, 4).tolist(),
-                "clip": clip.content,
+                "clip": clip,
             }
         )
-    return {"duration_s": round(duration_s, 4), "cells": contents}, blocks
+    return {"cells": contents}, blocks
 
 
 def describe_template(template: QuantisedTemplate) -> list[list[float]]:
@@ -197,12 +186,12 @@ def warp_by(pattern: Pattern, sequence: FeatureSequence, motion: Motion) -> Floa
     """Where a clip meets the columns of a pattern; evenly where it does not fit into the clip."""
     distance = distance_function(pattern, sequence.packed, sequence.known)
     if not np.isfinite(distance).any():
-        return whole_warp(motion)
+        return _whole_warp(motion)
     (best,) = align(pattern, sequence.packed, sequence.known, [int(np.argmin(distance))])
     return warp_of(best, pattern.weights, start_frame=0)
 
 
-def whole_warp(motion: Motion) -> Floats:
+def _whole_warp(motion: Motion) -> Floats:
     """A clip from its beginning to its end."""
     return np.array([[0.0, 0.0], [1.0, motion.duration_s]])
 
@@ -214,25 +203,19 @@ def _edges(weights: Floats) -> Floats:
     return edges
 
 
-def _content(
-    galleries: Sequence[Mapping[str, Any]], feature_set: FeatureSet | None
-) -> dict[str, Any]:
-    features = [] if feature_set is None else describe_features(feature_set)
-    return {"features": features, "galleries": list(galleries)}
-
-
 def _count(n_hits: int, n_shown: int) -> str:
     text = "1 hit" if n_hits == 1 else f"{n_hits} hits"
     return text if n_hits == n_shown else f"{text}, the first {n_shown} of them here"
 
 
 def _cell_of_query(query: Motion, hits: Sequence[Hit]) -> Cell:
-    warp = whole_warp(query)
+    warp = _whole_warp(query)
     if hits:
         evidence = hits[0].evidence
         sequence = compute_features(query, feature_set=evidence.sequence.feature_set)
         warp = warp_by(evidence.pattern, sequence, query)
-    detail = f"{query.duration_s:.2f} s, frames {_frames(query)}"
+    last = query.first_frame + query.n_frames - 1
+    detail = f"{query.duration_s:.2f} s, frames {query.first_frame}–{last}"
     return Cell(query.source or "query", detail, query, warp, is_query=True)
 
 
@@ -254,10 +237,6 @@ def cell_of_hit(rank: int, hit: Hit, motion: Motion) -> Cell:
     detail = f"{hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}{seen}"
     title = f"{rank}  {Path(hit.recording.name).name}"
     return Cell(title, detail, part, warp, round(hit.start_s, 4), notes)
-
-
-def _frames(motion: Motion) -> str:
-    return f"{motion.first_frame}–{motion.first_frame + motion.n_frames - 1}"
 
 
 class MotionFiles(Mapping[str, Motion]):
@@ -308,12 +287,3 @@ def find_motions(motions: Motions) -> Mapping[str, Motion]:
             "features have no positions to show; give the recordings: motions, a folder or files"
         )
     return named
-
-
-def _motion_of(recording: Recording, motions: Mapping[str, Motion]) -> Motion:
-    try:
-        return motions[recording.name]
-    except KeyError:
-        raise InvalidInput(
-            f"{recording.name!r} is not among the motions; give those that were searched"
-        ) from None

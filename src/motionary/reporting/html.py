@@ -16,7 +16,7 @@ import html
 import json
 import re
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
@@ -34,6 +34,8 @@ from motionary.recording import split_runs
 
 #: Browsers give up on files beyond this.
 MOST_BYTES = 400_000_000
+#: Further frames a second tell nothing to eyes, and fill the page.
+MOST_HZ = 240.0
 
 _SCRIPTS = (
     "words.js", "decoding.js", "stage.js", "view.js", "timeline.js", "why.js", "labels.js",
@@ -47,10 +49,13 @@ _POLICY = (
 )
 # Characters that end an element or, in old browsers, a line of a script.
 _ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
-
-
 #: Height of a page in the cell of a notebook.
 _CELL_PX = 640
+
+#: Unit of positions in a page, metres: they are off by half of it at most.
+UNIT_M = 0.001
+
+Integers = NDArray[np.int64]
 
 
 class Block(NamedTuple):
@@ -99,15 +104,21 @@ class Page:
 
 
 def build_page(
-    content: Mapping[str, Any], blocks: Iterable[Block], *, title: str, live: str = ""
+    content: Mapping[str, Any],
+    blocks: Iterable[Block],
+    *,
+    title: str,
+    path: str | Path | None = None,
+    live: str = "",
 ) -> Page:
-    """The whole file.
+    """The whole page.
 
     Parameters
     ----------
     content : what the page shows, as JSON has it
     blocks : further data, by the names that `content` gives them
     title : of the window
+    path : file to write
     live : the address of a websocket, the only one that the page may connect to
 
     Raises
@@ -115,12 +126,10 @@ def build_page(
     InvalidInput
         If the page would be larger than browsers open.
     """
-    style = _style()
-    script = _script((_LIVE,) if live else ())
+    style, script = "\n" + _read("style.css"), _script(bool(live))
     pieces = [_element("text/plain", block.name, block.text) for block in blocks if block.text]
     shared = {"version": __version__, "unit_m": UNIT_M, "joints": GENERIC_JOINTS}
-    if live:
-        shared["live"] = live
+    shared |= {"live": live} if live else {}
     data = _element("application/json", "content", _to_json({**shared, **content}))
     check_bytes(len(data) + sum(map(len, pieces)))
     policy = _POLICY.format(
@@ -138,7 +147,16 @@ def build_page(
     # Split before anything is filled in: a title may look like one of the names.
     parts = re.split(r"\[\[([A-Z]+)\]\]", _read("page.html"))
     text = "".join(values[part] if i % 2 else part for i, part in enumerate(parts))
-    return Page(title, text)
+    page = Page(title, text)
+    if path is not None:
+        page.save(path)
+    return page
+
+
+def check_rate(rate_hz: float) -> None:
+    """Raise InvalidInput unless a page can keep so many frames a second."""
+    if not 1 <= rate_hz <= MOST_HZ:
+        raise InvalidInput(f"rate_hz must be from 1 to {MOST_HZ:g}, got {rate_hz}")
 
 
 def check_bytes(n_bytes: float) -> None:
@@ -157,12 +175,8 @@ def _read(name: str) -> str:
 
 
 @cache
-def _style() -> str:
-    return "\n" + _read("style.css")
-
-
-@cache
-def _script(further: tuple[str, ...] = ()) -> str:
+def _script(is_live: bool) -> str:
+    further = [_LIVE] if is_live else []
     own = "\n".join(_read(name) for name in (*_SCRIPTS, *further, _START))
     return f'\n{_read("three.min.js")}\n(() => {{\n"use strict";\n{own}\n}})();\n'
 
@@ -189,37 +203,31 @@ def _printable(text: str) -> str:
 # -- numbers as text ----------------------------------------------------------------------
 
 
-Integers = NDArray[np.int64]
-
-#: Unit of positions in a page, metres: they are off by half of it at most.
-UNIT_M = 0.001
-
 _LEVEL = 7
 _BITS = 7
 _MOST_BYTES = 10
 
 
 def encode_positions(positions: NDArray[np.float64], known: NDArray[np.bool_]) -> str:
-    """Positions and which of them were seen.
+    """Positions (frames, joints, 3), finite, and which of them were seen (frames, joints).
 
     Joint by joint, coordinate by coordinate: the first value, then differences; after all
     joints, per joint, the lengths of runs of seen and unseen frames in turn, seen first.
-
-    Parameters
-    ----------
-    positions : array, shape (frames, joints, 3), metres, finite
-    known : array, shape (frames, joints)
     """
     n_frames, n_joints, _ = positions.shape
     values = np.rint(positions / UNIT_M).astype(np.int64)
     rows = values.transpose(1, 2, 0).reshape(n_joints * 3, n_frames)
-    runs = [run for joint in known.T for run in _lengths(joint)]
-    return _deflate(_varints(_fold(_differences(rows))) + _varints(np.array(runs, dtype=np.int64)))
+    runs: list[int] = []
+    for joint in known.T:
+        # Of a joint that is not seen at first a run of none comes before.
+        runs += [] if joint[0] else [0]
+        runs += [run.n_frames for run in split_runs(joint)]
+    return _deflate(_differences(rows) + _varints(np.array(runs, dtype=np.int64)))
 
 
 def encode_series(values: NDArray[np.int64]) -> str:
     """Whole numbers over time, shape (rows, frames), by their differences."""
-    return _deflate(_varints(_fold(_differences(values))))
+    return _deflate(_differences(values))
 
 
 def encode_states(states: NDArray[np.int64]) -> str:
@@ -237,18 +245,10 @@ def encode_json(content: Any) -> str:
     return _deflate(json.dumps(content, separators=(",", ":"), allow_nan=False).encode("ascii"))
 
 
-def _lengths(known: NDArray[np.bool_]) -> Sequence[int]:
-    """Lengths of the runs in turn, of True first, which may have none."""
-    lengths = [run.n_frames for run in split_runs(known)]
-    return lengths if known[0] else [0, *lengths]
-
-
-def _differences(rows: Integers) -> Integers:
-    return np.diff(rows, axis=1, prepend=0).ravel()
-
-
-def _fold(values: Integers) -> Integers:
-    return np.where(values < 0, -2 * values - 1, 2 * values)
+def _differences(rows: Integers) -> bytes:
+    """Folded differences along each row."""
+    steps = np.diff(rows, axis=1, prepend=0).ravel()
+    return _varints(np.where(steps < 0, -2 * steps - 1, 2 * steps))
 
 
 def _varints(values: Integers) -> bytes:

@@ -1,23 +1,37 @@
-"""Clips: the positions of a recording, its bones, and what of it was not seen, for a page.
+"""What pages hold of a recording: its poses, and the lanes below the player.
 
-A joint that is not seen for a while is kept where it was on its bone, and marked as unseen,
-so that the page can draw it so; joints that are never seen are named, and bones drawn over
-them.
+Poses are the positions and bones. A joint that is not seen for a while is kept where it was on
+its bone, and marked as unseen, so that the page can draw it so; joints that are never seen are
+named, and bones drawn over them. Lanes have labels of several tracks, why they are there, curves
+and features.
 
-Conventions: positions in metres, y up, at the page's rate; frame i stands for i / rate
-seconds after the recording's first frame.
+Conventions: positions in metres, y up, at the page's rate; frame i stands for i / rate seconds
+after the recording's first frame. Curves and features at 30 Hz, as sequences have them; times in
+seconds.
 """
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motionary.features import FeatureSequence, FeatureSet
+from motionary.labels import LabelTrack
+from motionary.models.library import Candidates, ClassLibrary, thresholds_for
 from motionary.motion import GENERIC_JOINTS, Motion, resample
 from motionary.plots.figures import bones_over_missing, side_of
 from motionary.recording import Recording, find_runs
-from motionary.reporting.html import Block, encode_positions
+from motionary.reporting.html import (
+    Block,
+    encode_json,
+    encode_positions,
+    encode_series,
+    encode_states,
+)
+from motionary.retrieval.annotation import Annotation
+from motionary.retrieval.explanation import Evidence, Finding, explain
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -34,18 +48,14 @@ _LEAST_HEIGHT_M = 1.2
 #: Shorter gaps are not hatched on the time axis: at its full length they could not be seen.
 _LEAST_GAP_S = 0.1
 
+#: A curve's unit: costs and scores are kept to a thousandth.
+CURVE_UNIT = 0.001
+#: A page has curves of so many classes: those with most labels, then those that came nearest.
+MOST_CURVES = 24
+#: Costs above say no more than that nothing fits.
+_HIGHEST_COST = 0.6
 
-class Clip(NamedTuple):
-    """A recording as the page has it.
-
-    Attributes
-    ----------
-    content : what stands in the page's JSON
-    blocks : positions in pieces
-    """
-
-    content: dict[str, Any]
-    blocks: list[Block]
+_NO, _YES, _UNKNOWN = 0, 1, 2
 
 
 class _Body(NamedTuple):
@@ -59,8 +69,8 @@ class _Body(NamedTuple):
 
 def make_clip(
     motion: Motion, *, key: str, rate_hz: float = PAGE_HZ, seen: Motion | None = None
-) -> Clip:
-    """A motion at the page's rate.
+) -> tuple[dict[str, Any], list[Block]]:
+    """A motion at the page's rate: what stands in the page's JSON, and positions in pieces.
 
     Parameters
     ----------
@@ -98,7 +108,7 @@ def make_clip(
         "floor": _floor(positions),
         "gaps": _gaps(known[:, ever], page_hz),
     }
-    return Clip(content, blocks)
+    return content, blocks
 
 
 def describe_body(positions: Floats) -> dict[str, Any]:
@@ -192,7 +202,7 @@ def _from_roots(n_joints: int, parents: dict[int, int]) -> list[int]:
 
 
 def _radius(positions: Floats) -> float:
-    """How far from their middle the joints reach in the first frames, metres; for the camera."""
+    """How far from their middle the joints reach in the first frame, metres; for the camera."""
     if not positions.size:
         return 1.0
     first = positions[0] - positions[0].mean(axis=0)
@@ -229,3 +239,147 @@ def _gaps(known: Bools, page_hz: float) -> list[tuple[float, float]]:
         for start, stop in runs.tolist()
         if stop - start >= _LEAST_GAP_S
     ]
+
+
+# -- lanes ----------------------------------------------------------------------------------
+
+
+class Lane(NamedTuple):
+    """Labels under one name: of a library, of a table, or true ones.
+
+    Attributes
+    ----------
+    name : shown beside the lane
+    track : its labels
+    is_truth : whether others are compared with it
+    """
+
+    name: str
+    track: LabelTrack
+    is_truth: bool = False
+
+
+def describe_features(feature_set: FeatureSet) -> list[dict[str, Any]]:
+    """Phrases, group and joints of each feature."""
+    return [
+        {
+            "id": one.id,
+            "yes": one.phrase(True),
+            "no": one.phrase(False),
+            "group": one.group,
+            "joints": [GENERIC_JOINTS.index(joint) for joint in one.joints],
+        }
+        for one in feature_set.features
+    ]
+
+
+def make_lanes(lanes: Iterable[Lane], *, key: str) -> tuple[list[dict[str, Any]], list[Block]]:
+    """Labels of lanes for the page's JSON, and the reasons of those that have some."""
+    contents, blocks = [], []
+    for number, lane in enumerate(lanes):
+        whys: list[Any] = []
+        rows = []
+        for label in lane.track:
+            reason = None
+            if isinstance(label.evidence, Evidence):
+                reason = len(whys)
+                whys.append(describe_why(label.evidence))
+            values = (label.cost, label.score, label.known)
+            rounded = [None if value is None else _round(value) for value in values]
+            times = _round(label.start_s), _round(label.end_s)
+            # Name, start, end, cost, score, known fraction, and the number of its reason.
+            rows.append([label.name, *times, *rounded, reason])
+        content: dict[str, Any] = {
+            "name": lane.name,
+            "truth": lane.is_truth,
+            "labels": rows,
+            "unassessed": [[_round(a), _round(b)] for a, b in lane.track.unassessed],
+            "nearest": "" if len(lane.track) else lane.track.nearest,
+        }
+        if whys:
+            content["why"] = f"{key}-why-{number}"
+            blocks.append(Block(content["why"], encode_json(whys)))
+        contents.append(content)
+    return contents, blocks
+
+
+def describe_why(evidence: Evidence) -> dict[str, Any]:
+    """What held and failed, as the page shows it beside the body."""
+    why, features = explain(evidence), evidence.sequence.feature_set
+    number = {name: i for i, name in enumerate(features.ids)}
+    phrases = {name: i for i, name in enumerate(features.names)}
+
+    def ranked(findings: Sequence[Finding]) -> list[list[Any]]:
+        """Feature, whether it is asked for to hold, start, end and weight of each."""
+        rows = []
+        for one in sorted(findings, key=lambda one: -one.weight):
+            index = number[one.feature]
+            holds = int(one.phrase == features.features[index].phrase(True))
+            rows.append([index, holds, *map(_round, (one.start_s, one.end_s, one.weight))])
+        return rows
+
+    gains = sorted(why.gains, key=lambda gain: -abs(gain.part))
+    return {
+        "text": str(why),
+        "cost": _round(why.cost),
+        "score": None if why.score is None else _round(why.score),
+        "fraction": _round(why.fraction_held),
+        "held": ranked(why.held),
+        "failed": ranked(why.failed),
+        "unknown": [phrases[name] for name in why.unknown],
+        "gains": [[number[gain.feature], _round(gain.part)] for gain in gains if gain.part],
+    }
+
+
+def make_strip(sequence: FeatureSequence, *, key: str) -> tuple[dict[str, Any], Block]:
+    """All features over time: no, yes, or unknown."""
+    states = np.where(sequence.known_features != 0, sequence.features, _UNKNOWN)
+    block = Block(f"{key}-features", encode_states(states.T.astype(np.int64)))
+    return {"block": block.name, "n_frames": len(sequence)}, block
+
+
+def make_curves(
+    found: Annotation, library: ClassLibrary, *, n_frames: int, key: str
+) -> tuple[dict[str, Any], Block]:
+    """Curves of the classes that have most labels, or came nearest, with their thresholds.
+
+    Scores where the labels were assigned by them, otherwise distance functions.
+    """
+    if found.candidates is not None:
+        curves = _score_curves(found.candidates, library, n_frames)
+        limits = dict(zip(library.names, thresholds_for(library).tolist(), strict=True))
+        best = {name: -float(curve.max(initial=0.0)) for name, curve in curves.items()}
+    else:
+        curves = {
+            name: np.minimum(one.unmodified, _HIGHEST_COST) for name, one in found.distances.items()
+        }
+        limits = {one.name: one.threshold for one in library}
+        best = {name: float(curve.min(initial=np.inf)) for name, curve in curves.items()}
+    counts = Counter(label.name for label in found.track)
+    chosen = sorted(curves, key=lambda name: (-counts[name], best[name]))[:MOST_CURVES]
+    rows = np.rint(np.array([curves[name] for name in chosen]) / CURVE_UNIT).astype(np.int64)
+    block = Block(f"{key}-curves", encode_series(rows))
+    content = {
+        "kind": "cost" if found.candidates is None else "score",
+        "unit": CURVE_UNIT,
+        "block": block.name,
+        "n_frames": n_frames,
+        "classes": [{"name": name, "threshold": _round(limits[name])} for name in chosen],
+    }
+    return content, block
+
+
+def _round(value: float) -> float:
+    return round(float(value), 4)
+
+
+def _score_curves(
+    found: Candidates, library: ClassLibrary, n_frames: int
+) -> dict[str, NDArray[np.floating]]:
+    """Highest score of the matches that cover each frame; 0 without one."""
+    curves: dict[str, NDArray[np.floating]] = {name: np.zeros(n_frames) for name in library.names}
+    paths = found.paths
+    for index, class_index in enumerate(found.classes.tolist()):
+        part = curves[library.names[class_index]][paths.starts[index] : paths.stops[index]]
+        np.maximum(part, float(paths.scores[index]), out=part)
+    return curves
