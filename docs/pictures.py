@@ -343,7 +343,8 @@ def _matrices(
         cells = np.repeat(one.features[:, chosen, np.newaxis].astype(np.float64), 3, axis=2)
         stop_s = len(one) / one.rate_hz
         for ax, part in zip(axes, parts, strict=True):
-            grid.draw_grid(ax, cells[:, part], stop_s=stop_s)
+            nothing = np.zeros(cells[:, part].shape[:2], dtype=np.bool_)
+            grid.draw_grid(ax, cells[:, part], nothing, stop_s=stop_s)
         axes[0].set_title(name, loc="left", pad=4.0)
         if len(one) > 1:
             mark_seconds(axes, stop_s)

@@ -7,10 +7,9 @@ Conventions: matrices come time first, (columns, features), as everywhere else; 
 turned only here.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +17,12 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence, FeatureSet, known_sets
 from motionary.plots import style
+from motionary.plots.style import Flags, Floats
 from motionary.recording import find_runs
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ROW_HEIGHT = 0.165
 #: Columns beyond what a page can show are drawn together.
@@ -71,15 +67,18 @@ def plot_features(sequence: FeatureSequence, *, ids: Sequence[str] | None = None
     )
     title = f"{sequence.source or 'features'}, {style.in_seconds(stop_s)}"
     figure, (axes,) = style.new_page(layout, title=title)
+    colours = shade(fraction, {style.UNKNOWN: unknown})
     for ax, part in zip(axes, parts, strict=True):
-        draw_grid(ax, _colours(fraction[:, part], unknown[:, part]), stop_s=stop_s)
-        hatch_cells(ax, unknown[:, part], stop_s=stop_s)
+        draw_grid(ax, colours[:, part], unknown[:, part], stop_s=stop_s)
         name_rows(ax, rows[part])
         name_group(ax, rows[part][0].group)
     style.mark_seconds(axes, stop_s)
-    style.add_legend(
-        figure, _legend(pooled=len(sequence) > MOST_COLUMNS, any_unknown=bool(unknown.any()))
-    )
+    handles = [style.swatch("holds", style.WHITE), style.swatch("does not hold", style.BLACK)]
+    if len(sequence) > MOST_COLUMNS:
+        handles.append(style.swatch("changes in between", style.FREE))
+    if unknown.any():
+        handles.append(style.swatch("unknown"))
+    style.add_legend(figure, handles)
     return figure
 
 
@@ -109,25 +108,10 @@ def _pool(features: NDArray[np.uint8], known: NDArray[np.uint8]) -> tuple[Floats
     return n_true / np.maximum(n_known, 1.0), 2 * n_known < sizes
 
 
-def _colours(fraction: Floats, unknown: Flags) -> Floats:
-    from matplotlib.colors import to_rgb
-
-    colours = np.repeat(fraction[:, :, np.newaxis], 3, axis=2)
-    colours[unknown] = to_rgb(style.UNKNOWN)
-    return colours
+# -- the grid --------------------------------------------------------------------------------
 
 
-def _legend(*, pooled: bool, any_unknown: bool) -> "list[Artist]":
-    handles = [style.swatch("holds", style.WHITE), style.swatch("does not hold", style.BLACK)]
-    if pooled:
-        handles.append(style.swatch("changes in between", style.FREE))
-    if any_unknown:
-        handles.append(style.swatch("unknown"))
-    return handles
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(NamedTuple):
     """What is written beside a row: short name, phrase and group; any may be empty."""
 
     id: str
@@ -141,13 +125,9 @@ def feature_rows(feature_set: FeatureSet) -> list[Row]:
 
 
 def named_rows(names: Sequence[str], *, feature_set: FeatureSet | None, of: str) -> list[Row]:
-    """Rows of named features, with phrases and groups where the set is known.
+    """Rows of features named by ids or phrases, with phrases and groups where they are known.
 
-    Parameters
-    ----------
-    names : ids or phrases of the features
-    feature_set : where to look them up; None: among the sets that are known by name
-    of : name of the feature set that the names belong to
+    They are looked up in the feature set, else in that which is known by the name `of`.
     """
     chosen = feature_set or known_sets().get(of)
     if chosen is None:
@@ -180,14 +160,18 @@ def _id_room(rows: Sequence[Row]) -> float:
     return widest + _ID_GAP if widest else 0.0
 
 
-def draw_grid(axes: "Axes", colours: Floats, *, stop_s: float) -> None:
-    """Cells of a grid.
+def shade(fraction: Floats | Flags, marked: Mapping[str, Flags]) -> Floats:
+    """Greys of fractions (columns, rows), shape (columns, rows, 3); marked cells in colours."""
+    from matplotlib.colors import to_rgb
 
-    Parameters
-    ----------
-    colours : array, shape (columns, rows, 3), in [0, 1]
-    stop_s : time at the right edge, seconds
-    """
+    colours = np.repeat(fraction[:, :, np.newaxis].astype(np.float64), 3, axis=2)
+    for colour, cells in marked.items():
+        colours[cells] = to_rgb(colour)
+    return colours
+
+
+def draw_grid(axes: "Axes", colours: Floats, unknown: Flags, *, stop_s: float) -> None:
+    """Cells of a grid in colours (columns, rows, 3), up to a time; unknown ones are hatched."""
     n_rows = colours.shape[1]
     axes.imshow(
         colours.swapaxes(0, 1), aspect="auto", interpolation="nearest",
@@ -196,21 +180,20 @@ def draw_grid(axes: "Axes", colours: Floats, *, stop_s: float) -> None:
     axes.hlines(np.arange(1, n_rows) - 0.5, 0.0, stop_s, color=style.RULE, linewidth=0.4)
     axes.set_ylim(n_rows - 0.5, -0.5)
     axes.set_yticks([])
+    _hatch_cells(axes, unknown, stop_s)
 
 
 def name_rows(axes: "Axes", rows: Sequence[Row]) -> None:
     """Names on the left of a grid: phrase, then the short name next to the cells."""
+    beside_cells = -_ID_GAP / 2
     for i, row in enumerate(rows):
-        _beside(axes, row.id, i, -_ID_GAP / 2)
-        _beside(axes, style.fit(row.phrase, _LONGEST_PHRASE), i, -_ID_GAP / 2 - _id_room(rows))
-
-
-def _beside(axes: "Axes", text: str, row: int, inches: float) -> None:
-    if text:
-        axes.annotate(
-            text, (0.0, row), xycoords=("axes fraction", "data"), xytext=(72 * inches, -0.5),
-            textcoords="offset points", ha="right", va="center", annotation_clip=False,
-        )  # fmt: skip
+        phrase = style.fit(row.phrase, _LONGEST_PHRASE)
+        for text, inches in ((row.id, beside_cells), (phrase, beside_cells - _id_room(rows))):
+            if text:
+                axes.annotate(
+                    text, (0.0, i), xycoords=("axes fraction", "data"), ha="right", va="center",
+                    xytext=(72 * inches, -0.5), textcoords="offset points", annotation_clip=False,
+                )  # fmt: skip
 
 
 def name_group(axes: "Axes", group: str) -> None:
@@ -221,8 +204,7 @@ def name_group(axes: "Axes", group: str) -> None:
     )  # fmt: skip
 
 
-def hatch_cells(axes: "Axes", cells: Flags, *, stop_s: float) -> None:
-    """Hatching over the marked cells (columns, rows) of a grid."""
+def _hatch_cells(axes: "Axes", cells: Flags, stop_s: float) -> None:
     from matplotlib.collections import PolyCollection
 
     width = axes.get_position().width * axes.get_figure(root=True).get_figwidth()  # type: ignore[union-attr]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 BLACK = "#000000"
 ORANGE = "#E69F00"

@@ -17,18 +17,17 @@ from motionary.models.templates import RATE_HZ, ROUNDING_SLACK, MotionTemplate, 
 from motionary.plots import style
 from motionary.plots.features import (
     ROW_HEIGHT,
-    Flags,
-    Floats,
     Row,
     blocks,
     draw_grid,
     group_room,
-    hatch_cells,
     name_group,
     name_room,
     name_rows,
     named_rows,
+    shade,
 )
+from motionary.plots.style import Flags, Floats
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -89,11 +88,10 @@ def plot_template(
     )
     figure, stacks = style.new_page(layout, title=_title(template))
     stop_s = template.n_columns / RATE_HZ
-    unmeasured = np.tile(_unmeasured(template), (template.n_columns, 1))
+    unmeasured = _unmeasured(template)
     for axes, (heading, colours) in zip(stacks, panels, strict=True):
         for ax, part in zip(axes, parts, strict=False):
-            draw_grid(ax, colours[:, part], stop_s=stop_s)
-            hatch_cells(ax, unmeasured[:, part], stop_s=stop_s)
+            draw_grid(ax, colours[:, part], unmeasured[:, part], stop_s=stop_s)
             _frame(ax, part, marks or {})
         axes[0].set_title(heading, loc="left", pad=4.0)
         _draw_weights(axes[-1], template.weights)
@@ -136,26 +134,23 @@ def _fractions(values: Floats) -> Floats:
 
 
 def _unmeasured(template: MotionTemplate) -> Flags:
-    """Which features no example shows, shape (features,)."""
-    return np.isin(template.feature_names, template.unmeasured)
+    """Cells of features that no example shows, shape (columns, features)."""
+    unmeasured = np.isin(template.feature_names, template.unmeasured)
+    return np.tile(unmeasured, (template.n_columns, 1))
 
 
 def _all_cells(template: MotionTemplate) -> Floats:
     from matplotlib.colors import to_rgb
 
     colours = _fractions(template.values)
-    colours[:, _unmeasured(template)] = to_rgb(style.UNKNOWN)
+    colours[_unmeasured(template)] = to_rgb(style.UNKNOWN)
     return colours
 
 
 def _fixed_cells(template: MotionTemplate, tolerance: float) -> Floats:
-    from matplotlib.colors import to_rgb
-
     quantised = quantise(template, tolerance=tolerance)
-    colours = np.repeat(quantised.values[:, :, np.newaxis].astype(np.float64), 3, axis=2)
-    colours[~quantised.fixed] = to_rgb(style.FREE)
-    colours[:, _unmeasured(template)] = to_rgb(style.UNKNOWN)
-    return colours
+    marked = {style.FREE: ~quantised.fixed, style.UNKNOWN: _unmeasured(template)}
+    return shade(quantised.values, marked)
 
 
 def _ramp() -> Floats:

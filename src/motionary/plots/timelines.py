@@ -11,12 +11,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from motionary.errors import InvalidInput
 from motionary.labels import LabelTrack
 from motionary.plots import style
 from motionary.plots.features import pool_starts
+from motionary.plots.style import Floats
 from motionary.recording import find_runs
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from motionary.inertial import TrackingCheck
-
-Floats = NDArray[np.float64]
 
 _WIDTH = 7.5
 _LABEL_ROW = 0.26
@@ -92,11 +91,8 @@ def plot_annotation(
     handles = _draw_labels(axes[-1], names, track, truth, stop_s)
     if shown:
         highest_cost = _draw_distances(axes[0], shown, curves)
-        style.add_ramp(
-            figure,
-            _colours(np.linspace(0, 1, 128)[np.newaxis]),
-            ("distance 0", f"{highest_cost:.2g}"),
-        )
+        ramp = _colours(np.linspace(0, 1, 128)[np.newaxis])
+        style.add_ramp(figure, ramp, ("distance 0", f"{highest_cost:.2g}"))
         handles.append(style.swatch("no match", style.WHITE))
     if lines:
         axes[0].set_title("\n".join(lines), loc="left", pad=4.0)
@@ -159,15 +155,11 @@ def _write_probabilities(
 
 def _count(names: Sequence[str], track: LabelTrack) -> list[str]:
     """Names of rows; of labels by scores with their number."""
-    shortened = _shorten(names)
+    shortened = [style.fit(name, _LONGEST_NAME) for name in names]
     if all(label.score is None for label in track):
         return shortened
     numbers = [sum(label.name == name for label in track) for name in names]
     return [f"{text} ({n})" for text, n in zip(shortened, numbers, strict=True)]
-
-
-def _shorten(names: Sequence[str]) -> list[str]:
-    return [style.fit(name, _LONGEST_NAME) for name in names]
 
 
 def _name_rows(axes: "Axes", names: Sequence[str]) -> None:
@@ -190,7 +182,7 @@ def _draw_distances(axes: "Axes", names: Sequence[str], curves: Mapping[str, Flo
             _colours(pooled[np.newaxis] / highest_cost), aspect="auto", interpolation="nearest",
             extent=(0.0, len(curve) / _DISTANCE_HZ, row + 0.5, row - 0.5),
         )  # fmt: skip
-    _name_rows(axes, _shorten(names))
+    _name_rows(axes, [style.fit(name, _LONGEST_NAME) for name in names])
     return highest_cost
 
 
@@ -245,7 +237,11 @@ def plot_distance(
         ax.set_ylabel("distance", labelpad=2.0)
         for hit in (hits or {}).get(name, ()):
             _draw_hit(ax, hit, curve, stop_s=stop_s, rate_hz=rate_hz)
-        _draw_truth(ax, truth, name, stop_s)
+        low, top = ax.get_ylim()
+        bars = [label for label in truth or () if label.name == name]
+        height, colour = 0.6 * -low, style.TRUTH
+        style.draw_blocks(ax, bars, low=low, height=height, colour=colour, stop_s=stop_s)
+        ax.set_ylim(low, top)
         ax.set_title(style.fit(name, _WIDTH), loc="left", pad=3.0)
     style.mark_seconds(axes, stop_s)
     has_hits = any(len(found) for found in (hits or {}).values())
@@ -319,13 +315,6 @@ def _scale(axes: "Axes", curve: Floats, threshold: float | None) -> None:
         axes.locator_params(axis="y", nbins=5)
     axes.tick_params(axis="y", color=style.RULE, length=2.5, width=0.6)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def _draw_truth(axes: "Axes", truth: LabelTrack | None, name: str, stop_s: float) -> None:
-    low, top = axes.get_ylim()
-    labels = [label for label in truth or () if label.name == name]
-    style.draw_blocks(axes, labels, low=low, height=0.6 * -low, colour=style.TRUTH, stop_s=stop_s)
-    axes.set_ylim(low, top)
 
 
 def _legend(*, hits: bool, threshold: float | None, truth: bool) -> "list[Artist]":

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.features import FULL_BODY, SEQUENCE_HZ, FeatureSequence, compute_features
-from motionary.features.feature_set import Feature
 from motionary.models.templates import PairCost, align_batched
 from motionary.motion import Motion
 from motionary.recording import Segment, find_runs
@@ -53,22 +52,23 @@ _NEITHER, _BOTH, _UNSEEN, _REFERENCE_ONLY, _OTHER_ONLY = range(5)
 
 
 class Difference(NamedTuple):
-    """An episode in which a feature holds longer, shorter, or in one recording only.
+    """An episode in which a feature holds longer, shorter, or in one recording only."""
 
-    Attributes
-    ----------
-    feature : number of the feature in its set
-    reference_s, other_s : how long it holds in both
-    here, there : the episode in the reference, and in the other
-    excess_s : how much longer it holds in the other than their tempo explains
-    """
-
-    feature: int
-    reference_s: float
+    feature: int  # its number in the set
+    reference_s: float  # how long it holds in both
     other_s: float
-    here: Segment
+    here: Segment  # the episode in the reference, and in the other
     there: Segment
-    excess_s: float
+    excess_s: float  # how much longer it holds in the other than their tempo explains
+
+    @property
+    def kind(self) -> str:
+        """How the other differs."""
+        if self.reference_s == 0:
+            return "only"
+        if self.other_s == 0:
+            return "never"
+        return "longer" if self.other_s > self.reference_s else "shorter"
 
 
 def report_comparison(
@@ -142,13 +142,7 @@ def align_recordings(reference: FeatureSequence, other: FeatureSequence) -> Floa
 def find_differences(
     reference: FeatureSequence, other: FeatureSequence, warp: Floats
 ) -> list[Difference]:
-    """Episodes that differ, by start.
-
-    Parameters
-    ----------
-    reference, other : over the same features
-    warp : of `align_recordings`
-    """
+    """Episodes that differ, by start; both over the same features, aligned by a warp."""
     rows, columns = _cells(warp, len(other))
     known = reference.known_features[rows] & other.known_features[columns] != 0
     here, there = reference.features[rows] != 0, other.features[columns] != 0
@@ -158,19 +152,18 @@ def find_differences(
         holds = (here[:, feature] | there[:, feature]) & known[:, feature]
         for start, stop in _episodes(holds):
             cells = slice(start, stop)
-            reference_s = _length(rows[cells], here[cells, feature])
-            other_s = _length(columns[cells], there[cells, feature])
+            reference_s, other_s = (
+                len(np.unique(frames[cells][own[cells, feature]])) / SEQUENCE_HZ
+                for frames, own in ((rows, here), (columns, there))
+            )
             excess_s = other_s - reference_s * tempo
             least_s = max(LEAST_S, LEAST_FRACTION * reference_s * tempo)
             if min(abs(excess_s), abs(other_s - reference_s)) < least_s:
                 continue
             here_s = (rows[start] / SEQUENCE_HZ, (rows[stop - 1] + 1) / SEQUENCE_HZ)
             there_s = (columns[start] / SEQUENCE_HZ, (columns[stop - 1] + 1) / SEQUENCE_HZ)
-            found.append(
-                Difference(
-                    feature, reference_s, other_s, Segment(*here_s), Segment(*there_s), excess_s
-                )
-            )
+            episodes = Segment(*here_s), Segment(*there_s)
+            found.append(Difference(feature, reference_s, other_s, *episodes, excess_s))
     return sorted(found, key=lambda one: one.here.start_s)
 
 
@@ -195,35 +188,26 @@ def summarise(
     )
     lines = [", ".join(lasts)]
     groups: list[tuple[float, str]] = []
-    ordered = sorted(differences, key=lambda one: (one.feature, _kind(one)))
-    for (number, _), group in groupby(ordered, key=lambda one: (one.feature, _kind(one))):
+    ordered = sorted(differences, key=lambda one: (one.feature, one.kind))
+    for _, group in groupby(ordered, key=lambda one: (one.feature, one.kind)):
         several = list(group)
-        feature = FULL_BODY.features[number]
-        text = _phrase(feature, several, names[1])
+        text = _phrase(several, names[1])
         groups.append((-sum(abs(one.excess_s) for one in several), text))
     lines += [text for _, text in sorted(groups)[:_MOST_LINES]]
     return lines if groups else [*lines, "no feature differs by a tenth of a second or more"]
 
 
-def _phrase(feature: Feature, several: Sequence[Difference], other: str) -> str:
+def _phrase(several: Sequence[Difference], other: str) -> str:
     """A line on the differences of one kind in one feature."""
-    total = sum(one.other_s - one.reference_s for one in several)
-    kind = _kind(several[0])
+    name = FULL_BODY.features[several[0].feature].name
+    total = abs(sum(one.other_s - one.reference_s for one in several))
     what = {
-        "longer": f"{feature.name} {abs(total):.1f} s longer in {other}",
-        "shorter": f"{feature.name} {abs(total):.1f} s shorter in {other}",
-        "only": f"{feature.name} for {abs(total):.1f} s in {other} only",
-        "never": f"{feature.name} for {abs(total):.1f} s, not so in {other}",
-    }[kind]
+        "longer": f"{name} {total:.1f} s longer in {other}",
+        "shorter": f"{name} {total:.1f} s shorter in {other}",
+        "only": f"{name} for {total:.1f} s in {other} only",
+        "never": f"{name} for {total:.1f} s, not so in {other}",
+    }[several[0].kind]
     return what if len(several) == 1 else f"{what} ({len(several)} times)"
-
-
-def _kind(one: Difference) -> str:
-    if one.reference_s == 0:
-        return "only"
-    if one.other_s == 0:
-        return "never"
-    return "longer" if one.other_s > one.reference_s else "shorter"
 
 
 def _lanes(differences: Sequence[Difference], other: str) -> list[dict[str, Any]]:
@@ -233,23 +217,17 @@ def _lanes(differences: Sequence[Difference], other: str) -> list[dict[str, Any]
         rows: list[list[Any]] = []
         whys: list[dict[str, Any]] = []
         for one in differences:
-            feature = FULL_BODY.features[one.feature]
-            if feature.group != group:
+            if FULL_BODY.features[one.feature].group != group:
                 continue
             start, end = round(float(one.here.start_s), 3), round(float(one.here.end_s), 3)
-            text = _phrase(feature, [one], other)
-            rows.append([text, start, end, None, None, None, len(whys)])
-            whys.append(
-                {
-                    "lines": [
-                        f"holds for {one.reference_s:.2f} s of {start:.2f}–{end:.2f} s",
-                        f"in {other} for {one.other_s:.2f} s of "
-                        f"{one.there.start_s:.2f}–{one.there.end_s:.2f} s",
-                    ],
-                    "held": [],
-                    "failed": [[one.feature, 1, start, end, 1.0]],
-                }
-            )
+            rows.append([_phrase([one], other), start, end, None, None, None, len(whys)])
+            lines = [
+                f"holds for {one.reference_s:.2f} s of {start:.2f}–{end:.2f} s",
+                f"in {other} for {one.other_s:.2f} s of "
+                f"{one.there.start_s:.2f}–{one.there.end_s:.2f} s",
+            ]
+            failed = [[one.feature, 1, start, end, 1.0]]
+            whys.append({"lines": lines, "held": [], "failed": failed})
         lanes.append(
             {"name": f"{name} differs", "truth": False, "labels": rows, "unassessed": [],
              "nearest": "", "whys": whys}
@@ -284,10 +262,6 @@ def _episodes(holds: Bools) -> list[tuple[int, int]]:
         else:
             joined.append((start, stop))
     return joined
-
-
-def _length(frames: Integers, holds: Bools) -> float:
-    return len(np.unique(frames[holds])) / SEQUENCE_HZ
 
 
 def _states(reference: FeatureSequence, other: FeatureSequence, warp: Floats) -> Integers:

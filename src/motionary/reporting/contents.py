@@ -102,7 +102,6 @@ def make_clip(
         "sides": body.sides,
         "bones": body.bones,
         "missing": [name for name, seen in zip(body.names, ever, strict=True) if not seen],
-        "radius": _radius(filled[:, ever]),
         "height": _height(filled[:, ever]),
         "reach": _reach(filled[:, ever]),
         "floor": _floor(positions),
@@ -201,14 +200,6 @@ def _from_roots(n_joints: int, parents: dict[int, int]) -> list[int]:
     return sorted(range(n_joints), key=depth)
 
 
-def _radius(positions: Floats) -> float:
-    """How far from their middle the joints reach in the first frame, metres; for the camera."""
-    if not positions.size:
-        return 1.0
-    first = positions[0] - positions[0].mean(axis=0)
-    return round(float(np.linalg.norm(first, axis=1).max()) or 1.0, 3)
-
-
 def _height(positions: Floats) -> float:
     """Median over time of the vertical extent, metres."""
     if not positions.size:
@@ -263,7 +254,6 @@ def describe_features(feature_set: FeatureSet) -> list[dict[str, Any]]:
     """Phrases, group and joints of each feature."""
     return [
         {
-            "id": one.id,
             "yes": one.phrase(True),
             "no": one.phrase(False),
             "group": one.group,
@@ -320,9 +310,6 @@ def describe_why(evidence: Evidence) -> dict[str, Any]:
 
     gains = sorted(why.gains, key=lambda gain: -abs(gain.part))
     return {
-        "text": str(why),
-        "cost": _round(why.cost),
-        "score": None if why.score is None else _round(why.score),
         "fraction": _round(why.fraction_held),
         "held": ranked(why.held),
         "failed": ranked(why.failed),
