@@ -153,18 +153,10 @@ def fit_pose(
     steps: int | None = None,
     engine: Engine = "auto",
 ) -> tuple[State, Mask]:
-    """The pose nearest to points, from near it, and which vertices the camera then sees.
+    """The pose nearest to points (n, 3), from near it, and which vertices the camera then sees.
 
-    Parameters
-    ----------
-    surface : Surface
-    state : where the fit starts
-    points : array, shape (n, 3), metres, of the person
-    depth : the cleaned image; tells what hides vertices
-    camera : Camera
-    settings : how it is fitted
-    steps : of Gauss-Newton, if not as many as the settings say
-    engine : which twin computes
+    `depth` is the cleaned image, which tells what hides vertices; `steps`, if given, replaces those
+    of the settings.
     """
     kernels: Any = load_twin(_STEPS_COMPILED, engine, pays=True) or solving
     body, (rest, bones, weights, _) = surface.body, surface.body.surface
@@ -319,16 +311,9 @@ def fit_person(
     scale: float = 1.0,
     engine: Engine = "auto",
 ) -> tuple[PersonShape, list[State]]:
-    """The body that explains the images best, and its poses in them.
+    """The body that explains images of different moments best, and its poses in them.
 
-    Parameters
-    ----------
-    views : of different moments
-    camera : Camera
-    database : whose prior over poses holds what is not seen
-    settings : how poses are fitted
-    scale : where the search of the size starts
-    engine : which twin computes
+    The database's prior holds what is not seen; `scale` is where the search of the size starts.
     """
     numbers = np.array([np.log(scale), 0.0, 0.0])
     start = numbers.copy()

@@ -170,14 +170,8 @@ def judge_pose(
 ) -> Floats:
     """How sure each joint is (joints,), in [0, 1], by what the image is off from the pose near it.
 
-    Parameters
-    ----------
-    surface : of the body
-    joints : array, shape (joints, 3), metres
-    visible : vertices, as from `fit_pose`; joints with hardly any are less sure
-    comparison : of the rendered pose and the image of `camera`
-    camera : of the small image
-    moved : array, shape (joints,), metres from the last image to this one
+    `comparison` and `camera` are of the small image; `visible` vertices come from `fit_pose`, and
+    joints with hardly any are less sure; `moved` (joints,) is metres since the last image.
     """
     names = surface.body.names
     typical = np.array([_TYPICAL.get(name, _TYPICAL.get(name[1:], 0.03)) for name in names])

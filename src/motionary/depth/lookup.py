@@ -92,16 +92,8 @@ def make_lookup(body: Body, database: PoseDatabase, *, scale: float = 1.0) -> Lo
 def permit(ends: Floats, last: Floats | None, *, jumped: bool) -> Indices:
     """Assignments of five extrema to the ends, shape (n, 5): which extremum each end is.
 
-    Parameters
-    ----------
-    ends : array, shape (5, 3), the extrema
-    last : ends of the last pose; None at the start
-    jumped : whether an extremum jumped, so that more assignments are tried
-
-    Returns
-    -------
-    Those in reach of the last pose (8.4); where something jumped also those that take the two
-    lowest for the feet.
+    Those in reach of the last pose (8.4); where an extremum jumped, or nothing is in reach, also
+    those that take the two lowest for the feet.
     """
     result = np.empty((0, 5), np.intp)
     if last is not None:
@@ -126,15 +118,9 @@ def find_candidates(
 ) -> Candidates:
     """Poses whose ends are near to the extrema under one of the assignments, best first (8.6).
 
-    Parameters
-    ----------
-    lookup : Lookup
-    ends : array, shape (5, 3), extrema in the world
-    assignments : array, shape (n, 5), from `permit`
-    centre : middle of the cloud
-    heading : viewing direction of the person
-    camera : Camera; from which side it sees the person tells which middle is meant
-    last : joints of the last pose, shape (joints, 3)
+    `ends` (5, 3) are extrema in the world and `assignments` (n, 5) from `permit`; `centre` is the
+    middle of the cloud; from which side the camera sees the person tells which middle of a pose is
+    meant. `last` (joints, 3) are joints of the last pose.
     """
     to_camera = camera.position - centre
     view = round((heading - np.arctan2(to_camera[0], to_camera[2])) / (2 * np.pi / N_VIEWS))
@@ -192,13 +178,7 @@ def reach(
 ) -> list[State]:
     """The pose with one limb after the other stretched to a point, where it is long enough.
 
-    Parameters
-    ----------
-    surface : Surface
-    state : the pose
-    ends : array, shape (5, 3), of the pose
-    target : array, shape (3,)
-    engine : which twin computes
+    `ends` (5, 3) are those of the pose.
     """
     turned, placed = place_surface(surface, state, engine=engine)
     body = surface.body

@@ -62,14 +62,7 @@ def find_centre(points: Floats, torso: NDArray[np.bool_] | None = None) -> Float
 
 
 def find_heading(points: Floats, centre: Floats, towards: Floats) -> Heading:
-    """The viewing direction as the normal of the torso's plane, on the camera's side.
-
-    Parameters
-    ----------
-    points : array, shape (n, 3)
-    centre : from `find_centre`
-    towards : direction to the camera
-    """
+    """The viewing direction: the normal of the torso's plane, `towards` the camera."""
     near = points[((points - centre) ** 2).sum(axis=1) < _TORSO_M**2]
     if len(near) < 10:
         return Heading(0.0, 0.0)

@@ -50,11 +50,7 @@ def orient_all(
 ) -> tuple[dict[str, Floats], list[str]]:
     """Orientations of each sensor by name, and notes on those that have none or doubtful ones.
 
-    Parameters
-    ----------
-    sensors : of one system
-    fused : take orientations that the files bring instead of fusing raw measurements
-    magnetic : let magnetometers tell headings
+    `fused` takes orientations that the files bring instead of fusing raw measurements.
     """
     found: dict[str, Floats] = {}
     notes = []

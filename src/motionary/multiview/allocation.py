@@ -86,15 +86,9 @@ def allocate(
 ) -> Allocated:
     """Where recognised motion wants the points of a track, and which priors that were.
 
-    Parameters
-    ----------
-    motion : keypoints as tracked, mapped to generic joints
-    confidence : array, shape (frames, points)
-    library : classes to recognise
-    settings : of the solver, for weights
-    memory : poses of examples; None lends those of the recording's own best match
-    priors : by name; None takes those that the library's templates tell by themselves
-    floor : height of the floor; None holds resting feet without it
+    `motion` is mapped to generic joints, `confidence` is (frames, points). Without `memory` poses
+    of the recording's own best match are lent, without `priors` those count that the library's
+    templates tell by themselves, and without `floor`, a height, feet rest without it.
     """
     track = Track(motion.names, motion.positions, confidence, motion.rate_hz)
     if priors is None:

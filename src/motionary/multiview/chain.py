@@ -118,11 +118,8 @@ def place(chain: Chain, turns: Floats, roots: Floats) -> ChainPose:
 def move(chain: Chain, pose: ChainPose, twists: Floats) -> ChainPose:
     """The pose after a twist of each joint.
 
-    Parameters
-    ----------
-    chain, pose : where it was
-    twists : array, shape (frames, 3 + 3 joints), a step of the root, then axis times angle of
-        each joint, in the world
+    `twists` (frames, 3 + 3 joints) are a step of the root, then axis times angle of each joint, in
+    the world.
     """
     n = len(chain.joints)
     steps = rotation_vectors_to_matrices(twists[:, 3:].reshape(-1, n, 3))
@@ -154,13 +151,7 @@ def linearise(chain: Chain, pose: ChainPose, points: Floats) -> Floats:
 
 
 def measure_chain(names: tuple[str, ...], points: Floats) -> Chain:
-    """The chain of a person, by medians of distances between points seen.
-
-    Parameters
-    ----------
-    names : of the points
-    points : array, shape (frames, points, 3), metres; NaN = not seen
-    """
+    """The chain of a person, by medians of distances of points (frames, points, 3) where seen."""
     if len(points) < 2 or not {"LHip", "RHip"} <= set(names):
         raise InvalidInput(
             "tracking needs two images or more with both hips, which two cameras see; got "
@@ -297,11 +288,7 @@ def align(shape: Floats, seen: Floats) -> Floats:
 def pose_points(chain: Chain, names: tuple[str, ...], points: Floats) -> ChainPose:
     """The pose through points of each frame: joint by joint, from the root outwards.
 
-    Parameters
-    ----------
-    chain : as measured
-    names : of the points
-    points : array, shape (frames, points, 3); NaN = not known, then a joint does not turn
+    `points` (frames, points, 3) are NaN where not known; then a joint does not turn.
     """
     at = {name: points[:, k] for k, name in enumerate(names)}
     _add_middles(at)

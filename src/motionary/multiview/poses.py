@@ -268,14 +268,10 @@ class Candidates(NamedTuple):
 def find_candidates(
     poses: Floats, columns: NDArray[np.intp], own: Floats, seen: Bools, rate_hz: float
 ) -> Candidates:
-    """Poses near the aligned columns, and how they agree with what is seen.
+    """Poses (examples, columns, points, 3) near the aligned columns, and how they fit what is seen.
 
-    Parameters
-    ----------
-    poses : of examples, (examples, columns, points, 3)
-    columns : of each frame of the track, -1 outside of the match
-    own, seen : points of the track in body axes, (frames, points, 3), and which views tell
-    rate_hz : of the track
+    `columns` of each frame are -1 outside of the match; `own` are points of the track in body axes,
+    (frames, points, 3), and `seen` which of them views tell.
     """
     frames = np.flatnonzero(columns >= 0)
     n_columns = poses.shape[1]

@@ -88,10 +88,7 @@ PriorTable = Mapping[tuple[str, str], Sequence[NamedPrior]]
 def named_priors(template: QuantisedTemplate, names: Sequence[str]) -> list[NamedPrior]:
     """Priors that a template marks by itself: rectangles of one row with the value that tells.
 
-    Parameters
-    ----------
-    template : with fixed and free cells
-    names : of its features, in the sequence of its cells
+    `names` are of its features, in the sequence of its cells.
     """
     found = []
     for name, (feature, value) in MARKED.items():
@@ -241,15 +238,8 @@ def hold(pull: Pull, track: Track, feet: Sequence[int], span: slice, floor: floa
 def shape_limb(name: str, track: Track, span: slice, pull: Pull, frame: BodyFrame) -> bool:
     """Change where points that no view tells are pulled to, so that a prior holds there.
 
-    Parameters
-    ----------
-    name : of the prior, one of `MARKED` but for resting feet
-    track : whose points take it
-    span : its frames
-    pull : changed in place; has places for all points that no view tells
-    frame : the body's axes
-
-    Returns whether a point took it.
+    `name` is one of `MARKED` but for resting feet; `pull` is changed in the frames of `span`, and
+    has places for all points that no view tells. Returns whether a point took it.
     """
     side, part = name[0].upper(), name.split()[1]
     limb = [f"{side}{one}" for one in _LIMBS[part]]

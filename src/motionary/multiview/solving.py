@@ -86,16 +86,9 @@ def solve_chain(
     settings: SolverSettings,
     pull: Pull | None = None,
 ) -> ChainPose:
-    """The pose after a step for each scale.
+    """The pose after a step for each of `scales_m`, beyond which rays count little, coarse to fine.
 
-    Parameters
-    ----------
-    chain, pose : where the search starts
-    sight : rays of the chain's points, in their sequence
-    scales_m : beyond which rays count little, from coarse to fine
-    rate_hz : frames a second
-    settings : noise and accelerations
-    pull : of priors
+    `sight` has rays of the chain's points, in their sequence.
     """
     for scale in scales_m:
         steps = np.zeros((len(pose.turns), 3 + 3 * len(chain.joints)))

@@ -124,13 +124,8 @@ def steady(
 ) -> Recognised:
     """The track again with priors of what it is recognised as, until labels stand still.
 
-    Parameters
-    ----------
-    found : a track without priors, y up
-    library : classes to recognise
-    recording : of the labels
-    memory : poses of examples; None lends those of the recording's own best matches
-    named : priors of templates by name; None takes those that templates tell by themselves
+    `found` is y up and without priors. Without `memory` poses of the recording's own best matches
+    are lent; without `named` priors those count that templates tell by themselves.
     """
     names = found.chain.points
     floor = floor_of(names, found.points)
@@ -310,13 +305,10 @@ def measure_steadiness(
     standing: dict[str, Bools],
     floor: float | None,
 ) -> Steadiness:
-    """Sliding, floor, gaps and jitter of points.
+    """Sliding, floor, gaps and jitter of points; NaN = not known.
 
-    Parameters
-    ----------
-    names, points, rate_hz : what is measured; NaN = not known
-    standing : frames in which each foot stands, the same for all tracks that are compared
-    floor : height of the floor
+    `standing` has the frames in which each foot stands, the same for all tracks that are compared;
+    `floor` is its height.
     """
     speeds = []
     for side, mask in standing.items():

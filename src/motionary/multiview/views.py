@@ -75,15 +75,7 @@ def open_views(
     unit: str | None = None,
     synchronise: bool = False,
 ) -> tuple[Views, FittedViews, Recording]:
-    """Keypoints and cameras, read where they are files, their rays, and the recording they are of.
-
-    Parameters
-    ----------
-    keypoints : a folder with a folder for each camera, or what `read_keypoints` gives
-    cameras : a calibration, or what `read_cameras` gives
-    rate_hz : images a second
-    unit, synchronise : as of `fit_views`
-    """
+    """Keypoints and cameras, read where they are files, their rays, and their recording."""
     if not 0 < rate_hz < np.inf:
         raise InvalidInput(f"rate_hz must be a positive number, got {rate_hz}")
     name = "keypoints"
