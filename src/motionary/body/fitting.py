@@ -31,6 +31,9 @@ from motionary.rotations import (
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+# What one of a direction of the shape costs beside lengths, in metres.
+_SHAPE_PRIOR_M = 0.3
+
 
 @dataclass(frozen=True, slots=True)
 class FitSettings:
@@ -68,7 +71,6 @@ def fit_points(
     points: Points,
     targets: Floats,
     *,
-    start: Pose | None = None,
     settings: FitSettings | None = None,
 ) -> Fit:
     """The pose in which points of the body are nearest to where they were seen.
@@ -78,8 +80,9 @@ def fit_points(
     body : Body
     points : of the body, as from `Body.points` or `Body.joint_points`
     targets : array, shape (points, 3), metres; NaN = not seen
-    start : where the search starts and what the prior holds on to; at rest, moved and turned
-        onto the targets, if None
+
+    The search starts from the pose at rest, moved and turned onto the targets; the prior holds on
+    to it.
 
     Raises
     ------
@@ -93,7 +96,7 @@ def fit_points(
             f"a fit needs targets {points.rest.shape} with at least four of them seen, got "
             f"{targets.shape} with {int(seen.sum())}"
         )
-    state = _State.at(body, start or _rigid_start(body, points, targets))
+    state = _State.at(body, _rigid_start(body, points, targets))
     state, converged = _descend(body, points, targets, seen, state, settings)
     residuals = np.linalg.norm(
         skin(state.body, state.pose(), state.moved(points))[0] - targets, axis=1
@@ -129,13 +132,10 @@ def fit_surface(
     return Fit(state.pose(), state.shape_told(), distances, converged)
 
 
-def fit_shape(
-    body: Body, lengths: Mapping[tuple[str, str], float], *, prior_m: float = 0.3
-) -> dict[str, float]:
+def fit_shape(body: Body, lengths: Mapping[tuple[str, str], float]) -> dict[str, float]:
     """The shape whose distances between joints are nearest to those measured.
 
-    Girth is not in lengths: muscle and weight stay 0. `prior_m` is what one of a direction
-    costs, in metres.
+    Girth is not in lengths: muscle and weight stay 0.
     """
     from scipy.optimize import least_squares
 
@@ -150,7 +150,7 @@ def fit_shape(
     def residuals(amounts: Floats) -> Floats:
         joints = body.joints + np.tensordot(amounts, body.joint_shapes[free], 1)
         own = np.array([np.linalg.norm(joints[a] - joints[b]) for a, b in pairs])
-        return np.concatenate([(own - wanted) / 0.02, 0.02 * amounts / prior_m])
+        return np.concatenate([(own - wanted) / 0.02, 0.02 * amounts / _SHAPE_PRIOR_M])
 
     most = np.array([MOST_SHAPE[body.shape_names[k]] for k in free])
     found = least_squares(residuals, np.zeros(len(free)), bounds=(-most, most), loss="soft_l1").x

@@ -240,16 +240,13 @@ class Extrema(NamedTuple):
     visited: Indices
 
 
-def build_graph(
-    cloud: Cloud, focal: float, *, reach_px: float = REACH_PX, engine: Engine = "auto"
-) -> Graph:
+def build_graph(cloud: Cloud, focal: float, *, engine: Engine = "auto") -> Graph:
     """The graph of a cloud: neighbouring pixels near each other, components joined.
 
     Parameters
     ----------
     cloud : Cloud
     focal : the camera's focal length in pixels
-    reach_px : neighbours are joined up to so many pixels' distance, and some more for the noise
     engine : which twin computes
 
     Raises
@@ -263,7 +260,7 @@ def build_graph(
     kernels = load_twin(COMPILED, engine, pays=True)
     link = _link if kernels is None else kernels.link
     first, second, weights, labels = link(
-        cloud.points, cloud.pixels, cloud.depth, reach_px / focal, REACH_M, REACH_STEP
+        cloud.points, cloud.pixels, cloud.depth, REACH_PX / focal, REACH_M, REACH_STEP
     )
     sizes = np.bincount(labels)
     kept = sizes >= _LEAST_COMPONENT

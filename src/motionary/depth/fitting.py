@@ -179,9 +179,7 @@ def fit_pose(
 PUBLISHED_VERTICES, PUBLISHED_NEAREST = 150, 5
 
 
-def fit_published(
-    surface: Surface, state: State, points: Floats, *, steps: int = 6, damping: float = 0.1
-) -> State:
+def fit_published(surface: Surface, state: State, points: Floats, *, steps: int = 6) -> State:
     """The pose by the printed rule: fixed vertices, each to the median of its nearest points."""
     from scipy.spatial import cKDTree
 
@@ -200,7 +198,7 @@ def fit_published(
         system, slope = solving.gather(
             parents, bones, weights, surface.active, placed, vertices, pulls
         )
-        system[np.diag_indices(len(system))] += damping
+        system[np.diag_indices(len(system))] += 0.1
         change = solving.solve(system, slope)
         solving.move(parents, surface.active, turned, change, turns, root)
     return State(turns, root)

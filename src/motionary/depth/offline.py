@@ -1,5 +1,6 @@
 """Whole recordings of a depth camera: tracked image by image, and the poses as a motion."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -170,12 +171,14 @@ def to_motion(
             else:
                 confidence[frame, k] = confidence[frame, skeleton.parents[k]]
         roots[frame] = pose.joints[0] - skeleton.offsets[0]
+    reasons = Counter(pose.reason.split(":")[0] for pose in poses if pose.reason)
+    notes = tuple(f"{n} of {len(poses)} images: {reason}" for reason, n in reasons.items())
     positions = forward_kinematics(skeleton, turns, roots)
     positions[confidence < least_confidence] = np.nan
     positions[~seen] = np.nan
     return Motion(
         GENERIC_JOINTS, positions, Recording(name, rate_hz=rate_hz), named_mapping("generic"),
-        skeleton, matrices_to_quaternions(turns), notes=_list_notes(poses),
+        skeleton, matrices_to_quaternions(turns), notes=notes,
     )  # fmt: skip
 
 
@@ -198,13 +201,3 @@ def _skeleton(body: Body) -> Skeleton:
         ]
     )
     return Skeleton(GENERIC_JOINTS, parents, offsets)
-
-
-def _list_notes(poses: Sequence[TrackedPose]) -> tuple[str, ...]:
-    """How many images are unsure or without a person, by reason."""
-    counts: dict[str, int] = {}
-    for pose in poses:
-        if pose.reason:
-            kind = pose.reason.split(":")[0]
-            counts[kind] = counts.get(kind, 0) + 1
-    return tuple(f"{n} of {len(poses)} images: {kind}" for kind, n in counts.items())

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from motionary.body import Body, Camera, load_body, pose_body, pose_from_motion, render_depth, skin
 from motionary.body.model import Pose, local_rotations
-from motionary.depth.clouds import Cloud, build_graph, prepare
+from motionary.depth.clouds import build_graph, prepare
 from motionary.errors import InvalidInput, describe_cause
 from motionary.motion import Motion
 from motionary.rotations import (
@@ -274,14 +274,10 @@ def measure_centres(body: Body, turns: Floats) -> Floats:
         turn = turn_about_up(2 * np.pi * view / N_VIEWS)
         for number, own in enumerate(vertices @ turn.T):
             cloud = prepare(render_depth(own, body.faces, camera).depth, camera)
-            result[number, view] = centre_of(cloud, camera) @ turn
+            graph = build_graph(cloud, camera.focal[0])
+            # As the tracker finds it: from the largest component.
+            result[number, view] = find_centre(graph.points, graph.torso) @ turn
     return result
-
-
-def centre_of(cloud: Cloud, camera: Camera) -> Floats:
-    """The middle of a cloud as the tracker finds it: from its largest component."""
-    graph = build_graph(cloud, camera.focal[0])
-    return find_centre(graph.points, graph.torso)
 
 
 def _read_turns(body: Body, motion: Motion, rate_hz: float) -> Floats:

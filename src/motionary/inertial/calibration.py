@@ -149,13 +149,13 @@ def _check_pairs(tracked: Floats, measured: Floats) -> tuple[Floats, Floats, NDA
     return tracked, measured, seen
 
 
-def match_limb(tracked: Floats, measured: Floats, *, most_frames: int = 80) -> float:
+def match_limb(tracked: Floats, measured: Floats) -> float:
     """Root mean square of what a rough fit of a sensor to a limb leaves, in degrees.
 
     Frames are weighed by how much the sensor turns: standing still fits everywhere.
     """
     tracked, measured, seen = _check_pairs(tracked, measured)
-    chosen = _choose(measured, seen, most_frames)
+    chosen = _choose(measured, seen, _MOST_ROUGH)
     products = _products(tracked[chosen], measured[chosen], _HEADINGS)
     scale = CalibrationSettings().scale_deg
     worlds, mounts, costs = _descend(products, _starts(products), _COARSE, scale)
@@ -240,8 +240,10 @@ _HEADINGS = np.eye(4)[[0, 3]]
 _SCALES = tuple(90.0 * 0.8**step for step in range(13))
 _COARSE = _SCALES[:10:3]
 _REFINING = 8
-_MOST_REFINED = 2000
+_MOST_ROUGH, _MOST_REFINED = 80, 2000
 _PARTS = 10
+# Of directions, residuals much beyond it count little.
+_DIRECTION_SCALE_DEG = 5.0
 
 
 def _refine(
@@ -298,7 +300,7 @@ def _correlation_length(values: Floats) -> float:
 
 
 def calibrate_published(
-    tracked: Floats, measured: Floats, *, seed: int = 0, n_pairs: int = 2000
+    tracked: Floats, measured: Floats, *, seed: int = 0
 ) -> tuple[Floats, Floats]:
     """World and mount as the thesis solves for them: Park's means over random pairs of frames.
 
@@ -306,7 +308,7 @@ def calibrate_published(
     """
     tracked, measured, seen = _check_pairs(tracked, measured)
     known = np.flatnonzero(seen)
-    pairs = np.random.default_rng(seed).choice(known, (n_pairs, 2))
+    pairs = np.random.default_rng(seed).choice(known, (2000, 2))
     s, t = pairs[pairs[:, 0] != pairs[:, 1]].T
 
     def between(one: Floats, *, inside: bool) -> Floats:
@@ -347,9 +349,7 @@ class DirectionCalibration(NamedTuple):
     residual_deg: Floats
 
 
-def calibrate_direction(
-    directions: Floats, measured: Floats, *, scale_deg: float = 5.0
-) -> DirectionCalibration:
+def calibrate_direction(directions: Floats, measured: Floats) -> DirectionCalibration:
     """The same where only the direction of a limb is tracked, as by joints without turns.
 
     The twist of the limb is not asked about: no guess of it is as good as the sensor.
@@ -358,7 +358,6 @@ def calibrate_direction(
     ----------
     directions : array, shape (frames, 3), unit vectors in a world with z up; NaN = not seen
     measured : array, shape (frames, 4)
-    scale_deg : residuals much beyond it count little
     """
     seen = ~np.isnan(directions).any(axis=1) & ~np.isnan(measured).any(axis=1)
     if seen.sum() < 20:
@@ -368,11 +367,11 @@ def calibrate_direction(
     if np.linalg.norm(d.mean(axis=0)) > 1 - 1e-4:
         raise InvalidInput("the limb keeps its direction, so nothing tells how the sensor sits")
     starts = np.linspace(0, 2 * np.pi, 8, endpoint=False)
-    tried = [_descend_direction(d, q, float(start), scale_deg, 6) for start in starts]
+    tried = [_descend_direction(d, q, float(start), 6) for start in starts]
     tried.sort(key=lambda one: one[2])
     chosen = _choose(measured, np.asarray(seen), _MOST_REFINED)
     d, q = directions[chosen], measured[chosen]
-    finest = [_descend_direction(d, q, angle, scale_deg, 24) for angle, _, _ in tried[:2]]
+    finest = [_descend_direction(d, q, angle, 24) for angle, _, _ in tried[:2]]
     angle, axis, _ = min(finest, key=lambda one: one[2])
     residual = np.full(len(directions), np.nan)
     turned = rotate(np.broadcast_to(heading(angle), measured[seen].shape), directions[seen])
@@ -382,7 +381,7 @@ def calibrate_direction(
 
 
 def _descend_direction(
-    directions: Floats, measured: Floats, angle: float, scale_deg: float, n_steps: int
+    directions: Floats, measured: Floats, angle: float, n_steps: int
 ) -> tuple[float, Floats, float]:
     weights, scale = np.ones(len(directions)), 90.0
     for _ in range(n_steps):
@@ -396,5 +395,5 @@ def _descend_direction(
         turned = rotate(np.broadcast_to(heading(angle), measured.shape), directions)
         squares = direction_distance_deg(turned, pointing) ** 2
         weights = (scale**2 / (squares + scale**2)) ** 2
-        scale = max(scale * 0.8, scale_deg)
-    return angle, axis, float((squares / (squares + scale_deg**2)).mean())
+        scale = max(scale * 0.8, _DIRECTION_SCALE_DEG)
+    return angle, axis, float((squares / (squares + _DIRECTION_SCALE_DEG**2)).mean())

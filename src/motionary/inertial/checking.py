@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
 from motionary.inertial.calibration import (
-    Calibration,
     CalibrationSettings,
     calibrate_direction,
     match_limb,
@@ -310,31 +309,57 @@ def _check_limb(
     settings: CheckSettings,
 ) -> LimbCheck:
     nothing = np.full(len(measured), np.nan)
-    refused = LimbCheck(
-        name, limb, nothing, None, None, np.nan, np.nan, 0.0, margin, [], (_NO_LIMB,)
-    )
-    if not limb:
-        return refused
+    check = LimbCheck(name, limb, nothing, None, None, np.nan, np.nan, 0.0, margin, [], (_NO_LIMB,))
     try:
-        if limb not in tracked.turns:
-            return _check_direction(name, limb, tracked, measured, margin, settings)
-        found, steadied, drift = calibrate_drifting(
-            tracked.turns[limb], measured, tracked.rate_hz, settings.calibration
-        )
+        if limb in tracked.turns:
+            return _check_turns(check, tracked, measured, settings)
+        return _check_direction(check, tracked, measured, settings) if limb else check
     except InvalidInput as error:
-        return refused._replace(notes=(str(error),))
-    swing, twist = _parts(tracked.turns[limb], steadied, found, tracked.axes[limb])
-    wrong, notes = _judge(found.residual_deg, margin, tracked.rate_hz, settings.detection)
+        return check._replace(notes=(str(error),))
+
+
+def _check_turns(
+    check: LimbCheck, tracked: TrackedLimbs, measured: Floats, settings: CheckSettings
+) -> LimbCheck:
+    turns = tracked.turns[check.limb]
+    found, steadied, drift = calibrate_drifting(
+        turns, measured, tracked.rate_hz, settings.calibration
+    )
+    told = multiply_quaternions(
+        multiply_quaternions(conjugate_quaternions(found.world), steadied),
+        conjugate_quaternions(found.mount),
+    )
+    swing, twist = swing_twist_deg(turns, told, tracked.axes[check.limb])
+    wrong, notes = _judge(found.residual_deg, check.margin, tracked.rate_hz, settings.detection)
     drift_deg = float(np.degrees(np.abs(drift - np.median(drift))).max())
     notes += doubt(found.residual_deg, drift_deg)
     # Only what disagrees can be misread.
-    if wrong and (misread := name_misreading(tracked.turns[limb], measured)):
+    if wrong and (misread := name_misreading(turns, measured)):
         wrong, notes = [], (misread, *notes)
-    return LimbCheck(
-        name, limb, found.residual_deg, swing, twist,
-        float(np.degrees(2 * np.arctan2(found.world[3], found.world[0])) % 360),
-        found.deviation_deg, drift_deg, margin, wrong, (*found.notes, *notes),
-    )  # fmt: skip
+    return check._replace(
+        residual_deg=found.residual_deg,
+        swing_deg=swing,
+        twist_deg=twist,
+        heading_deg=float(np.degrees(2 * np.arctan2(found.world[3], found.world[0])) % 360),
+        deviation_deg=found.deviation_deg,
+        drift_deg=drift_deg,
+        wrong=wrong,
+        notes=(*found.notes, *notes),
+    )
+
+
+def _check_direction(
+    check: LimbCheck, tracked: TrackedLimbs, measured: Floats, settings: CheckSettings
+) -> LimbCheck:
+    found = calibrate_direction(tracked.directions[check.limb], measured)
+    residual = found.residual_deg
+    wrong, notes = _judge(residual, check.margin, tracked.rate_hz, settings.of_directions)
+    return check._replace(
+        residual_deg=residual,
+        heading_deg=float(np.degrees(found.heading_rad) % 360),
+        wrong=wrong,
+        notes=(_DIRECTION_ONLY, *notes, *doubt(residual)),
+    )
 
 
 def _judge(
@@ -345,33 +370,6 @@ def _judge(
     if margin < _SURE:
         return [], (_UNSURE_LIMB,)
     return find_wrong(residual_deg, rate_hz, detection), ()
-
-
-def _check_direction(
-    name: str,
-    limb: str,
-    tracked: TrackedLimbs,
-    measured: Floats,
-    margin: float,
-    settings: CheckSettings,
-) -> LimbCheck:
-    found = calibrate_direction(tracked.directions[limb], measured)
-    wrong, notes = _judge(found.residual_deg, margin, tracked.rate_hz, settings.of_directions)
-    return LimbCheck(
-        name, limb, found.residual_deg, None, None, float(np.degrees(found.heading_rad) % 360),
-        np.nan, 0.0, margin, wrong, (_DIRECTION_ONLY, *notes, *doubt(found.residual_deg)),
-    )  # fmt: skip
-
-
-def _parts(
-    tracked: Floats, measured: Floats, found: Calibration, axis: Floats
-) -> tuple[Floats, Floats]:
-    """Degrees across and about the limb between its turn as tracked and as the sensor tells."""
-    told = multiply_quaternions(
-        multiply_quaternions(conjugate_quaternions(found.world), measured),
-        conjugate_quaternions(found.mount),
-    )
-    return swing_twist_deg(tracked, told, axis)
 
 
 def _to_track(motion: Motion, checks: Sequence[LimbCheck]) -> LabelTrack:

@@ -22,9 +22,7 @@ from motionary.rotations import conjugate_quaternions, multiply_quaternions
 
 Floats = NDArray[np.float64]
 
-#: The published rule: a frame is wrong from this angle on.
-PUBLISHED_DEG = 45.0
-_KNOTS_S = 8.0
+_KNOTS_S, _SCALE_DEG = 8.0, 6.0
 _ROUNDS = 2
 # From which on a drift, a disagreement all the time, and gaps of the sensor are told.
 _LARGE_DRIFT_DEG = 10.0
@@ -88,9 +86,7 @@ def find_wrong(
     ]
 
 
-def heading_drift(
-    predicted: Floats, measured: Floats, rate_hz: float, *, scale_deg: float = 6.0
-) -> Floats:
+def heading_drift(predicted: Floats, measured: Floats, rate_hz: float) -> Floats:
     """How the sensor's heading drifts, radians, (frames,): lines between knots 8 s apart.
 
     A slow turn of the limb about the vertical cannot be told from it, and is taken for drift.
@@ -112,7 +108,7 @@ def heading_drift(
     bends = np.diff(np.eye(n_knots), n=2, axis=0)
     knots: Floats = np.zeros(n_knots)
     weights: Floats = known.astype(np.float64)
-    values, scale = np.where(known, angle, 0.0), np.radians(scale_deg)
+    values, scale = np.where(known, angle, 0.0), np.radians(_SCALE_DEG)
     per_knot = n / n_knots
     for _ in range(10):
         normal = (rows * weights[:, None]).T @ rows + 0.2 * per_knot * bends.T @ bends

@@ -153,7 +153,6 @@ def simulate_sensor(
     *,
     rate_hz: float,
     mount: Floats | None = None,
-    lever: Floats | None = None,
     settings: SensorSettings | None = None,
     seed: int = 0,
 ) -> SimulatedSensor:
@@ -165,7 +164,6 @@ def simulate_sensor(
     places : array, shape (frames, 3), metres, of the limb's joint in that world
     rate_hz : frames per second
     mount : how the sensor is turned on the limb, (4,); not at all if None
-    lever : where on the limb it sits, seen from the joint, metres
     settings : its faults; those of a usual sensor if None
     seed : of all that is drawn
     """
@@ -178,7 +176,7 @@ def simulate_sensor(
         )
     rng = np.random.default_rng(seed)
     limb = continuous_signs(orientations)
-    place = places + rotate(limb, np.zeros(3) if lever is None else np.asarray(lever))
+    place = places
     turned = limb if mount is None else multiply_quaternions(limb, np.asarray(mount))
     if settings.lowpass_hz is not None:
         place = _lowpass(place, settings.lowpass_hz, rate_hz)

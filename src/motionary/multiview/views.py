@@ -214,14 +214,14 @@ def _cost(sight: Sight) -> float:
     return float(np.mean(known))
 
 
-def find_offsets(sight: Sight, *, most: int = MOST_OFFSET) -> NDArray[np.intp]:
+def find_offsets(sight: Sight) -> NDArray[np.intp]:
     """By how many frames each camera's images are late; the first camera that fits is not.
 
     A camera is taken for late only where that makes a plain difference.
     """
     some = _some(sight)
     n_cameras = len(sight.origins)
-    most = min(most, some.weights.shape[1] // 3)
+    most = min(MOST_OFFSET, some.weights.shape[1] // 3)
     steps = np.arange(-most, most + 1)
     together = np.zeros((n_cameras, n_cameras))
     for a, b in combinations(range(n_cameras), 2):
@@ -252,11 +252,9 @@ def find_offsets(sight: Sight, *, most: int = MOST_OFFSET) -> NDArray[np.intp]:
 
 def _moved(costs: Floats, offset: int) -> Floats:
     """Costs by offset against a camera that is late itself."""
-    result = np.full_like(costs, costs.max() if costs.size else 1.0)
-    n = len(costs)
-    first, last = max(0, offset), min(n, n + offset)
-    result[first:last] = costs[first - offset : last - offset]
-    return result
+    most = costs.max() if costs.size else 1.0
+    moved: Floats = move_frames(costs[None], np.array([-offset]), empty=most)[0]
+    return moved
 
 
 def shift(sight: Sight, offsets: NDArray[np.intp]) -> Sight:
