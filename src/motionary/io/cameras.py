@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile, check_path
-from motionary.io.text import read_text, read_toml
+from motionary.io.text import parse_xml, read_text, read_toml
 from motionary.rotations import quaternions_to_matrices, rotation_vectors_to_quaternions
 
 if TYPE_CHECKING:
@@ -25,13 +25,17 @@ Floats = NDArray[np.float64]
 
 # Qualisys counts intrinsics in 64ths of a pixel, and places in millimetres.
 _QUALISYS_STEPS = 64.0
-_MATRIX_KEYS = ("camera_matrix", "CameraMatrix", "K", "intrinsic_matrix", "M")
-_LENS_KEYS = (
-    "distortion_coefficients", "DistortionCoeffs", "dist", "D", "dist_coeffs",
-    "distortion", "k",
-)  # fmt: skip
-_TURN_KEYS = ("R", "Rot", "rotation", "Rotation", "rvec", "rotation_matrix")
-_MOVE_KEYS = ("T", "translation", "Translation", "tvec", "t")
+_TOML_KEYS = {
+    "matrix": "matrix", "turn": "rotation", "move": "translation", "lens": "distortions",
+    "size": "size",
+}  # fmt: skip
+_OPENCV_KEYS = {
+    "matrix": ("camera_matrix", "CameraMatrix", "K", "intrinsic_matrix", "M"),
+    "turn": ("R", "Rot", "rotation", "Rotation", "rvec", "rotation_matrix"),
+    "move": ("T", "translation", "Translation", "tvec", "t"),
+    "lens": ("distortion_coefficients", "DistortionCoeffs", "dist", "D", "dist_coeffs",
+             "distortion", "k"),
+}  # fmt: skip
 _SIZE_KEYS = (("image_width", "image_height"), ("width", "height"), ("W", "H"))
 _YAML_SUFFIXES = (".yml", ".yaml", ".xml")
 
@@ -172,30 +176,17 @@ def _from_toml(content: Mapping[str, Any], source: str) -> list[CalibratedCamera
             "distortions, rotation and translation",
             file=source,
         )
-    return [
-        _camera(
-            str(table.get("name", key)), source,
-            {
-                "matrix": table.get("matrix"), "turn": table.get("rotation"),
-                "move": table.get("translation"), "lens": table.get("distortions"),
-                "size": table.get("size"),
-            },
-            fisheye=bool(table.get("fisheye", False)),
-        )
-        for key, table in tables.items()
-    ]  # fmt: skip
+    cameras = []
+    for key, table in tables.items():
+        parts = {part: table.get(name) for part, name in _TOML_KEYS.items()}
+        name, fisheye = str(table.get("name", key)), bool(table.get("fisheye", False))
+        cameras.append(_camera(name, source, parts, fisheye=fisheye))
+    return cameras
 
 
 def _parse_xml(text: str, source: str, maker: str) -> "Element":
-    """The root of an XML text that defines no entities."""
-    from xml.etree import ElementTree
-
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise UnreadableFile(f"has entities, as no file of {maker} does", file=source)
-    try:
-        return ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise UnreadableFile(f"is no XML of {maker}: {error}", file=source) from None
+    problem, refusal = f"is no XML of {maker}", f"has entities, as no file of {maker} does"
+    return parse_xml(text, file=source, problem=problem, refusal=refusal)
 
 
 def _from_qualisys(text: str, source: str) -> list[CalibratedCamera]:
@@ -228,13 +219,9 @@ def _qualisys_camera(
         left, top, right, bottom = (float(view[k]) for k in ("left", "top", "right", "bottom"))
         focal = [float(lens[f"focalLength{axis}"]) / _QUALISYS_STEPS for axis in "UV"]
         centre = [float(lens[f"centerPoint{axis}"]) / _QUALISYS_STEPS for axis in "UV"]
-        bent = [
-            float(lens.get(key, 0)) / _QUALISYS_STEPS
-            for key in (
-                "radialDistortion1", "radialDistortion2",
-                "tangentalDistortion1", "tangentalDistortion2",
-            )
-        ]  # fmt: skip
+        kinds = ("radialDistortion1", "radialDistortion2", "tangentalDistortion1",
+                 "tangentalDistortion2")  # fmt: skip
+        bent = [float(lens.get(kind, 0)) / _QUALISYS_STEPS for kind in kinds]
         turn = np.array([float(place[f"r{i}{j}"]) for i in "123" for j in "123"]).reshape(3, 3)
         position = np.array([float(place[axis]) for axis in "xyz"]) / 1000
     except (KeyError, ValueError) as error:
@@ -242,13 +229,9 @@ def _qualisys_camera(
     # Rows of the file are the camera's axes; it looks along -z, with y up.
     rotation = np.diag([1.0, -1.0, -1.0]) @ turn
     matrix = [focal[0], 0, centre[0] - left, 0, focal[1], centre[1] - top, 0, 0, 1]
-    return _camera(
-        name, source,
-        {
-            "matrix": matrix, "turn": rotation, "move": -rotation @ position, "lens": bent,
-            "size": (right - left + 1, bottom - top + 1),
-        },
-    )  # fmt: skip
+    size = (right - left + 1, bottom - top + 1)
+    parts = {"matrix": matrix, "turn": rotation, "move": -rotation @ position, "lens": bent}
+    return _camera(name, source, {**parts, "size": size})
 
 
 # ---- OpenCV
@@ -293,8 +276,7 @@ def _named_camera(
         both = [content.get(key + ending, content.get(key)) for key in (width, height)]
         if size is None and all(isinstance(one, int | float) for one in both):
             size = both
-    keys = (("matrix", _MATRIX_KEYS), ("turn", _TURN_KEYS), ("move", _MOVE_KEYS))
-    parts = {part: find(wanted) for part, wanted in (*keys, ("lens", _LENS_KEYS))}
+    parts = {part: find(wanted) for part, wanted in _OPENCV_KEYS.items()}
     return _camera(name, source, {**parts, "size": size})
 
 

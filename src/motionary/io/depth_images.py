@@ -5,7 +5,7 @@ focal length and centre in pixels, the first pixel's centre at (0, 0). Mirrored 
 back: columns are reversed, and the centre with them. What a lens bends is put straight.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,6 +42,7 @@ UTD_MHAD: dict[str, Any] = {
 }  # fmt: skip
 _UNITS = {"mm": 0.001, "m": 1.0, "cm": 0.01}
 Source = tuple[Path, ...] | NDArray[Any] | StoredImages
+_Reader = Callable[[Path], tuple[Source, dict[str, Any]]]
 # What cameras of rooms measure; beyond, the unit is another one.
 _FARTHEST_M, _NEAREST_M = 30.0, 0.05
 # A time step so many times the usual one is a gap.
@@ -168,21 +169,16 @@ def read_depth(
     path = Path(path)
     if not path.exists():
         raise UnreadableFile(NO_SUCH_FILE, file=path)
-    source: Source
-    if path.is_dir():
-        source, told = _read_folder(path)
-    elif path.suffix.lower() == ".npz":
-        source, told = _read_npz(path)
-    elif path.suffix.lower() == ".mat":
-        source, told = _read_mat(path)
-    elif path.suffix.lower() in VIDEOS:
-        source, told = VIDEOS[path.suffix.lower()](path)
-        if path.with_suffix(".json").is_file():
-            told |= read_intrinsics(path.with_suffix(".json"))
-    else:
+    readers: dict[str, _Reader] = {".npz": _read_npz, ".mat": _read_mat, **VIDEOS}
+    suffix = path.suffix.lower()
+    read = _read_folder if path.is_dir() else readers.get(suffix)
+    if read is None:
         kinds = "; ".join(f"{kind}: {what}" for kind, what in DEPTH_FORMATS.items())
         raise UnreadableFile(f"holds no depth images that can be read ({kinds})", file=path.name)
-    told = {**told, **(intrinsics or {})}
+    source, told = read(path)
+    if path.is_file() and suffix in VIDEOS and path.with_suffix(".json").is_file():
+        told |= read_intrinsics(path.with_suffix(".json"))
+    told |= intrinsics or {}
     first = next(iter(source))
     if isinstance(first, Path):
         first = _read_png(first)

@@ -84,11 +84,10 @@ def read_query_record(path: str | Path, name: str | None = None) -> QueryRecord:
     if len(found) == 1:
         return records[found[0]]
     what = f"{len(found)} queries" + (f" called {name!r}" if name else "")
-    if not found:
-        what = f"no query {name!r}"
-    near = found or [full for full in records if name and name.lower() in full.lower()]
-    names = near or list(records)
+    near = [full for full in records if name and name.lower() in full.lower()]
+    names = found or near or list(records)
     some = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
+    what = what if found else f"no query {name!r}"
     raise InvalidInput(f"{path.name} has {what}; choose one by its name: {some}", key="name")
 
 

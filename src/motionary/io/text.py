@@ -11,10 +11,13 @@ import re
 import zlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from motionary.errors import UnreadableFile, describe_cause
 from motionary.files import check_table_name, most_unpacked, read_bytes, write_atomically
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 #: A text that is packed keeps its own suffix before this one: `take.bvh.gz`.
 PACKED = ".gz"
@@ -126,6 +129,29 @@ def parse_json(text: str, **where: Any) -> Any:
         raise UnreadableFile(
             f"is no JSON file, or broken JSON: {describe_cause(error)}", **where
         ) from error
+
+
+def parse_xml(text: str, *, file: str, problem: str, refusal: str) -> "Element":
+    """The root of an XML text that defines no entities.
+
+    Parameters
+    ----------
+    problem : begins the error about what is no XML
+    refusal : the error about a document type, by which a few bytes grow to gigabytes, or other
+        files are read
+
+    Raises
+    ------
+    UnreadableFile
+    """
+    from xml.etree import ElementTree
+
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise UnreadableFile(refusal, file=file)
+    try:
+        return ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise UnreadableFile(f"{problem}: {error}", file=file) from error
 
 
 def _unpack(content: bytes, name: str) -> bytes:

@@ -28,7 +28,7 @@ from motionary.io.labels.lanes import (
     split_lanes,
     track_of_lane,
 )
-from motionary.io.text import read_text, stem_of, write_text
+from motionary.io.text import parse_xml, read_text, stem_of, write_text
 from motionary.labels import Label, LabelTrack
 from motionary.recording import Recording, Segment
 
@@ -65,7 +65,13 @@ def _to_tracks(
 
 def read_elan(path: Path) -> dict[str, LabelTrack]:
     """Labels of a file of ELAN; see `read_labels`."""
-    root = _parse_xml(read_text(path), path.name)
+    root = parse_xml(
+        read_text(path),
+        file=path.name,
+        problem="broken XML",
+        refusal="has a document type (<!DOCTYPE ...>), which files of labels do not need and "
+        "which may define entities without end; remove it if you know where it comes from",
+    )
     if root.tag != "ANNOTATION_DOCUMENT":
         raise UnreadableFile(
             f"expected a file of ELAN (ANNOTATION_DOCUMENT), got <{root.tag[:40]}>", file=path.name
@@ -78,21 +84,6 @@ def read_elan(path: Path) -> dict[str, LabelTrack]:
         _read_recording(root, path),
         [(t.get("TIER_ID", ""), _read_annotations(t, times, path.name)) for t in tiers],
     )
-
-
-def _parse_xml(text: str, name: str) -> ET.Element:
-    """The root of an XML text that defines no entities."""
-    # With them a few bytes grow to gigabytes, or other files are read.
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise UnreadableFile(
-            "has a document type (<!DOCTYPE ...>), which files of labels do not need and "
-            "which may define entities without end; remove it if you know where it comes from",
-            file=name,
-        )
-    try:
-        return ET.fromstring(text)
-    except ET.ParseError as error:
-        raise UnreadableFile(f"broken XML: {error}", file=name) from error
 
 
 def _read_recording(root: ET.Element, path: Path) -> Recording:
