@@ -25,7 +25,7 @@ from motionary.errors import MotionaryError
 from motionary.features import compute_features
 from motionary.io import read, read_all, read_labels, read_query_collections, write, write_labels
 from motionary.io.formats import fbx
-from motionary.io.formats.npz import read_npz
+from motionary.io.formats.npz import ArchivedArrays
 from motionary.io.labels import FORMATS as LABEL_FORMATS
 from motionary.io.labels import LabelFormat
 from motionary.io.options import find_skeleton, save_skeleton
@@ -314,7 +314,7 @@ def _open_fbx(folder: Path, name: str) -> None:
         if fbx.main([str(folder / name), str(target)]):
             raise MotionaryError("refused by ufbx")
     with np.errstate(all="ignore"):
-        fbx._to_content(dict(read_npz(target)), None, [])
+        fbx._to_content(dict(ArchivedArrays(target)), None, [])
 
 
 # -- labels, libraries, indexes, queries --------------------------------------------------

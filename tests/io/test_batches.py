@@ -11,7 +11,7 @@ import motionary as mo
 from library_cases import Listening
 from motionary.errors import InvalidInput, SeveralRecordings
 from motionary.io import ReadOptions, find_recordings, name_recordings, read_all
-from motionary.io.formats.takes import file_of, label_takes, split_take
+from motionary.io.formats import file_of, label_takes, split_take
 from motionary.retrieval.index import Index
 from motionary.samples import synthetic_motion
 

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
         scan_folder,
         split_files,
     )
-    from motionary.io.formats import MOTION_SUFFIXES, WRITTEN_SUFFIXES, options_of
-    from motionary.io.formats.takes import file_of
+    from motionary.io.formats import MOTION_SUFFIXES, WRITTEN_SUFFIXES, file_of, options_of
     from motionary.io.keyframe_collections import (
         QueryRecord,
         read_query_collections,
@@ -61,8 +60,7 @@ __getattr__, __dir__ = lazy_names(
             "FileState Sidecars explain_unmatched find_recordings has_sidecar match_recording "
             "name_recordings recording_name scan_folder split_files"
         ),
-        "formats": "MOTION_SUFFIXES WRITTEN_SUFFIXES options_of",
-        "formats.takes": "file_of",
+        "formats": "MOTION_SUFFIXES WRITTEN_SUFFIXES file_of options_of",
         "keyframe_collections": "QueryRecord read_query_collections read_query_record",
         "labels": "read_labels write_labels",
         "options": "ReadOptions find_skeleton save_skeleton",

@@ -24,8 +24,7 @@ from motionary.batch import Failure, map_ordered
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.files import read_bytes, write_atomically
 from motionary.io.finding import explain_unmatched, match_recording
-from motionary.io.formats import FORMATS, find_format, load_function
-from motionary.io.formats.takes import split_take
+from motionary.io.formats import FORMATS, find_format, load_function, split_take
 from motionary.io.options import ReadOptions
 from motionary.io.recordings import read
 from motionary.io.text import PACKED, format_suffix, read_text, stem_of, write_text

@@ -21,8 +21,14 @@ import numpy as np
 
 from motionary.errors import SeveralRecordings, UnreadableFile
 from motionary.files import NO_SUCH_FILE, describe_opening
-from motionary.io.formats import MOTION_SUFFIXES, find_format, load_function
-from motionary.io.formats.takes import EVERY, label_takes, split_take
+from motionary.io.formats import (
+    EVERY,
+    MOTION_SUFFIXES,
+    find_format,
+    label_takes,
+    load_function,
+    split_take,
+)
 from motionary.io.options import ReadOptions
 from motionary.io.text import TAKE_MARK, format_suffix, stem_of
 from motionary.tables import enumerate_names

@@ -15,11 +15,12 @@ from motionary.io.formats import (
     WRITTEN_SUFFIXES,
     Format,
     find_format,
+    label_takes,
     load_function,
+    split_take,
     way_out,
 )
 from motionary.io.formats.content import FileContent
-from motionary.io.formats.takes import label_takes, split_take
 from motionary.io.normalise import normalise
 from motionary.io.normalise.gaps import fill_gaps, unsee_zeros
 from motionary.io.normalise.quality import check_quality, mark_in_place

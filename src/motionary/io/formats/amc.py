@@ -65,14 +65,7 @@ class _Body(NamedTuple):
 
 @names_file
 def read_amc(path: Path, options: ReadOptions) -> FileContent:
-    """Content of an Acclaim motion: a position per bone (its end) and `root`.
-
-    Raises
-    ------
-    UnreadableFile
-        If a file is missing or broken, or the skeleton is not found; the message names
-        the line, or the names that were looked for.
-    """
+    """Content of an Acclaim motion: a position per bone (its end) and `root`."""
     body = _find_body(read_text(path))
     acclaim = read_asf(Path(options.acclaim_skeleton or find_asf(path)))
     if options.unit is not None:
@@ -195,11 +188,7 @@ def _some(names: set[str]) -> str:
 
 
 def _to_content(
-    acclaim: AcclaimSkeleton,
-    layout: _Layout,
-    body: _Body,
-    values: Floats,
-    rate_hz: float | None,
+    acclaim: AcclaimSkeleton, layout: _Layout, body: _Body, values: Floats, rate_hz: float | None
 ) -> FileContent:
     first_frame, values = int(values[0, 0]), values[:, 1:]
     radians = acclaim.radians if body.degrees is None else (np.pi / 180 if body.degrees else 1.0)

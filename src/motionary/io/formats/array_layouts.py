@@ -21,11 +21,11 @@ from motionary.io.formats.content import (
     POINT_UNITS,
     RATE_HINT,
     FileContent,
+    choose_take,
     number_doubles,
 )
 from motionary.io.formats.npz import Array
 from motionary.io.formats.smpl import MOTION_X, read_smpl_arrays
-from motionary.io.formats.takes import choose_take
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import GENERIC_JOINTS, JointMapping, Motion
@@ -73,13 +73,7 @@ class Layout(NamedTuple):
 
 
 def split_array(array: Array) -> Layout:
-    """Motions of an array, each (frames, joints, 3), or (frames, 322) of Motion-X.
-
-    Raises
-    ------
-    NotAMotion
-        If the shape is none of those that are known.
-    """
+    """Motions of an array, each (frames, joints, 3), or (frames, 322) of Motion-X."""
     if array.dtype.kind in "fiu" and array.size:
         if array.ndim in (2, 3) and array.shape[-1] in _RECOVERED:
             return _split_recovered(array)
@@ -221,13 +215,7 @@ def _read_motion_x(numbers: Array, options: ReadOptions) -> FileContent:
 
 
 def array_content(positions: Floats, joints: Joints, rate_hz: float | None) -> FileContent:
-    """Content of an array; metres and y up are assumed where the body does not tell.
-
-    Raises
-    ------
-    InvalidInput
-        If there is no rate.
-    """
+    """Content of an array; metres and y up are assumed where the body does not tell."""
     if rate_hz is None:
         raise InvalidInput(f"an array holds no frame rate; {RATE_HINT}")
     return FileContent(
@@ -241,13 +229,7 @@ def array_content(positions: Floats, joints: Joints, rate_hz: float | None) -> F
 
 
 def check_positions(array: Array) -> Floats:
-    """The array as floats of its own, (frames, joints, 3); one person around it is taken off.
-
-    Raises
-    ------
-    UnreadableFile
-        If it has another shape or no numbers.
-    """
+    """The array as floats of its own, (frames, joints, 3); one person around it is taken off."""
     if array.ndim == 4 and array.shape[0] == 1:
         array = array[0]
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
@@ -283,11 +265,6 @@ def name_joints(
     positions : array, shape (frames, joints, 3)
     skeleton : what the caller gives
     names : what the file says
-
-    Raises
-    ------
-    InvalidInput
-        If names are of another number, or nothing tells and no known order has this number.
     """
     n_joints = positions.shape[1]
     if names is not None:

@@ -31,27 +31,20 @@ from motionary.io.formats.array_layouts import (
     read_layout,
     split_array,
 )
-from motionary.io.formats.content import FileContent, names_file
+from motionary.io.formats.content import FileContent, choose_take, names_file, recall
 from motionary.io.formats.npz import (
+    ArchivedArrays,
     Array,
     is_own,
     plain_dict,
     read_npy,
-    read_npy_dict,
-    read_npz,
     read_own,
     read_pickled,
     to_arrays,
 )
 from motionary.io.formats.numbers import check_frames
 from motionary.io.formats.pickle_machine import PickleRefusedError
-from motionary.io.formats.smpl import (
-    check_pose,
-    find_source,
-    pose_content,
-    read_smpl_arrays,
-)
-from motionary.io.formats.takes import choose_take, recall
+from motionary.io.formats.smpl import check_pose, find_source, pose_content, read_smpl_arrays
 from motionary.io.normalise.units import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 
@@ -73,24 +66,14 @@ def read_array(path: Path, options: ReadOptions) -> FileContent:
     """Content of a .npy file: an array, or the dict of results that a generator of motion saves.
 
     A .npy file holds no rate: that of HumanML3D and Motion-X is assumed for their layouts only.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, damaged, or holds no such array.
-    InvalidInput
-        If the rate or the order of the joints is neither known nor given, or the file holds
-        several recordings.
     """
     layout = recall(path, lambda: _load_layout(path), count=lambda layout: len(layout.motions))
     return read_layout(layout, path.name, options, is_bare=True)
 
 
 def _load_layout(path: Path) -> Layout:
-    results = read_npy_dict(path)
-    if results:
-        return _split_results(results)
-    return split_array(read_npy(path))
+    content = read_npy(path)
+    return _split_results(content) if isinstance(content, dict) else split_array(content)
 
 
 def _split_results(results: dict[str, Any]) -> Layout:
@@ -113,16 +96,8 @@ def _split_results(results: dict[str, Any]) -> Layout:
 
 @names_file
 def read_npz_motion(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a .npz file: one of ours, of AMASS, or positions under one of the usual names.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, damaged, or holds no motion.
-    InvalidInput
-        If rate or names are neither known nor given.
-    """
-    arrays = read_npz(path)
+    """Content of a .npz file: one of ours, of AMASS, or positions under one of the usual names."""
+    arrays = ArchivedArrays(path)
     if options.take is not None and (
         is_own(arrays) or not any(key in arrays for key in _POSITIONS)
     ):
@@ -158,15 +133,8 @@ def cut_npz(path: Path, first: int, last: int, take: str | int | None = None) ->
     """A clip of a .npz file; frames as the file counts them, both included.
 
     Files of others count from 0. Of a batch the clip holds the recording that is named.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or damaged, or keeps its motion in objects of Python.
-    InvalidInput
-        If these frames are not in the file, or it holds several recordings and none is named.
     """
-    arrays = dict(read_npz(path))
+    arrays = dict(ArchivedArrays(path))
     own = is_own(arrays)
     key = next((key for key in _POSITIONS if key in arrays), None)
     if key is not None and not own:
@@ -209,15 +177,7 @@ def _cut_events(arrays: dict[str, Array], start: int, stop: int) -> dict[str, Ar
 
 @names_file
 def read_pickle(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a .pkl file of AIST++ (without a rate that is given at 60 Hz), or of SMPL bodies.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, damaged, holds anything but arrays, or no motion.
-    InvalidInput
-        If a skeleton is given and the file has an SMPL body, or it holds several recordings.
-    """
+    """Content of a .pkl file: AIST++, at 60 Hz where no rate is given, or SMPL bodies."""
     motions = recall(path, lambda: _find_recordings(_load(path)), count=len)
     names = list(motions)
     content = motions[names[choose_take(names, options.take, path.name)]]

@@ -109,13 +109,7 @@ class AcclaimSkeleton:
 
 @names_file
 def read_asf(path: Path) -> AcclaimSkeleton:
-    """Read an Acclaim skeleton.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file cannot be read or is no valid skeleton; the message names the line.
-    """
+    """Read an Acclaim skeleton."""
     return _Reader(path.name).read(read_text(path))
 
 

@@ -66,13 +66,7 @@ class _Table(NamedTuple):
 
 @names_file
 def read_bvh(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a BVH file.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or broken; the message names the line.
-    """
+    """Content of a BVH file."""
     text = read_text(path)
     start = _MOTION.search(text)
     if start is None:

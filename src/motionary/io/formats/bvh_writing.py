@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.numbers import check_frames, end_alike, find_line
@@ -20,13 +19,12 @@ from motionary.io.normalise.units import metres_per_unit
 from motionary.io.text import write_text
 from motionary.motion import Motion, Skeleton
 from motionary.rotations import (
+    Floats,
     conjugate_quaternions,
     multiply_quaternions,
     quaternions_to_euler,
     rotate,
 )
-
-Floats = NDArray[np.float64]
 
 _ORDER = "ZXY"
 _ROTATIONS = "Zrotation Xrotation Yrotation"

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, MotionaryError, UnreadableFile
 from motionary.files import open_regular
-from motionary.io.formats.c3d_head import LONGEST_HEAD, MOST_LABELS, Floats, Head, parse_head
+from motionary.io.formats.c3d_head import LONGEST_HEAD, MOST_LABELS, Head, parse_head
 from motionary.io.formats.c3d_layout import Layout, find_layout, read_segments, read_table
 from motionary.io.formats.content import (
     MOST_RATE_HZ,
@@ -35,6 +35,7 @@ from motionary.io.normalise.axes import check_up
 from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Event
+from motionary.rotations import Floats
 
 # Frames that are converted together.
 _TOGETHER = 2048
@@ -53,13 +54,7 @@ _SIDES = {"left": "left", "right": "right", "l": "left", "r": "right"}
 
 @names_file
 def read_c3d(path: Path, options: ReadOptions) -> FileContent:
-    """Points and events of a C3D file; of one without points the places of its segments.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, damaged or cut off, or holds no labelled point.
-    """
+    """Points and events of a C3D file; of one without points the places of its segments."""
     with open_regular(path) as file:
         try:
             return _read_content(file, options)

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import UnreadableFile
+from motionary.rotations import Floats
 
-Floats = NDArray[np.float64]
 #: Texts, or numbers of any shape, first dimension first.
 Value = tuple[str, ...] | Floats | NDArray[np.int16]
 Groups = Mapping[str, Mapping[str, Value]]
@@ -135,11 +135,6 @@ def parse_head(content: bytes) -> Head:
     Parameters
     ----------
     content : the file's first blocks; more does no harm
-
-    Raises
-    ------
-    UnreadableFile
-        If this is no C3D file or its parameters are damaged.
     """
     if len(content) < 2 or content[1] != KEY or not content[0]:
         raise UnreadableFile("expected a C3D file, its first bytes are others")

@@ -18,8 +18,9 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 
 from motionary.errors import UnreadableFile
-from motionary.io.formats.c3d_head import BLOCK, MOST_COUNTED, Floats, Head
+from motionary.io.formats.c3d_head import BLOCK, MOST_COUNTED, Head
 from motionary.io.formats.content import name_some, number_doubles
+from motionary.rotations import Floats
 
 # Frames that are looked at where several layouts fit.
 _LOOKED_AT = 50
@@ -49,13 +50,7 @@ class Layout(NamedTuple):
 
 
 def find_layout(file: BinaryIO, head: Head) -> tuple[Layout, list[str]]:
-    """Where frames lie, and notes.
-
-    Raises
-    ------
-    UnreadableFile
-        If nothing says where they begin, or the file ends before the last one.
-    """
+    """Where frames lie, and notes."""
     size = _end_of_points(head, file.seek(0, 2))
     scale = head.number("POINT", "SCALE", head.header.scale)
     first = head.header.first_frame
@@ -228,13 +223,7 @@ _TOLERANCE = 1e-2
 
 
 def read_segments(file: BinaryIO, head: Head) -> tuple[list[str], Floats, int, tuple[str, ...]]:
-    """Names of segments, where they begin in file units, the first frame, and notes.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file ends before the last frame, or no matrix is a rotation.
-    """
+    """Names of segments, where they begin in file units, the first frame, and notes."""
     labels = head.texts("ROTATION", "LABELS", "LABELS2")
     n_used, ratio = head.count("ROTATION", "USED", 0), head.count("ROTATION", "RATIO", 1) or 1
     labels = (*labels, *(f"segment {i + 1}" for i in range(len(labels), n_used)))[:n_used]

@@ -51,15 +51,7 @@ _TOGETHER = 2048
 
 
 def write_c3d(motion: Motion, path: str | Path) -> None:
-    """Write positions and events as C3D: millimetres, z up, unseen points with residual -1.
-
-    Raises
-    ------
-    InvalidInput
-        If there are more points, or longer names, than the format holds.
-    UnwritableFile
-        If the file cannot be written.
-    """
+    """Write positions and events as C3D: millimetres, z up, unseen points with residual -1."""
     if len(motion.names) > MOST_COUNTED:
         raise InvalidInput(f"C3D holds at most {MOST_COUNTED} points, got {len(motion.names)}")
     too_long = [n for n in motion.names if len(n.encode()) > _LONGEST_LABEL or not n.strip()]
@@ -213,13 +205,6 @@ def copy_with_events(source: Path, target: Path, events: Sequence[tuple[str, flo
     source : a C3D file
     target : the copy
     events : texts, and seconds from frame 1
-
-    Raises
-    ------
-    InvalidInput
-        If there are more events than the format holds, or a text is too long.
-    UnreadableFile
-        If the file's parameters are damaged.
     """
     content = read_bytes(source)
     with at_fault(source.name):
@@ -327,12 +312,7 @@ def _describe_events(head: Head, events: Sequence[tuple[str, float]]) -> dict[st
 def cut_c3d(path: Path, first: int, last: int, take: str | int | None = None) -> bytes:
     """A clip of a C3D file; frames as the file counts them, both included.
 
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or damaged, or has rotations, which lie behind its frames.
-    InvalidInput
-        If these frames are not in the file.
+    Files with rotations are refused: these lie behind the frames.
     """
     with open_regular(path) as file:
         head = parse_head(file.read(LONGEST_HEAD))

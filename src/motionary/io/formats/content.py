@@ -1,19 +1,21 @@
-"""What readers return: the content of a file, in its own unit and axes, and its rate.
+"""What readers share: the content of a file, in its own unit and axes, and which take is meant.
 
 Readers raise errors without the file's name: `names_file` adds it.
 """
 
 import functools
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motionary.errors import MotionaryError, UnreadableFile
+from motionary.errors import InvalidInput, MotionaryError, SeveralRecordings, UnreadableFile
+from motionary.io.formats import EVERY
 from motionary.io.normalise.units import FileMetadata
 from motionary.motion import Event, JointMapping, Skeleton, forward_kinematics
 from motionary.rotations import (
@@ -44,6 +46,11 @@ MOST_RATE_HZ = 1e5
 
 # What is given may be more.
 _MOST_GIVEN_HZ = 1e6
+
+_TICK_NS = 200_000_000
+
+# What was loaded last of a file with several recordings: they are read one after the other.
+_kept: dict[tuple[str, int, int], Any] = {}
 
 # Matrices of this many frames stay in the processor's cache, and memory stays flat.
 _TOGETHER = 512
@@ -222,3 +229,67 @@ def number_doubles(names: Sequence[str]) -> list[str]:
             taken.add(name)
         result.append(name)
     return result
+
+
+# ---- files that hold several recordings
+
+
+def choose_take(takes: Sequence[str] | int, take: str | int | None, source: str) -> int:
+    """Which of several recordings in a file is meant: by its name, or by its number from 1.
+
+    Parameters
+    ----------
+    takes : names of the recordings, or how many there are where they have none
+    take : what is asked for
+    source : name of the file
+
+    Raises
+    ------
+    SeveralRecordings
+        If there are several and none is named, or every one is asked for.
+    InvalidInput
+        If none is called so.
+    """
+    # Names of thousands are not written out for each that is read.
+    names: Sequence[object] = range(1, takes + 1) if isinstance(takes, int) else takes
+    if take == EVERY or (take is None and len(names) > 1):
+        raise SeveralRecordings(source, [str(name) for name in names])
+    if take is None:
+        return 0
+    if str(take) in names:
+        return list(names).index(str(take))
+    if str(take).isascii() and str(take).isdigit() and 1 <= int(take) <= len(names):
+        return int(take) - 1
+    some = name_some([str(name)[:30] for name in names[:9]], 8)
+    raise InvalidInput(f"has no take {str(take)[:40]!r}; it has {some} ({len(names)} in all)")
+
+
+def note_take(names: Sequence[str], number: int, *, is_given: bool, called: str) -> tuple[str, ...]:
+    """A note on which of the takes that a file calls `called` is read; none where it has one."""
+    if len(names) < 2:
+        return ()
+    why = "as given" if is_given else "the first that moves"
+    return (
+        f"{called} {names[number]}, {why}, of {len(names)} ({name_some(names, 10)}); --take NAME "
+        "(take=...) reads another",
+    )
+
+
+def recall(path: Path, load: Callable[[], Result], *, count: Callable[[Result], int]) -> Result:
+    """What `load` gives; kept until another file is loaded, where it holds several recordings."""
+    try:
+        status = path.stat()
+    except OSError:
+        # Loading says what is wrong.
+        return load()
+    # What is written twice within a tick of the clock may have the same time and size.
+    is_settled = abs(time.time_ns() - status.st_mtime_ns) > _TICK_NS
+    key = str(path.absolute()), status.st_mtime_ns, status.st_size
+    if key in _kept:
+        kept: Result = _kept[key]
+        return kept
+    _kept.clear()
+    loaded = load()
+    if is_settled and count(loaded) > 1:
+        _kept[key] = loaded
+    return loaded

@@ -23,15 +23,19 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.files import open_regular
 from motionary.io.formats import blender_line
-from motionary.io.formats.content import FileContent, names_file, number_doubles, rest_offsets
-from motionary.io.formats.npz import Array, read_npz
-from motionary.io.formats.takes import choose_take, note_take
+from motionary.io.formats.content import (
+    FileContent,
+    choose_take,
+    names_file,
+    note_take,
+    number_doubles,
+    rest_offsets,
+)
+from motionary.io.formats.npz import ArchivedArrays, Array
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
-from motionary.rotations import multiply_quaternions, quaternions_to_matrices
-
-Floats = NDArray[np.float64]
+from motionary.rotations import Floats, multiply_quaternions, quaternions_to_matrices
 
 _CHILD = "motionary.io.formats.fbx"
 _PATIENCE_S = 120.0
@@ -56,13 +60,8 @@ _kept: list[Any] = []
 def read_fbx(path: Path, options: ReadOptions) -> FileContent:
     """Bones of an FBX file, in metres with y up by what the file says.
 
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or damaged, crashes its reader, holds no bones, or ufbx is not
-        installed; the message then has the line that converts the file with Blender.
-    InvalidInput
-        If it has no take of the name that is given.
+    A file that crashes its reader is damaged. Without ufbx the error has the line that converts the
+    file with Blender.
     """
     open_regular(path).close()
     if importlib.util.find_spec("ufbx") is None:
@@ -103,7 +102,7 @@ def _read_in_child(path: Path, take: str | int | None) -> dict[str, Array]:
             if done.returncode == _NO_SUCH_TAKE:
                 raise InvalidInput(reason)
             raise UnreadableFile(f"cannot be read as FBX: {reason}")
-        return dict(read_npz(target))
+        return dict(ArchivedArrays(target))
 
 
 def _to_content(arrays: dict[str, Array], rate_hz: float | None, notes: list[str]) -> FileContent:

@@ -17,22 +17,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion
-from motionary.io.formats.content import FileContent, names_file, number_doubles, rest_offsets
+from motionary.io.formats.content import (
+    FileContent,
+    choose_take,
+    names_file,
+    note_take,
+    number_doubles,
+    rest_offsets,
+)
 from motionary.io.formats.gltf_document import (
     Channel,
     Document,
-    Floats,
     Object,
     find_rate,
     find_targets,
     read_channels,
     sample_channel,
 )
-from motionary.io.formats.takes import choose_take, note_take
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import JointMapping, Skeleton
-from motionary.rotations import matrices_to_quaternions, quaternions_to_matrices
+from motionary.rotations import Floats, matrices_to_quaternions, quaternions_to_matrices
 from motionary.skeletons import named_table
 
 # No body has more; what a file says of so many costs time.
@@ -62,15 +67,7 @@ class _Joints(NamedTuple):
 
 @names_file
 def read_gltf(path: Path, options: ReadOptions) -> FileContent:
-    """Joints of a glTF file, in metres with y up by definition.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or damaged, or holds no joints.
-    InvalidInput
-        If it has no animation of the name that is given.
-    """
+    """Joints of a glTF file, in metres with y up by definition."""
     document = Document(path)
     humanoid = _read_humanoid(document)
     animations = document.items("animations")
@@ -224,11 +221,7 @@ def _frame_times(
 
 
 def _pose(
-    document: Document,
-    joints: _Joints,
-    channels: Sequence[Channel],
-    at_s: Floats,
-    rate_hz: float,
+    document: Document, joints: _Joints, channels: Sequence[Channel], at_s: Floats, rate_hz: float
 ) -> _Sampled:
     """Joints of all frames; what does not move is computed once."""
     nodes = document.items("nodes")

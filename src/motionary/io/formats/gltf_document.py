@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from motionary.errors import NotAMotion, UnreadableFile, describe_cause
 from motionary.files import most_unpacked, read_bytes
 from motionary.io.formats.times import rate_of_frame_time
-from motionary.rotations import slerp
+from motionary.rotations import Floats, slerp
 
-Floats = NDArray[np.float64]
 Object = Mapping[str, Any]
 
 _MAGIC, _JSON, _BINARY = b"glTF", 0x4E4F534A, 0x004E4942
@@ -290,13 +289,7 @@ def find_targets(
 def read_channels(
     document: Document, animation: Object, joints: Mapping[int, int]
 ) -> list[Channel]:
-    """Channels of an animation that move joints, which are given by their nodes.
-
-    Raises
-    ------
-    UnreadableFile
-        If keys are none, or out of order.
-    """
+    """Channels of an animation that move joints, which are given by their nodes."""
     samplers = document.items("samplers", animation)
     times: dict[int, Floats] = {}
     channels: dict[tuple[int, str], Channel] = {}

@@ -31,8 +31,10 @@ from motionary.io.formats.content import (
     POINT_UNITS,
     RATE_HINT,
     FileContent,
+    choose_take,
     names_file,
     number_doubles,
+    recall,
 )
 from motionary.io.formats.json_people import (
     FLAT,
@@ -46,7 +48,6 @@ from motionary.io.formats.json_people import (
     refuse_flat,
     refuse_image,
 )
-from motionary.io.formats.takes import choose_take, recall
 from motionary.io.formats.times import timed_content
 from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
@@ -74,15 +75,7 @@ _MOST_BYTES = 1 << 30
 
 @names_file
 def read_json(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a JSON file of keypoints in three dimensions.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or damaged, or holds no such keypoints, or those of an image.
-    InvalidInput
-        If it says no rate and none is given, or holds several people and none is named.
-    """
+    """Content of a JSON file of keypoints in three dimensions."""
     try:
         loaded = recall(path, lambda: _load(path), count=_Loaded.n_motions)
         if loaded.layout is not None:

@@ -20,16 +20,14 @@ from numpy.typing import NDArray
 
 from motionary.errors import NotAMotion, SeveralRecordings, UnreadableFile
 from motionary.files import open_regular
-from motionary.io.formats.content import FileContent, names_file, number_doubles
+from motionary.io.formats import EVERY
+from motionary.io.formats.content import FileContent, choose_take, names_file, number_doubles
 from motionary.io.formats.numbers import parse_number
-from motionary.io.formats.takes import EVERY, choose_take
 from motionary.io.formats.times import time_frames, timed_content
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
-from motionary.rotations import conjugate_quaternions, multiply_quaternions, rotate
-
-Floats = NDArray[np.float64]
+from motionary.rotations import Floats, conjugate_quaternions, multiply_quaternions, rotate
 
 _XSENS = FileMetadata("m", usual_up="z", by_definition=True, origin="Xsens MVN", noted=("up",))
 # The point of a segment that is its far end.
@@ -96,15 +94,7 @@ class _Subject:
 
 @names_file
 def read_mvnx(path: Path, options: ReadOptions) -> FileContent:
-    """Segments of an MVNX file, in metres with z up, with their turns.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, damaged, or has no positions.
-    SeveralRecordings
-        If it holds several people and none is named.
-    """
+    """Segments of an MVNX file, in metres with z up, with their turns."""
     subject = _choose(path, ("position", "orientation"), options)
     n = len(subject.segments)
     places = subject.table("position", 3 * n)
@@ -132,15 +122,7 @@ def read_mvnx(path: Path, options: ReadOptions) -> FileContent:
 
 @names_file
 def read_mvnx_sensors(path: Path, options: ReadOptions) -> Sensors:
-    """What the sensors of an MVNX file measured.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, damaged, or holds no data of sensors.
-    SeveralRecordings
-        If it holds several people and none is named.
-    """
+    """What the sensors of an MVNX file measured."""
     names = ("sensorOrientation", "sensorFreeAcceleration", "sensorAcceleration")
     subject = _choose(path, names, options)
     n = len(subject.sensors)

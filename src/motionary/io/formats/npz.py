@@ -16,6 +16,7 @@ import weakref
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -30,9 +31,9 @@ from motionary.io.formats.pickle_machine import PickleRefusedError, plain, run_p
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.motion import Event, JointMapping, Motion, Skeleton
+from motionary.rotations import Floats
 from motionary.skeletons import format_table, known_mappings, named_mapping, parse_table
 
-Floats = NDArray[np.float64]
 Array = NDArray[Any]
 Result = TypeVar("Result")
 
@@ -47,37 +48,28 @@ _ANY_HEADER = 47
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
-def read_npy(path: Path) -> Array:
-    """The array of a .npy file.
+def read_npy(path: Path) -> Array | dict[str, Any]:
+    """What a .npy file holds: an array, or the dict that is its one object."""
+    with _as_unreadable(path), open_regular(path) as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        content = _read_dict(file)
+        file.seek(0)
+        return content or _read_array(file, size)
 
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, damaged, or holds Python objects.
-    """
+
+@contextmanager
+def _as_unreadable(path: Path) -> Iterator[None]:
     try:
-        with open_regular(path) as file:
-            size = file.seek(0, 2)
-            file.seek(0)
-            return _read_array(file, size)
+        yield
+    except UnreadableFile:
+        raise
     except Exception as error:
         # On damaged headers NumPy raises whatever its parser of Python raises.
-        raise _unreadable(path, error) from error
-
-
-def read_npy_dict(path: Path) -> dict[str, Any]:
-    """The dict that a .npy file holds as its one object; empty if it holds anything else.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing, or the dict holds more than arrays and texts.
-    """
-    try:
-        with open_regular(path) as file:
-            return _read_dict(file)
-    except Exception as error:
-        raise _unreadable(path, error) from error
+        if isinstance(error, OSError) and error.strerror:
+            raise UnreadableFile(describe_opening(error), file=path) from error
+        reason = f"damaged, or no file of arrays: {describe_cause(error)}"
+        raise UnreadableFile(reason, file=path.name) from error
 
 
 class ArchivedArrays(Mapping[str, Array]):
@@ -96,11 +88,9 @@ class ArchivedArrays(Mapping[str, Array]):
         opened = open_regular(path)
         # Open until the last array is read, that is, as long as this object is in use.
         weakref.finalize(self, opened.close)
-        try:
+        with _as_unreadable(path):
             self._archive = zipfile.ZipFile(opened)
             members = [m for m in self._archive.infolist() if m.filename.endswith(".npy")]
-        except Exception as error:
-            raise _unreadable(path, error) from error
         self._members = {m.filename.removesuffix(".npy"): m for m in members}
         self._are_objects: dict[str, bool] = {}
 
@@ -125,8 +115,9 @@ class ArchivedArrays(Mapping[str, Array]):
         member = self._members.get(name)
         if member is None or not self._holds_objects(name):
             return {}
-        if member.file_size > most_unpacked(member.compress_size):
-            raise _unreadable(self._path, ValueError(f"{name} {_BOMB}"))
+        with _as_unreadable(self._path):
+            if member.file_size > most_unpacked(member.compress_size):
+                raise InvalidInput(f"{name} {_BOMB}")
         return self._open(name, _read_dict)
 
     def _holds_objects(self, name: str) -> bool:
@@ -137,27 +128,14 @@ class ArchivedArrays(Mapping[str, Array]):
 
     def _open(self, name: str, read: Callable[[IO[bytes]], Result]) -> Result:
         member = self._members[name]
-        try:
+        with _as_unreadable(self._path):
             if member.compress_type not in _METHODS:
                 raise InvalidInput(f"{name} is packed in another way than NumPy packs")
             with self._archive.open(member) as file:
                 return read(file)
-        except Exception as error:
-            raise _unreadable(self._path, error) from error
 
 
 _BOMB = "inflates to more than numbers can; unpack the file and save it again if it is yours"
-
-
-def read_npz(path: Path) -> ArchivedArrays:
-    """The arrays of a .npz file by name; those that hold Python objects are left out.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or damaged.
-    """
-    return ArchivedArrays(path)
 
 
 def _read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, "np.dtype[Any]"]:
@@ -195,28 +173,13 @@ def _read_dict(file: IO[bytes]) -> dict[str, Any]:
     return plain_dict(read_pickled(file.read())) if dtype.hasobject and shape == () else {}
 
 
-def _unreadable(path: Path, error: Exception) -> UnreadableFile:
-    if isinstance(error, UnreadableFile):
-        return error
-    if isinstance(error, OSError) and error.strerror:
-        return UnreadableFile(describe_opening(error), file=path)
-    reason = describe_cause(error)
-    return UnreadableFile(f"damaged, or no file of arrays: {reason}", file=path.name)
-
-
 def is_own(arrays: Mapping[str, Array]) -> bool:
     """Whether arrays are a motion that `write_npz` wrote."""
     return "motionary_motion" in arrays
 
 
 def read_own(arrays: Mapping[str, Array], options: ReadOptions) -> FileContent:
-    """Content of a file that `write_npz` wrote.
-
-    Raises
-    ------
-    UnreadableFile
-        If it was written by a newer version, or damaged.
-    """
+    """Content of a file that `write_npz` wrote."""
     try:
         if int(arrays["motionary_motion"]) > _FORMAT:
             raise UnreadableFile("was written by a newer version; update motionary")
@@ -288,13 +251,7 @@ def _is_known(mapping: JointMapping, names: tuple[str, ...]) -> bool:
 
 
 def write_npz(motion: Motion, path: str | Path) -> None:
-    """Write all that a motion holds but its notes; the same motion gives the same bytes.
-
-    Raises
-    ------
-    UnwritableFile
-        If the file cannot be written.
-    """
+    """Write all that a motion holds but its notes; the same motion gives the same bytes."""
     arrays: dict[str, Array] = {
         "motionary_motion": np.array(_FORMAT),
         "positions": motion.positions,
@@ -328,11 +285,6 @@ def read_pickled(content: bytes) -> Any:
     """The object of a pickle, which joblib may have packed.
 
     `plain` gives the values of its lists and dicts.
-
-    Raises
-    ------
-    PickleRefusedError
-        If the pickle is damaged, or holds anything else.
     """
     try:
         return plain(run_pickle(_inflate(content)))

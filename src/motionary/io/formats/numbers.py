@@ -54,11 +54,6 @@ def read_table(
     line, source : the line at which the text starts, and name of the file, for errors
     separator : between cells; by default blanks
     gaps : words in lower case that become NaN; with "" among them also cells that are missing
-
-    Raises
-    ------
-    UnreadableFile
-        If a line holds something else; the message names it.
     """
     if separator is None:
         values = _read_blocks(text, width, gaps)
@@ -84,12 +79,7 @@ def _read_blocks(text: str, width: int, gaps: Collection[str]) -> Floats | None:
 
 
 def _read_lines(
-    text: str,
-    width: int,
-    source: str,
-    line: int,
-    separator: str | None,
-    gaps: Collection[str],
+    text: str, width: int, source: str, line: int, separator: str | None, gaps: Collection[str]
 ) -> Floats:
     """The same line by line, which finds out where something else stands."""
     rows = []
@@ -355,10 +345,6 @@ def check_length(promised: str, n: int, *, what: str = "frames", key: str = "") 
     promised : as the file says it; what is no whole number promises nothing
     n : how many are there
     what, key : what is counted, and how the file calls their number
-
-    Raises
-    ------
-    UnreadableFile
     """
     if promised.isdecimal() and int(promised[:20]) > n:
         raise UnreadableFile(
@@ -375,12 +361,7 @@ def find_line(lines: list[str], pattern: str, start: int = 0) -> int:
 
 
 def check_frames(first: int, last: int, *, first_number: int, n_frames: int, name: str) -> None:
-    """Refuse frames that are not in a file.
-
-    Raises
-    ------
-    InvalidInput
-    """
+    """Refuse frames that are not in a file."""
     last_number = first_number + n_frames - 1
     if not first_number <= first <= last <= last_number:
         raise InvalidInput(

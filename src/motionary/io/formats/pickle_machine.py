@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 _MOST_STEPS = 4_000_000
 _CODE = re.compile(r"[fiub](1|2|4|8)|[US]\d{1,4}|O8?")
 _MARK = object()
+_NONSENSE = "its instructions make no sense"
+_NUMBERS_ONLY = "only arrays of numbers are admitted"
 
 
 class PickleRefusedError(ValueError):
@@ -109,6 +111,13 @@ class _Machine:
     def number(self, layout: str) -> Any:
         return struct.unpack("<" + layout, self.take(struct.calcsize(layout)))[0]
 
+    def sized(self, layout: str) -> memoryview:
+        """Bytes behind their number."""
+        return self.take(self.number(layout))
+
+    def text(self, layout: str) -> str:
+        return str(self.sized(layout), "utf-8", "surrogatepass")
+
     def line(self) -> bytes:
         # A piece at a time: a file without ends of lines is not copied for each instruction.
         end, start = -1, self.at
@@ -127,7 +136,7 @@ class _Machine:
     def pop(self) -> Any:
         value = self.stack.pop()
         if value is _MARK:
-            raise PickleRefusedError("its instructions make no sense")
+            raise PickleRefusedError(_NONSENSE)
         return value
 
     def pop_to_mark(self) -> list[Any]:
@@ -135,14 +144,14 @@ class _Machine:
         while self.stack[place] is not _MARK:
             place -= 1
             if place < 0:
-                raise PickleRefusedError("its instructions make no sense")
+                raise PickleRefusedError(_NONSENSE)
         values = self.stack[place + 1 :]
         del self.stack[place:]
         return values
 
     def top(self, kind: type) -> Any:
         if not isinstance(self.stack[-1], kind):
-            raise PickleRefusedError("its instructions make no sense")
+            raise PickleRefusedError(_NONSENSE)
         return self.stack[-1]
 
     def tuple_of(self, n: int) -> None:
@@ -155,10 +164,14 @@ class _Machine:
         self.top(list).extend(values)
 
     def set_items(self, values: list[Any]) -> None:
+        self.filled(self.top(dict), values)
+
+    def filled(self, items: dict[str, Any], values: list[Any]) -> dict[str, Any]:
         for key, value in zip(values[::2], values[1::2], strict=True):
             if not isinstance(key, str):
                 raise PickleRefusedError(f"has a key that is no text ({type(key).__name__})")
-            self.top(dict)[key] = value
+            items[key] = value
+        return items
 
     # ---- names, and what they build
 
@@ -197,7 +210,7 @@ class _Machine:
     def following_array(self, state: Any) -> NDArray[Any]:
         kind, shape = state["dtype"], state["shape"]
         if not isinstance(kind, _Type) or kind.dtype.hasobject or not isinstance(shape, tuple):
-            raise PickleRefusedError("only arrays of numbers are admitted")
+            raise PickleRefusedError(_NUMBERS_ONLY)
         if state.get("numpy_array_alignment_bytes") is not None:
             self.take(self.number("B"))
         if any(not isinstance(n, int) or n < 0 for n in shape):
@@ -216,11 +229,11 @@ class _Machine:
 
     def array(self, content: Any, kind: Any, shape: Any, order: str) -> Any:
         if not isinstance(kind, _Type) or not isinstance(shape, tuple):
-            raise PickleRefusedError("only arrays of numbers are admitted")
+            raise PickleRefusedError(_NUMBERS_ONLY)
         if kind.dtype.hasobject:
             if shape == () and isinstance(content, list) and len(content) == 1:
                 return plain(content[0])
-            raise PickleRefusedError("holds Python objects; only arrays of numbers are admitted")
+            raise PickleRefusedError(f"holds Python objects; {_NUMBERS_ONLY}")
         values: NDArray[Any] = np.frombuffer(self.raw(content), dtype=kind.dtype)
         return values.reshape(shape, order="F" if order == "F" else "C")
 
@@ -229,13 +242,8 @@ def _type(machine: _Machine, arguments: tuple[Any, ...]) -> _Type:
     # No subarrays, no records, nothing huge.
     code = arguments[0]
     if not isinstance(code, str) or not _CODE.fullmatch(code):
-        raise PickleRefusedError("only arrays of numbers are admitted")
+        raise PickleRefusedError(_NUMBERS_ONLY)
     return _Type(np.dtype(code))
-
-
-def _start_array(machine: _Machine, arguments: tuple[Any, ...]) -> PickledArray:
-    # A shape that the pickle names here is not believed.
-    return PickledArray()
 
 
 def _start_joblib(machine: _Machine, arguments: tuple[Any, ...]) -> NoReturn:
@@ -274,25 +282,10 @@ _ADMITTED: dict[tuple[str, str], Callable[[_Machine, tuple[Any, ...]], Any] | No
     ("joblib.numpy_pickle", "NumpyArrayWrapper"): _start_joblib,
 }
 for _core in ("numpy.core", "numpy._core"):
-    _ADMITTED[f"{_core}.multiarray", "_reconstruct"] = _start_array
+    # A shape that the pickle names here is not believed.
+    _ADMITTED[f"{_core}.multiarray", "_reconstruct"] = lambda machine, arguments: PickledArray()
     _ADMITTED[f"{_core}.multiarray", "scalar"] = _scalar
     _ADMITTED[f"{_core}.numeric", "_frombuffer"] = _array_of_buffer
-
-
-def _sized(layout: str, make: Callable[[memoryview], Any]) -> Callable[[_Machine], None]:
-    return lambda m: m.push(make(m.take(m.number(layout))))
-
-
-def _text(raw: memoryview) -> str:
-    return str(raw, "utf-8", "surrogatepass")
-
-
-def _latin(raw: memoryview) -> str:
-    return str(raw, "latin-1")
-
-
-def _whole(raw: memoryview) -> int:
-    return int.from_bytes(raw, "little", signed=True)
 
 
 def _line_text(machine: _Machine) -> str:
@@ -305,10 +298,6 @@ def _line_text(machine: _Machine) -> str:
 def _line_number(machine: _Machine) -> bool | int:
     line = machine.line()
     return line == b"01" if line in (b"00", b"01") else int(line)
-
-
-def _repeat(machine: _Machine) -> None:
-    machine.push(machine.stack[-1])
 
 
 def _line_name(machine: _Machine) -> None:
@@ -330,12 +319,6 @@ def _remember(place: Callable[[_Machine], int]) -> Callable[[_Machine], None]:
     return step
 
 
-def _dict_of(machine: _Machine) -> None:
-    values = machine.pop_to_mark()
-    machine.push({})
-    machine.set_items(values)
-
-
 _STOP = ord(".")
 _STEPS: dict[int, Callable[[_Machine], object]] = {
     ord(code): step
@@ -345,7 +328,7 @@ _STEPS: dict[int, Callable[[_Machine], object]] = {
         "(": lambda m: m.push(_MARK),
         "0": lambda m: m.stack.pop(),
         "1": lambda m: m.pop_to_mark(),
-        "2": _repeat,
+        "2": lambda m: m.push(m.stack[-1]),
         "N": lambda m: m.push(None),
         "\x88": lambda m: m.push(True),
         "\x89": lambda m: m.push(False),
@@ -356,19 +339,19 @@ _STEPS: dict[int, Callable[[_Machine], object]] = {
         "K": lambda m: m.push(m.number("B")),
         "M": lambda m: m.push(m.number("H")),
         "G": lambda m: m.push(struct.unpack(">d", m.take(8))[0]),
-        "\x8a": _sized("B", _whole),
-        "\x8b": _sized("i", _whole),
+        "\x8a": lambda m: m.push(int.from_bytes(m.sized("B"), "little", signed=True)),
+        "\x8b": lambda m: m.push(int.from_bytes(m.sized("i"), "little", signed=True)),
         "S": lambda m: m.push(_line_text(m)),
-        "T": _sized("i", _latin),
-        "U": _sized("B", _latin),
+        "T": lambda m: m.push(str(m.sized("i"), "latin-1")),
+        "U": lambda m: m.push(str(m.sized("B"), "latin-1")),
         "V": lambda m: m.push(m.line().decode("raw-unicode-escape")),
-        "X": _sized("I", _text),
-        "\x8c": _sized("B", _text),
-        "\x8d": _sized("Q", _text),
-        "B": _sized("I", memoryview),
-        "C": _sized("B", memoryview),
-        "\x8e": _sized("Q", memoryview),
-        "\x96": _sized("Q", memoryview),
+        "X": lambda m: m.push(m.text("I")),
+        "\x8c": lambda m: m.push(m.text("B")),
+        "\x8d": lambda m: m.push(m.text("Q")),
+        "B": lambda m: m.push(m.sized("I")),
+        "C": lambda m: m.push(m.sized("B")),
+        "\x8e": lambda m: m.push(m.sized("Q")),
+        "\x96": lambda m: m.push(m.sized("Q")),
         ")": lambda m: m.push(()),
         "t": lambda m: m.push(tuple(m.pop_to_mark())),
         "\x85": lambda m: m.tuple_of(1),
@@ -379,7 +362,7 @@ _STEPS: dict[int, Callable[[_Machine], object]] = {
         "a": lambda m: m.append([m.pop()]),
         "e": lambda m: m.append(m.pop_to_mark()),
         "}": lambda m: m.push({}),
-        "d": _dict_of,
+        "d": lambda m: m.push(m.filled({}, m.pop_to_mark())),
         "s": lambda m: m.set_items([m.pop(), m.pop()][::-1]),
         "u": lambda m: m.set_items(m.pop_to_mark()),
         "p": _remember(lambda m: int(m.line())),

@@ -67,15 +67,7 @@ class _Columns(NamedTuple):
 
 @names_file
 def read_csv(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a table of points.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or broken, or no columns of points are found.
-    InvalidInput
-        If the file says no rate and none is given.
-    """
+    """Content of a table of points."""
     text = read_text(path)
     lines = text.split("\n", _MOST_HEAD)
     first = next((line for line in lines if line.strip()), "")
@@ -205,13 +197,7 @@ def _of_plain(row: list[str], number: int) -> _Columns:
 
 @names_file
 def read_opensim(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a .sto or .mot file; without a word about it in metres, y up.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or broken, holds joint angles, or no places of points.
-    """
+    """Content of a .sto or .mot file; without a word about it in metres, y up."""
     header, titles, text, line = _split_header(read_text(path))
     width = len(titles)
     if header.get("datatype", "double").lower() == "vec3":

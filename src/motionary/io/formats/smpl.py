@@ -21,7 +21,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.content import RATE_HINT, FileContent, place_joints
-from motionary.io.formats.npz import Array, read_npz
+from motionary.io.formats.npz import ArchivedArrays, Array
 from motionary.io.normalise.units import FileMetadata, metres_per_unit
 from motionary.io.options import ReadOptions
 from motionary.motion import Skeleton
@@ -126,15 +126,7 @@ def find_source(arrays: Mapping[str, Array]) -> Source | None:
 def read_smpl_arrays(
     arrays: Mapping[str, Array], source: Source, *, rate_hz: float | None, options: ReadOptions
 ) -> FileContent:
-    """Content of arrays of an SMPL body; a unit that is given is that of the root's places.
-
-    Raises
-    ------
-    UnreadableFile
-        If arrays have other shapes, or the model's file is none.
-    InvalidInput
-        If there is no rate.
-    """
+    """Content of arrays of an SMPL body; a unit that is given is that of the root's places."""
     if rate_hz is None:
         raise InvalidInput(f"holds no frame rate; {RATE_HINT}")
     turns = [arrays[name] for name in source.turns]
@@ -157,11 +149,6 @@ def check_pose(parts: Sequence[Array], trans: Array) -> Pose:
     ----------
     parts : turns of the root and of further joints, in the sequence of the joints
     trans : places of the root
-
-    Raises
-    ------
-    UnreadableFile
-        If shapes or numbers are no pose.
     """
     shapes = f"{', '.join(str(part.shape) for part in parts)} and {trans.shape}"
     trans = trans.reshape(-1, 3) if trans.shape[1:] == (1, 3) else trans
@@ -238,14 +225,9 @@ def read_body_model(path: str | Path, betas: Floats) -> Skeleton:
     ----------
     path : file with v_template, shapedirs and J_regressor (SMPL+H as .npz)
     betas : shape parameters; as many are used as both have
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or holds no such model.
     """
     path = Path(path)
-    model = read_npz(path)
+    model = ArchivedArrays(path)
     try:
         n = min(len(betas), model["shapedirs"].shape[2])
         vertices = model["v_template"] + model["shapedirs"][:, :, :n] @ betas[:n]
@@ -281,11 +263,6 @@ def _read_turns(numbers: Floats, per_joint: int | None) -> _Turns:
     ----------
     numbers : array, shape (frames, numbers of all joints)
     per_joint : numbers of a joint, where the shape of the array in the file says it
-
-    Raises
-    ------
-    UnreadableFile
-        If the numbers are no turns that are known.
     """
     some = numbers[:: 1 + len(numbers) // _LOOKED_AT]
     for kind in _KINDS:

@@ -75,19 +75,15 @@ def time_frames(
 ) -> TimedFrames:
     """Frames at the rate that their times tell, on an even grid of it where asked for.
 
+    Times that run backward, that give no rate where none is stated, or that contradict the one
+    that is stated, are errors.
+
     Parameters
     ----------
     positions : array, shape (frames, points, 3)
     times : array, shape (frames,), seconds as printed
     options : `rate_hz` goes before all times, `even_times` asks for the grid
     stated_hz : what the file's header says; NaN for nothing
-
-    Raises
-    ------
-    UnreadableFile
-        If times run backward, or give no rate where none is stated.
-    InvalidInput
-        If header and times contradict each other.
     """
     if options.rate_hz is not None and not options.even_times:
         return TimedFrames(positions, options.rate_hz, ())

@@ -12,9 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.content import (
     POINT_UNITS,
@@ -37,8 +34,7 @@ from motionary.io.normalise.units import NAMES_OF_UNITS, FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import PACKED, read_text, write_text
 from motionary.motion import Motion
-
-Floats = NDArray[np.float64]
+from motionary.rotations import Floats
 
 _TITLE = "PathFileType"
 _COLUMNS_BEFORE = 2
@@ -67,15 +63,7 @@ class _Head(NamedTuple):
 
 @names_file
 def read_trc(path: Path, options: ReadOptions) -> FileContent:
-    """Content of a TRC file.
-
-    Raises
-    ------
-    UnreadableFile
-        If the file is missing or broken; the message names the line.
-    InvalidInput
-        If the rate that the file says contradicts the times of its frames.
-    """
+    """Content of a TRC file."""
     text = read_text(path)
     head = _read_head(text)
     table, notes = _read_table(text, head)
@@ -205,15 +193,7 @@ def cut_trc(lines: list[str], first: int, last: int, name: str) -> list[str]:
 
 
 def write_trc(motion: Motion, path: str | Path) -> None:
-    """Write positions as TRC: millimetres, y up, empty cells where a point was not seen.
-
-    Raises
-    ------
-    InvalidInput
-        If a name holds a tab or a line's end.
-    UnwritableFile
-        If the file cannot be written.
-    """
+    """Write positions as TRC: millimetres, y up, empty cells where a point was not seen."""
     bad = [n for n in motion.names if not n.strip() or n != n.strip() or set(n) & set("\t\n\r")]
     if bad:
         raise InvalidInput(f"names of TRC markers are without tabs and blank ends, got {bad[0]!r}")
