@@ -18,7 +18,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io.formats.asf import AcclaimSkeleton, Bone, find_asf, read_asf
-from motionary.io.formats.content import FileContent, names_file, place_joints
+from motionary.io.formats.content import FileContent, names_file, place_joints, rig_of
 from motionary.io.formats.numbers import check_frames, end_alike, read_frames, to_number
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
@@ -36,6 +36,7 @@ from motionary.rotations import (
 RATE_HZ = 120.0
 
 _NO_FRAME = "no frame number found; expected an Acclaim motion (AMC)"
+_NO_BONE = "is not among the bones of the first frame"
 _KEYWORDS = {":degrees": True, ":radians": False}
 
 # Lengths are inches or metres by definition; only what the body says is worth a note.
@@ -46,13 +47,6 @@ _SAME_M = 1e-5
 _SAME_RADIANS = 1e-3
 _TOGETHER = 1024
 _NUMBER = "%.7g"
-
-
-class _Layout(NamedTuple):
-    """Names of a frame's lines in the file's sequence, and how many values each has."""
-
-    names: tuple[str, ...]
-    counts: tuple[int, ...]
 
 
 class _Body(NamedTuple):
@@ -96,18 +90,20 @@ def _find_body(text: str) -> _Body:
     raise UnreadableFile(_NO_FRAME)
 
 
-def _read_layout(body: _Body) -> _Layout:
-    names, counts = [], []
+def _read_layout(body: _Body) -> dict[str, int]:
+    """Names of a frame's lines in the file's sequence, and how many values each has."""
+    layout: dict[str, int] = {}
     for words in _frame_lines(body.text):
         if len(words) == 1:
             break
-        names.append(words[0])
-        counts.append(len(words) - 1)
-    if not names:
+        if words[0] in layout:
+            raise UnreadableFile(
+                "a bone occurs twice in the first frame", place=f"line {body.line}"
+            )
+        layout[words[0]] = len(words) - 1
+    if not layout:
         raise UnreadableFile("the first frame is empty", place=f"line {body.line}")
-    if len(set(names)) != len(names):
-        raise UnreadableFile("a bone occurs twice in the first frame", place=f"line {body.line}")
-    return _Layout(tuple(names), tuple(counts))
+    return layout
 
 
 def _frame_lines(text: str) -> Iterator[list[str]]:
@@ -120,10 +116,10 @@ def _frame_lines(text: str) -> Iterator[list[str]]:
             yield words
 
 
-def _read_block(body: _Body, layout: _Layout) -> Floats | None:
+def _read_block(body: _Body, layout: dict[str, int]) -> Floats | None:
     """Frame number and values of all frames, or None if the frames are not alike."""
     words: list[bytes | None] = [None]
-    for name, count in zip(layout.names, layout.counts, strict=True):
+    for name, count in layout.items():
         words += [name.encode(), *[None] * count]
     values = read_frames(body.text.encode(), words)
     if values is None:
@@ -132,32 +128,30 @@ def _read_block(body: _Body, layout: _Layout) -> Floats | None:
     return values if np.array_equal(values[:, 0], counted) else None
 
 
-def _read_lines(body: _Body, layout: _Layout) -> Floats:
+def _read_lines(body: _Body, layout: dict[str, int]) -> Floats:
     """The same line by line: lines in any sequence, errors with their place."""
-    starts = dict(zip(layout.names, np.cumsum((1, *layout.counts[:-1])).tolist(), strict=True))
-    counts = dict(zip(layout.names, layout.counts, strict=True))
+    ends = dict(zip(layout, (1 + np.cumsum(list(layout.values()))).tolist(), strict=True))
     rows: list[list[float]] = []
     left: set[str] = set()
     for number, line in enumerate(body.text.split("\n"), start=body.line):
         words = line.split()
         where = Where(file="", place=f"line {number}")
         if len(words) == 1:
-            rows.append(_start_frame(words[0], rows, left, where, 1 + sum(layout.counts)))
-            left = set(layout.names)
+            rows.append(_start_frame(words[0], rows, left, where, 1 + sum(layout.values())))
+            left = set(layout)
         elif words:
-            if words[0] not in left:
-                raise UnreadableFile(_why_unexpected(words[0], counts), **where)
-            if len(words) - 1 != counts[words[0]]:
+            name, values = words[0], words[1:]
+            if name not in left:
+                known = name in layout
+                problem = "occurs twice in this frame" if known else _NO_BONE
+                raise UnreadableFile(f"{name if known else repr(name)} {problem}", **where)
+            if len(values) != layout[name]:
                 raise UnreadableFile(
-                    f"{words[0]} has {len(words) - 1} values, "
-                    f"{counts[words[0]]} in the first frame",
-                    **where,
+                    f"{name} has {len(values)} values, {layout[name]} in the first frame", **where
                 )
-            start = starts[words[0]]
-            rows[-1][start : start + len(words) - 1] = [
-                to_number(word, where) for word in words[1:]
-            ]
-            left.remove(words[0])
+            end = ends[name]
+            rows[-1][end - len(values) : end] = [to_number(word, where) for word in values]
+            left.remove(name)
     if left:
         raise UnreadableFile(f"the last frame ends without {_some(left)}; cut off?")
     return np.array(rows)
@@ -176,19 +170,17 @@ def _start_frame(
     return [number] + [0.0] * (width - 1)
 
 
-def _why_unexpected(bone: str, known: dict[str, int]) -> str:
-    if bone in known:
-        return f"{bone} occurs twice in this frame"
-    return f"{bone!r} is not among the bones of the first frame"
-
-
 def _some(names: set[str]) -> str:
     shown = sorted(names)
     return ", ".join(shown[:3]) + (f" and {len(shown) - 3} more" if len(shown) > 3 else "")
 
 
 def _to_content(
-    acclaim: AcclaimSkeleton, layout: _Layout, body: _Body, values: Floats, rate_hz: float | None
+    acclaim: AcclaimSkeleton,
+    layout: dict[str, int],
+    body: _Body,
+    values: Floats,
+    rate_hz: float | None,
 ) -> FileContent:
     first_frame, values = int(values[0, 0]), values[:, 1:]
     radians = acclaim.radians if body.degrees is None else (np.pi / 180 if body.degrees else 1.0)
@@ -220,11 +212,11 @@ def _to_content(
     )
 
 
-def _match(layout: _Layout, skeleton: AcclaimSkeleton) -> dict[str, dict[str, int]]:
+def _match(layout: dict[str, int], skeleton: AcclaimSkeleton) -> dict[str, dict[str, int]]:
     """Column of each degree of freedom, by bone."""
     columns: dict[str, dict[str, int]] = {bone.name: {} for bone, _ in skeleton.in_order()}
     place = 0
-    for bone_name, count in zip(layout.names, layout.counts, strict=True):
+    for bone_name, count in layout.items():
         if bone_name not in columns:
             raise UnreadableFile(f"bone {bone_name!r} is not in {skeleton.name}")
         bone = skeleton.root if bone_name == "root" else skeleton.bones[bone_name]
@@ -283,27 +275,22 @@ def write_amc(motion: Motion, path: str | Path, *, asf: str | Path | None = None
 
 def _check(motion: Motion, skeleton: AcclaimSkeleton) -> Floats:
     """The rotations of a motion that is one of this skeleton."""
+    own, rotations = rig_of(motion, "AMC holds the turns of an Acclaim skeleton")
     name = motion.source or "motion"
-    if motion.skeleton is None or motion.rotations is None:
-        raise InvalidInput(
-            "AMC holds the turns of an Acclaim skeleton, and this motion has places of "
-            "points only; write .trc, .c3d or .npz",
-            file=name,
-        )
     expected = skeleton.to_skeleton()
-    if not motion.skeleton.ends or motion.names != expected.names:
+    if not own.ends or motion.names != expected.names:
         raise InvalidInput(
             f"has not the bones of {skeleton.name}; name its own skeleton with --asf "
             "(asf=...), or write .bvh",
             file=name,
         )
-    if np.abs(motion.skeleton.offsets - expected.offsets).max() > _SAME_M:
+    if np.abs(own.offsets - expected.offsets).max() > _SAME_M:
         raise InvalidInput(
             f"its bones are not as long as those of {skeleton.name}; name its own "
             "skeleton with --asf (asf=...)",
             file=name,
         )
-    return motion.rotations
+    return rotations
 
 
 def _values(skeleton: AcclaimSkeleton, bone: Bone, turns: Floats, motion: Motion) -> Floats:

@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -55,15 +55,6 @@ class _Node:
     channels: tuple[tuple[str, str], ...] = ()
 
 
-class _Table(NamedTuple):
-    """The part below MOTION: header values, numbers as text, the line they start at."""
-
-    n_frames: str
-    frame_time: str
-    text: str
-    line: int
-
-
 @names_file
 def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     """Content of a BVH file."""
@@ -72,21 +63,36 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     if start is None:
         raise UnreadableFile(f"no line MOTION found; {_say_cut(text)}")
     nodes, notes = _HierarchyReader().read(text[: start.start()])
-    table = _read_header(text, start.end())
-    # Hours of text are let go as soon as they are numbers, and numbers when they are turns.
-    del text, start
-    values = _read_values(table, sum(len(node.channels) for node in nodes))
-    table = table._replace(text="")
-    notes += _compare_length(table, len(values))
-    rate = options.rate_hz
-    if rate is None:
-        rate, guessed = _rate(table)
-        notes += guessed
-    turns, moves, collapsed = _split_channels(nodes, values)
+    n_frames, frame_time, begins = _read_header(text, start.end())
+    n_channels = sum(len(node.channels) for node in nodes)
+    if not n_channels:
+        raise UnreadableFile("no joint has channels, so nothing moves")
+    line = text.count("\n", 0, begins) + 1
+    text = text[begins:]
+    # Hours of text, all of which a match holds, are let go as soon as they are numbers, and
+    # numbers when they are turns.
+    del start
+    values = read_table(text, n_channels, line=line)
+    del text
+    if not len(values):
+        raise UnreadableFile(f"expected {n_channels} numbers per frame, got 0 in all")
+    notes += _compare_length(n_frames, len(values))
+    rate, guessed = (options.rate_hz, []) if options.rate_hz else _rate(frame_time)
+    rotations, moves, collapsed = _split_channels(nodes, values)
     del values
-    if collapsed:
-        notes.append(_note_collapsed(collapsed))
-    return _to_content(nodes, turns, moves, rate, notes)
+    names = tuple(node.name for node in nodes)
+    parents = np.array([node.parent for node in nodes], dtype=np.intp)
+    skeleton = Skeleton(names, parents, np.array([node.offset for node in nodes]))
+    origin = np.zeros((len(rotations), 3))
+    return FileContent(
+        names=names,
+        positions=place_joints(skeleton, rotations, origin, translations=moves),
+        rate_hz=rate,
+        metadata=FileMetadata(),
+        skeleton=skeleton,
+        rotations=rotations,
+        notes=(*notes, *guessed, *collapsed),
+    )
 
 
 def _say_cut(text: str) -> str:
@@ -190,7 +196,10 @@ class _HierarchyReader:
             place[i] = len(kept)
             node.parent = place[node.parent]
             kept.append(node)
-        renamed = _number_doubles(kept)
+        counts = Counter(node.name for node in kept)
+        for node, name in zip(kept, number_doubles([node.name for node in kept]), strict=True):
+            node.name = name
+        renamed = [name for name, count in counts.items() if count > 1]
         notes = []
         if missing:
             notes.append(f"{missing} End Sites without length count as missing joints")
@@ -199,57 +208,39 @@ class _HierarchyReader:
         return kept, notes
 
 
-def _number_doubles(nodes: list[_Node]) -> list[str]:
-    """Number the second and further joints of a name; returns the names concerned."""
-    counts = Counter(node.name for node in nodes)
-    for node, name in zip(nodes, number_doubles([node.name for node in nodes]), strict=True):
-        node.name = name
-    return [name for name, count in counts.items() if count > 1]
-
-
-def _read_header(text: str, start: int) -> _Table:
+def _read_header(text: str, start: int) -> tuple[str, str, int]:
+    """Number of frames and time of a frame as they are printed, and where frames begin."""
     frames = _FRAMES.match(text, start)
     frame_time = _FRAME_TIME.match(text, frames.end()) if frames else None
     if frames is None or frame_time is None:
         line = text.count("\n", 0, start) + 2
         raise UnreadableFile("expected 'Frames: N' and 'Frame Time: seconds'", place=f"line {line}")
-    end = frame_time.end()
-    line = text.count("\n", 0, end) + 1
-    return _Table(frames.group(1), frame_time.group(1), text[end:], line)
+    return frames.group(1), frame_time.group(1), frame_time.end()
 
 
-def _read_values(table: _Table, n_channels: int) -> Floats:
-    if not n_channels:
-        raise UnreadableFile("no joint has channels, so nothing moves")
-    values = read_table(table.text, n_channels, line=table.line)
-    if not len(values):
-        raise UnreadableFile(f"expected {n_channels} numbers per frame, got 0 in all")
-    return values
-
-
-def _compare_length(table: _Table, n_frames: int) -> list[str]:
+def _compare_length(printed: str, n_frames: int) -> list[str]:
     """Notes on a wrong number of frames; a file that was cut off is an error."""
-    if not table.n_frames.isdecimal():
-        raise UnreadableFile(f"'Frames:' needs a whole number, got {table.n_frames[:40]!r}")
-    check_length(table.n_frames, n_frames, key="'Frames:' ")
-    promised = int(table.n_frames[:20])
+    if not printed.isdecimal():
+        raise UnreadableFile(f"'Frames:' needs a whole number, got {printed[:40]!r}")
+    check_length(printed, n_frames, key="'Frames:' ")
+    promised = int(printed[:20])
     if promised < n_frames:
         return [f"'Frames:' promises {promised} frames, all {n_frames} in the file were read"]
     return []
 
 
-def _rate(table: _Table) -> tuple[float, list[str]]:
+def _rate(frame_time: str) -> tuple[float, list[str]]:
     """Frames per second, and a note where few digits were printed."""
-    time_s = parse_number(table.frame_time)
+    time_s = parse_number(frame_time)
     rate = rate_of_frame_time(time_s)
     if math.isnan(rate):
         raise UnreadableFile(
-            f"'Frame Time:' is {table.frame_time[:40]!r}, which gives no rate; {RATE_HINT}"
+            f"'Frame Time:' is {frame_time[:40]!r}, which gives no rate; {RATE_HINT}"
         )
-    usual = _usual_rate(table.frame_time, time_s, rate)
+    usual = _usual_rate(frame_time, time_s, rate)
     if usual is None:
         return rate, []
-    return usual, [f"{usual:g} Hz, by a frame time of {table.frame_time} s"]
+    return usual, [f"{usual:g} Hz, by a frame time of {frame_time} s"]
 
 
 def _usual_rate(printed: str, time_s: float, rate_hz: float) -> float | None:
@@ -261,33 +252,11 @@ def _usual_rate(printed: str, time_s: float, rate_hz: float) -> float | None:
     return min(fits, key=lambda hz: abs(hz - rate_hz), default=None)
 
 
-def _to_content(
-    nodes: list[_Node],
-    rotations: Floats,
-    translations: dict[int, Floats],
-    rate_hz: float,
-    notes: list[str],
-) -> FileContent:
-    names = tuple(node.name for node in nodes)
-    parents = np.array([node.parent for node in nodes], dtype=np.intp)
-    skeleton = Skeleton(names, parents, np.array([node.offset for node in nodes]))
-    origin = np.zeros((len(rotations), 3))
-    return FileContent(
-        names=names,
-        positions=place_joints(skeleton, rotations, origin, translations=translations),
-        rate_hz=rate_hz,
-        metadata=FileMetadata(),
-        skeleton=skeleton,
-        rotations=rotations,
-        notes=tuple(notes),
-    )
-
-
 def _split_channels(
     nodes: list[_Node], values: Floats
 ) -> tuple[Floats, dict[int, Floats], list[str]]:
-    """Local rotations (frames, joints, 4), by joint translations (frames, 3), and joints of
-    which the translations would leave nothing.
+    """Local rotations (frames, joints, 4), by joint translations (frames, 3), and a note on
+    joints of which the translations would leave nothing.
     """
     collapsed = []
     turns = np.zeros((len(nodes), 4, len(values)))
@@ -313,13 +282,11 @@ def _split_channels(
                 collapsed.append(node.name)
             else:
                 translations[joint] = steps
-    return np.moveaxis(turns, -1, 0), translations, collapsed
-
-
-def _note_collapsed(names: list[str]) -> str:
-    """A note on joints whose position channels leave nothing of a bone."""
-    bones = "1 bone" if len(names) == 1 else f"{len(names)} bones"
-    return (
-        f"position channels of {name_some(names, 6)} are zero, which leaves {bones} without "
-        "length: the offsets count there"
-    )
+    notes = []
+    if collapsed:
+        bones = "1 bone" if len(collapsed) == 1 else f"{len(collapsed)} bones"
+        notes.append(
+            f"position channels of {name_some(collapsed, 6)} are zero, which leaves {bones} "
+            "without length: the offsets count there"
+        )
+    return np.moveaxis(turns, -1, 0), translations, notes

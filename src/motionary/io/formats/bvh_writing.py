@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile
+from motionary.io.formats.content import rig_of
 from motionary.io.formats.numbers import check_frames, end_alike, find_line
 from motionary.io.normalise.units import metres_per_unit
 from motionary.io.text import write_text
@@ -66,29 +67,18 @@ def write_bvh(motion: Motion, path: str | Path, *, unit: float | str = "cm") -> 
         If the file cannot be written.
     """
     metres = metres_per_unit(unit)
-    roots = _build(motion)
-    write_text(path, _format(motion, roots, metres))
-
-
-def _build(motion: Motion) -> list[_Node]:
-    skeleton, rotations = motion.skeleton, motion.rotations
-    if skeleton is None or rotations is None:
-        raise InvalidInput(
-            "BVH holds the turns of a rig, and this motion has "
-            "places of points only; write .trc, .c3d or .npz",
-            file=motion.source or "motion",
-        )
+    skeleton, rotations = rig_of(motion, "BVH holds the turns of a rig")
     if np.isnan(motion.positions).any():
         raise InvalidInput("BVH holds no gaps; fill or cut them", file=motion.source or "motion")
     bad = [n for n in motion.names if not n or n != " ".join(n.split()) or set(n) & set("{}")]
     if bad:
         raise InvalidInput(f"names of BVH joints are without braces and blank ends, got {bad[0]!r}")
-    return _build_ends(motion) if skeleton.ends else _build_starts(motion)
+    build = _build_ends if skeleton.ends else _build_starts
+    write_text(path, _format(motion, build(motion, skeleton, rotations), metres))
 
 
-def _build_starts(motion: Motion) -> list[_Node]:
+def _build_starts(motion: Motion, skeleton: Skeleton, rotations: Floats) -> list[_Node]:
     """Nodes of a tree whose joints turn what lies below them."""
-    skeleton, rotations = _rig(motion)
     world: list[Floats] = []
     nodes: list[_Node] = []
     roots = []
@@ -112,9 +102,8 @@ def _build_starts(motion: Motion) -> list[_Node]:
     return roots
 
 
-def _build_ends(motion: Motion) -> list[_Node]:
+def _build_ends(motion: Motion, skeleton: Skeleton, rotations: Floats) -> list[_Node]:
     """Nodes of a tree whose joints are the ends of the bones that they turn."""
-    skeleton, rotations = _rig(motion)
     at_rest = np.zeros((motion.n_frames, 4))
     at_rest[:, 0] = 1.0
     nodes: list[_Node] = []
@@ -129,12 +118,6 @@ def _build_ends(motion: Motion) -> list[_Node]:
         nodes[parent].children.append(_Node(f"start of {name}", np.zeros(3), turns, None, [end]))
         nodes.append(end)
     return roots
-
-
-def _rig(motion: Motion) -> tuple[Skeleton, Floats]:
-    if motion.skeleton is None or motion.rotations is None:
-        raise InvalidInput("has no rig", file="motion")
-    return motion.skeleton, motion.rotations
 
 
 def _format(motion: Motion, roots: list[_Node], metres: float) -> Iterator[str]:

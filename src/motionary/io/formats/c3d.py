@@ -12,15 +12,15 @@ come back from three.
 
 import re
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput, MotionaryError, UnreadableFile
-from motionary.files import open_regular
+from motionary.files import describe_opening, open_regular
 from motionary.io.formats.c3d_head import LONGEST_HEAD, MOST_LABELS, Head, parse_head
-from motionary.io.formats.c3d_layout import Layout, find_layout, read_segments, read_table
+from motionary.io.formats.c3d_layout import Layout, Points, find_layout, read_segments, read_table
 from motionary.io.formats.content import (
     MOST_RATE_HZ,
     POINT_UNITS,
@@ -61,7 +61,7 @@ def read_c3d(path: Path, options: ReadOptions) -> FileContent:
         except MotionaryError:
             raise
         except OSError as error:
-            raise UnreadableFile(f"cannot be read: {error.strerror or error}", file=path) from error
+            raise UnreadableFile(describe_opening(error), file=path) from error
 
 
 def _read_content(file: BinaryIO, options: ReadOptions) -> FileContent:
@@ -69,36 +69,28 @@ def _read_content(file: BinaryIO, options: ReadOptions) -> FileContent:
     rate = _rate(head) if options.rate_hz is None else options.rate_hz
     units = head.texts("POINT", "UNITS")
     unit = NAMES_OF_UNITS.get(units[0].lower()) if units else None
-    places = _read_places(file, head, trust=bool(options.trust_points))
+    points = _read_points(file, head, trust=bool(options.trust_points))
+    subjects = head.count("SUBJECTS", "USED", len(head.texts("SUBJECTS", "NAMES")))
     return FileContent(
-        names=places.names,
-        positions=places.positions,
+        names=points.names,
+        positions=points.positions,
         rate_hz=rate,
         metadata=FileMetadata(unit, _stated_up(head), "mm", "z", POINT_UNITS),
-        first_frame=places.first_frame,
-        events=_read_events(head, places.first_frame, rate),
-        notes=(*places.notes, *_note_subjects(head)),
+        first_frame=points.first_frame,
+        events=_read_events(head, points.first_frame, rate),
+        notes=(*points.notes, *[f"{subjects} subjects in the file"][: subjects > 1]),
     )
 
 
-class _Places(NamedTuple):
-    """Points of all frames in file units, (frames, points, 3); NaN = not seen."""
-
-    names: list[str]
-    positions: Floats
-    first_frame: int
-    notes: tuple[str, ...]
-
-
-def _read_places(file: BinaryIO, head: Head, *, trust: bool) -> _Places:
+def _read_points(file: BinaryIO, head: Head, *, trust: bool) -> Points:
     counts = (head.header.n_points, head.count("POINT", "USED", 0))
     if not any(counts):
         if head.count("ROTATION", "USED", 0):
-            return _Places(*read_segments(file, head))
+            return read_segments(file, head)
         raise UnreadableFile("holds no points (analog signals only?)")
     layout, notes = find_layout(file, head)
     kept, names, left_out = _choose_points(head, layout.n_points)
-    positions, distrusted = _read_points(file, head, layout, kept, trust=trust)
+    positions, distrusted = _read_positions(file, head, layout, kept, trust=trust)
     seen = ~np.isnan(positions[..., 0]).all(axis=0)
     if distrusted.any() and not seen.any():
         raise UnreadableFile(
@@ -112,7 +104,7 @@ def _read_places(file: BinaryIO, head: Head, *, trust: bool) -> _Places:
             f"({name_some(marked)}); --trust-points (trust_points=True) reads them"
         )
     notes += hide_sentinels(positions, names)
-    return _Places(names, positions, layout.first_frame, (*notes, *left_out))
+    return Points(names, positions, layout.first_frame, (*notes, *left_out))
 
 
 def _choose_points(head: Head, n_points: int) -> tuple[list[int], list[str], list[str]]:
@@ -169,7 +161,7 @@ def _bare(label: str) -> str:
     return label.rpartition(":")[2]
 
 
-def _read_points(
+def _read_positions(
     file: BinaryIO, head: Head, layout: Layout, kept: list[int], *, trust: bool
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Positions of the kept points in file units, and which of them have unseen places.
@@ -245,11 +237,3 @@ def _read_events(head: Head, first_frame: int, rate_hz: float) -> tuple[Event, .
     # Comparing with NaN is False.
     possible = (event for event in found if abs(event.time_s) < _LATEST_S)
     return tuple(sorted(possible, key=lambda event: event.time_s))
-
-
-def _note_subjects(head: Head) -> list[str]:
-    subjects = head.texts("SUBJECTS", "NAMES")
-    n_used = head.count("SUBJECTS", "USED", len(subjects))
-    if n_used > 1:
-        return [f"{n_used} subjects in the file"]
-    return []

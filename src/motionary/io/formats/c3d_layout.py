@@ -11,6 +11,7 @@ each with its reliability. The last column is where a segment begins: of a thigh
 shank the knee. These places are read; turns are not.
 """
 
+import re
 from collections.abc import Iterator
 from itertools import product
 from typing import BinaryIO, NamedTuple
@@ -47,6 +48,15 @@ class Layout(NamedTuple):
     def frame(self) -> int:
         """Bytes of a frame."""
         return self.item * (4 * self.n_points + self.n_analog)
+
+
+class Points(NamedTuple):
+    """Points of all frames in file units, (frames, points, 3); NaN = not seen."""
+
+    names: list[str]
+    positions: Floats
+    first_frame: int
+    notes: tuple[str, ...]
 
 
 def find_layout(file: BinaryIO, head: Head) -> tuple[Layout, list[str]]:
@@ -104,12 +114,11 @@ def _statements(head: Head) -> Iterator[tuple[int, int, int]]:
     blocks = [header.data_block, head.count("POINT", "DATA_START", 0), head.end_block]
     starts = [(block - 1) * BLOCK for block in blocks if block > 1]
     # Labels beyond the points in use are common; they count only where nothing else does.
-    combined = product(
+    return product(
         dict.fromkeys(n for n in points if n > 0),
         dict.fromkeys(n for n in analog if n <= MOST_COUNTED),
         dict.fromkeys(starts),
     )
-    return ((n, m, start) for n, m, start in combined)
 
 
 def _fitting(stated: list[Layout], head: Head, size: int) -> Iterator[Layout]:
@@ -218,12 +227,12 @@ def _count_frames(head: Head, there: int, frame_bytes: int) -> tuple[int, list[s
 
 
 _MATRIX = 17
-_NAME_END = "_4X4"
+_NAME_END = re.compile(r"_4X4\Z", re.IGNORECASE)
 _TOLERANCE = 1e-2
 
 
-def read_segments(file: BinaryIO, head: Head) -> tuple[list[str], Floats, int, tuple[str, ...]]:
-    """Names of segments, where they begin in file units, the first frame, and notes."""
+def read_segments(file: BinaryIO, head: Head) -> Points:
+    """Where segments begin, as points."""
     labels = head.texts("ROTATION", "LABELS", "LABELS2")
     n_used, ratio = head.count("ROTATION", "USED", 0), head.count("ROTATION", "RATIO", 1) or 1
     labels = (*labels, *(f"segment {i + 1}" for i in range(len(labels), n_used)))[:n_used]
@@ -248,11 +257,6 @@ def read_segments(file: BinaryIO, head: Head) -> tuple[list[str], Floats, int, t
     positions = np.where((away < _TOLERANCE)[..., None], matrices[..., :3, 3], np.nan)
     if np.isnan(positions).all():
         raise UnreadableFile(f"{about}, and none of its matrices is a rotation")
-    names = number_doubles([_bare(label) for label in labels])
+    names = number_doubles([_NAME_END.sub("", label) for label in labels])
     note = f"no points: places where {n_used} segments begin, of their rotations ({shown})"
-    return names, positions, head.header.first_frame, (note,)
-
-
-def _bare(label: str) -> str:
-    is_matrix = label.upper().endswith(_NAME_END)
-    return label[: -len(_NAME_END)] if is_matrix else label
+    return Points(names, positions, head.header.first_frame, (note,))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput, MotionaryError, SeveralRecordings, UnreadableFile
 from motionary.io.formats import EVERY
 from motionary.io.normalise.units import FileMetadata
-from motionary.motion import Event, JointMapping, Skeleton, forward_kinematics
+from motionary.motion import Event, JointMapping, Motion, Skeleton, forward_kinematics
 from motionary.rotations import (
     Floats,
     conjugate_quaternions,
@@ -157,6 +157,16 @@ def place_joints(
     return positions
 
 
+def rig_of(motion: Motion, holds: str) -> tuple[Skeleton, Floats]:
+    """Skeleton and rotations of a motion to write; one without has no place in the format."""
+    if motion.skeleton is None or motion.rotations is None:
+        raise InvalidInput(
+            f"{holds}, and this motion has places of points only; write .trc, .c3d or .npz",
+            file=motion.source or "motion",
+        )
+    return motion.skeleton, motion.rotations
+
+
 def rest_offsets(positions: Floats, turns: Floats, parents: NDArray[np.intp]) -> Floats:
     """Offsets of joints in their parents' frames, shape (joints, 3).
 
@@ -237,11 +247,7 @@ def number_doubles(names: Sequence[str]) -> list[str]:
 def choose_take(takes: Sequence[str] | int, take: str | int | None, source: str) -> int:
     """Which of several recordings in a file is meant: by its name, or by its number from 1.
 
-    Parameters
-    ----------
-    takes : names of the recordings, or how many there are where they have none
-    take : what is asked for
-    source : name of the file
+    `takes` are their names, or how many there are where they have none.
 
     Raises
     ------

@@ -48,14 +48,6 @@ _STILL = 1e-6
 _FARTHEST_M = 1e6
 
 
-class _Sampled(NamedTuple):
-    """The joints of each frame in the world, and their turns in their parents, wxyz."""
-
-    positions: Floats
-    turns: Floats
-    is_mirrored: bool
-
-
 class _Joints(NamedTuple):
     """Nodes that are joints, parents before children."""
 
@@ -82,21 +74,21 @@ def read_gltf(path: Path, options: ReadOptions) -> FileContent:
     notes += note_take(takes, number, is_given=options.take is not None, called="animation")
     rate_hz, rate_note = find_rate(channels, options.rate_hz)
     at_s = _frame_times(document, channels, rate_hz, len(joints.nodes))
-    sampled = _pose(document, joints, channels, at_s, rate_hz)
-    if sampled.is_mirrored:
+    positions, turns, is_mirrored = _pose(document, joints, channels, at_s, rate_hz)
+    if is_mirrored:
         notes.append("joints are mirrored by their scale: turns are left out")
     skeleton = Skeleton(
         tuple(joints.names),
         joints.parents,
-        rest_offsets(sampled.positions[0], sampled.turns[0], joints.parents),
+        rest_offsets(positions[0], turns[0], joints.parents),
     )
     return FileContent(
         names=joints.names,
-        positions=sampled.positions,
+        positions=positions,
         rate_hz=rate_hz,
         metadata=FileMetadata("m", "y", noted=()),
         skeleton=skeleton,
-        rotations=None if sampled.is_mirrored else sampled.turns,
+        rotations=None if is_mirrored else turns,
         mapping=_map_humanoid(humanoid, joints),
         notes=(*notes, *rate_note),
     )
@@ -122,9 +114,14 @@ def _find_joints(
         listed = skin.get("joints")
         for node in listed if isinstance(listed, list) else []:
             wanted.add(document.index(node, len(nodes), "nodes"))
-    shown = [_is_shown(document, node) for node in nodes]
+    shown = [
+        bool({"mesh", "camera"} & node.keys())
+        or "KHR_lights_punctual" in document.part(node, "extensions")
+        for node in nodes
+    ]
     if not wanted:
-        wanted = _animated(document, animations, len(nodes))
+        targets = (find_targets(document, one, len(nodes)) for one in animations)
+        wanted = {node for found in targets for node, _, _ in found}
         wanted |= {i for i, is_shown in enumerate(shown) if wanted and not is_shown}
     if not wanted:
         raise NotAMotion("holds no motion; expected a skin or an animation")
@@ -172,15 +169,6 @@ def _parents_first(document: Document, parents: list[int]) -> list[int]:
     return order
 
 
-def _is_shown(document: Document, node: Object) -> bool:
-    lights = document.part(node, "extensions").keys() & {"KHR_lights_punctual"}
-    return bool({"mesh", "camera"} & node.keys() or lights)
-
-
-def _animated(document: Document, animations: Sequence[Object], n_nodes: int) -> set[int]:
-    return {node for one in animations for node, _, _ in find_targets(document, one, n_nodes)}
-
-
 # ---- animations
 
 
@@ -222,8 +210,11 @@ def _frame_times(
 
 def _pose(
     document: Document, joints: _Joints, channels: Sequence[Channel], at_s: Floats, rate_hz: float
-) -> _Sampled:
-    """Joints of all frames; what does not move is computed once."""
+) -> tuple[Floats, Floats, bool]:
+    """Joints of all frames in the world, their turns in their parents, wxyz, and whether mirrored.
+
+    What does not move is computed once.
+    """
     nodes = document.items("nodes")
     positions = np.empty((len(at_s), len(joints.nodes), 3))
     turns = np.empty((len(at_s), len(joints.nodes), 4))
@@ -250,7 +241,7 @@ def _pose(
         document.fail("has impossibly large numbers")
     if not np.isfinite(turns).all():
         document.fail("its joints have impossible turns")
-    return _Sampled(positions, turns, is_mirrored)
+    return positions, turns, is_mirrored
 
 
 def _local(

@@ -139,16 +139,7 @@ def parse_number(word: str | bytes) -> float:
 def read_frames(
     text: bytes, names: Sequence[bytes | None], *, gaps: Collection[str] = ()
 ) -> Floats | None:
-    """Numbers of all frames, or None if the text is not frame after frame like that.
-
-    Parameters
-    ----------
-    text, names, gaps : as of `iterate_frames`
-
-    Returns
-    -------
-    array, shape (frames, numbers per frame), or None
-    """
+    """Numbers of all frames, as of `iterate_frames`; None if the text is none."""
     try:
         blocks = list(iterate_frames([text], names, gaps=gaps))
     except NotAlike:
@@ -338,13 +329,9 @@ def _read_rows(words: Words, width: int, separator: int, gaps: Collection[str]) 
 
 
 def check_length(promised: str, n: int, *, what: str = "frames", key: str = "") -> None:
-    """Refuse a table that is shorter than its file says.
+    """Refuse a table of `n` rows that is shorter than its file says, under `key`.
 
-    Parameters
-    ----------
-    promised : as the file says it; what is no whole number promises nothing
-    n : how many are there
-    what, key : what is counted, and how the file calls their number
+    What is no whole number promises nothing.
     """
     if promised.isdecimal() and int(promised[:20]) > n:
         raise UnreadableFile(

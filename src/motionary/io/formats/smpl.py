@@ -13,7 +13,7 @@ Whether six numbers in sequence are rows or columns no value tells: a knee bends
 Conventions: in the rest pose the body stands in a T, y up, looking along z, its left at +x.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -143,13 +143,7 @@ def read_smpl_arrays(
 
 
 def check_pose(parts: Sequence[Array], trans: Array) -> Pose:
-    """The turns of the body's joints and the places of its root.
-
-    Parameters
-    ----------
-    parts : turns of the root and of further joints, in the sequence of the joints
-    trans : places of the root
-    """
+    """The pose of turns of the root and of further joints, in their sequence, and of its places."""
     shapes = f"{', '.join(str(part.shape) for part in parts)} and {trans.shape}"
     trans = trans.reshape(-1, 3) if trans.shape[1:] == (1, 3) else trans
     n_frames = len(trans) if trans.ndim == 2 and trans.shape[1] == 3 else 0
@@ -265,14 +259,15 @@ def _read_turns(numbers: Floats, per_joint: int | None) -> _Turns:
     per_joint : numbers of a joint, where the shape of the array in the file says it
     """
     some = numbers[:: 1 + len(numbers) // _LOOKED_AT]
-    for kind in _KINDS:
-        if per_joint not in (None, kind.size) or numbers.shape[1] % kind.size:
+    for size, read in _KINDS:
+        if per_joint not in (None, size) or numbers.shape[1] % size:
             continue
-        if numbers.shape[1] < N_BODY * kind.size:
+        if numbers.shape[1] < N_BODY * size:
             continue
-        if kind.fits(some.reshape(len(some), -1, kind.size)):
-            wanted = numbers[:, : N_BODY * kind.size].reshape(len(numbers), N_BODY, -1)
-            return kind.read(wanted)
+        wanted = numbers[:, : N_BODY * size].reshape(len(numbers), N_BODY, -1)
+        turns = read(some.reshape(len(some), -1, size), wanted)
+        if turns is not None:
+            return turns
     shape = numbers.shape if per_joint is None else (len(numbers), "joints", per_joint)
     raise UnreadableFile(
         f"turns of shape {shape} of {N_BODY} joints or more are neither rotation "
@@ -290,36 +285,31 @@ def _are_square(a: Floats, b: Floats) -> bool:
     return _are_unit(a) and _are_unit(b) and bool((np.abs((a * b).sum(-1)) < _TOLERANCE).all())
 
 
-def _are_matrices(numbers: Floats) -> bool:
-    a, b, c = np.moveaxis(numbers.reshape(*numbers.shape[:-1], 3, 3), -2, 0)
-    return _are_square(a, b) and bool((np.abs(np.cross(a, b) - c) < _TOLERANCE).all())
+# Each way to write turns: what `numbers` say if `some` of them, of all joints, fit it, else None.
 
 
-def _matrices(numbers: Floats) -> _Turns:
+def _matrices(some: Floats, numbers: Floats) -> _Turns | None:
+    a, b, c = np.moveaxis(some.reshape(*some.shape[:-1], 3, 3), -2, 0)
+    if not (_are_square(a, b) and (np.abs(np.cross(a, b) - c) < _TOLERANCE).all()):
+        return None
     matrices = numbers.reshape(*numbers.shape[:-1], 3, 3)
     return _Turns(matrices_to_quaternions(matrices), ("turns are rotation matrices",))
 
 
-def _are_columns_in_turn(numbers: Floats) -> bool:
-    return _are_square(numbers[..., ::2], numbers[..., 1::2])
-
-
-def _columns_in_turn(numbers: Floats) -> _Turns:
+def _columns_in_turn(some: Floats, numbers: Floats) -> _Turns | None:
+    if not _are_square(some[..., ::2], some[..., 1::2]):
+        return None
     turns = _complete(numbers[..., ::2], numbers[..., 1::2])
     return _Turns(turns, ("turns are two columns of a matrix (6 numbers), row by row",))
 
 
-def _are_two_vectors(numbers: Floats) -> bool:
-    return _are_square(numbers[..., :3], numbers[..., 3:])
-
-
-def _two_vectors(numbers: Floats) -> _Turns:
+def _two_vectors(some: Floats, numbers: Floats) -> _Turns | None:
+    if not _are_square(some[..., :3], some[..., 3:]):
+        return None
     by_columns = _complete(numbers[..., :3], numbers[..., 3:])
     # About x a knee bends forward: backwards by the wrong reading, which is the inverse.
-    bends = by_columns[:, [_LEFT_KNEE, _RIGHT_KNEE], 1] * np.sign(
-        by_columns[:, [_LEFT_KNEE, _RIGHT_KNEE], 0]
-    )
-    are_rows = bool(bends.mean() < 0)
+    knees = by_columns[:, [_LEFT_KNEE, _RIGHT_KNEE]]
+    are_rows = bool((knees[..., 1] * np.sign(knees[..., 0])).mean() < 0)
     if are_rows:
         by_columns = by_columns * (1.0, -1.0, -1.0, -1.0)
     what = "rows" if are_rows else "columns"
@@ -334,7 +324,9 @@ def _complete(a: Floats, b: Floats) -> Floats:
     return matrices_to_quaternions(np.stack((a, b, np.cross(a, b)), axis=-1))
 
 
-def _quaternions(numbers: Floats) -> _Turns:
+def _quaternions(some: Floats, numbers: Floats) -> _Turns | None:
+    if not _are_unit(some):
+        return None
     # Most joints turn little: the largest component is the cosine.
     first, last = np.abs(numbers[..., 0]).mean(), np.abs(numbers[..., 3]).mean()
     w_is_last = bool(last > first)
@@ -344,7 +336,7 @@ def _quaternions(numbers: Floats) -> _Turns:
     return _Turns(quaternions, (f"turns are quaternions, w {'last' if w_is_last else 'first'}",))
 
 
-def _vectors(numbers: Floats) -> _Turns:
+def _vectors(some: Floats, numbers: Floats) -> _Turns | None:
     lengths = np.linalg.norm(numbers[:, 1:], axis=-1)
     notes: tuple[str, ...] = ()
     if lengths.size and (lengths > _LARGEST_RAD).mean() > _MANY:
@@ -353,18 +345,11 @@ def _vectors(numbers: Floats) -> _Turns:
     return _Turns(rotation_vectors_to_quaternions(numbers), notes)
 
 
-class _Kind(NamedTuple):
-    """A way to write turns: numbers of a joint, whether some are, and what they say."""
-
-    size: int
-    fits: Callable[[Floats], bool]
-    read: Callable[[Floats], _Turns]
-
-
+# By the numbers of a joint.
 _KINDS = (
-    _Kind(9, _are_matrices, _matrices),
-    _Kind(6, _are_columns_in_turn, _columns_in_turn),
-    _Kind(6, _are_two_vectors, _two_vectors),
-    _Kind(4, _are_unit, _quaternions),
-    _Kind(3, lambda numbers: True, _vectors),
+    (9, _matrices),
+    (6, _columns_in_turn),
+    (6, _two_vectors),
+    (4, _quaternions),
+    (3, _vectors),
 )

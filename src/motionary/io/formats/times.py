@@ -80,8 +80,7 @@ def time_frames(
 
     Parameters
     ----------
-    positions : array, shape (frames, points, 3)
-    times : array, shape (frames,), seconds as printed
+    positions, times : arrays, shape (frames, points, 3) and (frames,), seconds as printed
     options : `rate_hz` goes before all times, `even_times` asks for the grid
     stated_hz : what the file's header says; NaN for nothing
     """

@@ -46,13 +46,8 @@ _MM = 1000.0
 
 
 class _Head(NamedTuple):
-    """Header values by name, names of the points, and where and how the frames stand.
-
-    Attributes
-    ----------
-    names : "" for a point without a name
-    separator : between cells; None for blanks
-    line : number of the line at which frames begin, from 0
+    """Header values by name, names of the points ("" for none), separator of cells (None for
+    blanks), and the line at which frames begin, from 0.
     """
 
     values: dict[str, str]
@@ -112,7 +107,9 @@ def _read_head(text: str) -> _Head:
     begins = 4 if math.isfinite(parse_number(lines[4].split(separator)[0] or "-")) else 5
     counted = sum(bool(_SUB_HEADER.fullmatch(c.strip())) for c in lines[4].split(separator))
     rows = text.split("\n")[begins:]
-    n_points = (counted or _count_numbers(rows, separator) + 2) // 3
+    first = next((row for row in rows if row.strip()), "").rstrip()
+    # Rounded up: the last cells of a row may be missing.
+    n_points = (counted or len(first.split(separator)) - _COLUMNS_BEFORE + 2) // 3
     if separator is not None:
         # Points without a name may be there in some frames only.
         most = max((row.rstrip().count(separator) for row in rows), default=0) + 1
@@ -122,12 +119,6 @@ def _read_head(text: str) -> _Head:
     if not any(names):
         raise UnreadableFile("names no markers", place="line 4")
     return _Head(values, names, separator, begins)
-
-
-def _count_numbers(rows: list[str], separator: str | None) -> int:
-    """Coordinates in the first frame."""
-    row = next((row for row in rows if row.strip()), "").rstrip()
-    return len(row.split(separator)) - _COLUMNS_BEFORE
 
 
 def _name_points(titles: list[str], n_points: int) -> list[str]:
