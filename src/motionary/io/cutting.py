@@ -25,6 +25,7 @@ from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.files import read_bytes, write_atomically
 from motionary.io.finding import explain_unmatched, match_recording
 from motionary.io.formats import FORMATS, find_format, load_function, split_take
+from motionary.io.formats.content import at_fault
 from motionary.io.options import ReadOptions
 from motionary.io.recordings import read
 from motionary.io.text import PACKED, format_suffix, read_text, stem_of, write_text
@@ -162,7 +163,8 @@ def cut_file(
             beside.write_bytes(clip)
         return
     lines, is_raw = _read(path)
-    content = "".join(load_function(form.cut)(lines, first_frame, last_frame, path.name))
+    with at_fault(path.name):
+        content = "".join(load_function(form.cut)(lines, first_frame, last_frame))
     if out.suffix.lower() == PACKED or not is_raw:
         write_text(out, content)
         return

@@ -27,7 +27,7 @@ class Format(NamedTuple):
         must be given (a rate, a take, an order of joints), or contradicts the file
     write : (motion, path, ...) -> None; empty where there is no writer; `InvalidInput` if the
         format does not hold the motion, `UnwritableFile` if the file cannot be written
-    cut : of texts (lines, first, last, name) -> lines of a clip, of others
+    cut : of texts (lines, first, last) -> lines of a clip, of others
         (path, first, last, take) -> its bytes, both ends included; empty where no clips are cut
         out; errors as of `read`, and `InvalidInput` if these frames are not in the file
     takes : options of `read` that not every format has

@@ -18,7 +18,7 @@ import numpy as np
 
 from motionary.errors import InvalidInput, UnreadableFile, Where
 from motionary.io.formats.asf import AcclaimSkeleton, Bone, find_asf, read_asf
-from motionary.io.formats.content import FileContent, names_file, place_joints, rig_of
+from motionary.io.formats.content import FileContent, at_fault, names_file, place_joints, rig_of
 from motionary.io.formats.numbers import check_frames, end_alike, read_frames, to_number
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
@@ -264,31 +264,29 @@ def write_amc(motion: Motion, path: str | Path, *, asf: str | Path | None = None
         If the file cannot be written.
     """
     skeleton = read_asf(Path(asf if asf is not None else find_asf(Path(path))))
-    rotations = _check(motion, skeleton)
-    columns = {
-        bone.name: _values(skeleton, bone, rotations[:, joint], motion)
-        for joint, (bone, _) in enumerate(skeleton.in_order())
-        if bone.dof
-    }
+    with at_fault(motion.source or "motion"):
+        rotations = _check(motion, skeleton)
+        columns = {
+            bone.name: _values(skeleton, bone, rotations[:, joint], motion)
+            for joint, (bone, _) in enumerate(skeleton.in_order())
+            if bone.dof
+        }
     write_text(path, _format_frames(motion, columns, skeleton))
 
 
 def _check(motion: Motion, skeleton: AcclaimSkeleton) -> Floats:
     """The rotations of a motion that is one of this skeleton."""
     own, rotations = rig_of(motion, "AMC holds the turns of an Acclaim skeleton")
-    name = motion.source or "motion"
     expected = skeleton.to_skeleton()
     if not own.ends or motion.names != expected.names:
         raise InvalidInput(
             f"has not the bones of {skeleton.name}; name its own skeleton with --asf "
-            "(asf=...), or write .bvh",
-            file=name,
+            "(asf=...), or write .bvh"
         )
     if np.abs(own.offsets - expected.offsets).max() > _SAME_M:
         raise InvalidInput(
             f"its bones are not as long as those of {skeleton.name}; name its own "
-            "skeleton with --asf (asf=...)",
-            file=name,
+            "skeleton with --asf (asf=...)"
         )
     return rotations
 
@@ -304,10 +302,7 @@ def _values(skeleton: AcclaimSkeleton, bone: Bone, turns: Floats, motion: Motion
     missing = [i for i, letter in enumerate(order) if f"r{letter.lower()}" not in bone.dof]
     angles = _angles(inner, order, missing)
     if missing and np.abs(angles[:, missing]).max() > _SAME_RADIANS:
-        raise InvalidInput(
-            f"{bone.name} turns about an axis that it has not in {skeleton.name}",
-            file=motion.source or "motion",
-        )
+        raise InvalidInput(f"{bone.name} turns about an axis that it has not in {skeleton.name}")
     values = {
         f"r{letter.lower()}": angles[:, i] / skeleton.radians for i, letter in enumerate(order)
     }
@@ -345,19 +340,19 @@ def _format_frames(
         yield "".join(frame % tuple(row) for row in block.tolist())
 
 
-def cut_amc(lines: list[str], first: int, last: int, name: str) -> list[str]:
+def cut_amc(lines: list[str], first: int, last: int) -> list[str]:
     """Lines of a clip, numbered from 1; frames as the file counts them, both included."""
     starts = [i for i, line in enumerate(lines) if line.strip().isdecimal()]
     if not starts:
-        raise UnreadableFile(_NO_FRAME, file=name)
+        raise UnreadableFile(_NO_FRAME)
     number = int(lines[starts[0]])
-    check_frames(first, last, first_number=number, n_frames=len(starts), name=name)
+    check_frames(first, last, first_number=number, n_frames=len(starts))
     starts.append(len(lines))
     clip = lines[: starts[0]]
     for count, place in enumerate(range(first - number, last - number + 1), start=1):
         start, stop = starts[place], starts[place + 1]
         if int(lines[start]) != number + place:
-            raise UnreadableFile(f"frame {number + place} is missing", file=name)
+            raise UnreadableFile(f"frame {number + place} is missing")
         clip.append(re.sub(r"\d+", str(count), lines[start], count=1))
         clip += lines[start + 1 : stop]
     return end_alike(clip, lines[starts[0]])

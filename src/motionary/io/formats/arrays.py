@@ -149,7 +149,7 @@ def cut_npz(path: Path, first: int, last: int, take: str | int | None = None) ->
         )
     n_frames = len(arrays[key])
     number = int(arrays["first_frame"]) if own else 0
-    check_frames(first, last, first_number=number, n_frames=n_frames, name=path.name)
+    check_frames(first, last, first_number=number, n_frames=n_frames)
     for name, array in arrays.items():
         by_frame = name in _OWN_BY_FRAME if own else name not in _NOT_BY_FRAME
         if by_frame and array.ndim and len(array) == n_frames:

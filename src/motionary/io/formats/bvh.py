@@ -26,7 +26,7 @@ from motionary.io.formats.content import (
     place_joints,
 )
 from motionary.io.formats.numbers import check_length, parse_number, read_table
-from motionary.io.formats.times import rate_of_frame_time
+from motionary.io.formats.times import rate_of_frame_time, usual_rate
 from motionary.io.normalise.units import FileMetadata
 from motionary.io.options import ReadOptions
 from motionary.io.text import read_text
@@ -39,9 +39,6 @@ _NOTHING = 1e-3
 _MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAMES = re.compile(r"\s*Frames\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*Frame\s+Time\s*:\s*(\S+)[ \t]*$", re.MULTILINE | re.IGNORECASE)
-
-# Rates of cameras and programs, where printed digits leave several.
-_USUAL_HZ = (24.0, 25.0, 30.0, 50.0, 60.0, 90.0, 100.0, 120.0, 144.0, 150.0, 200.0, 240.0)
 
 
 @dataclass(slots=True)
@@ -61,7 +58,12 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
     text = read_text(path)
     start = _MOTION.search(text)
     if start is None:
-        raise UnreadableFile(f"no line MOTION found; {_say_cut(text)}")
+        problem = "expected a BVH file"
+        if text.lstrip().startswith("HIERARCHY"):
+            problem = "the file ends amid its joints; get the whole file"
+        elif not text.strip():
+            problem = "the file is empty; get the whole file"
+        raise UnreadableFile(f"no line MOTION found; {problem}")
     nodes, notes = _HierarchyReader().read(text[: start.start()])
     n_frames, frame_time, begins = _read_header(text, start.end())
     n_channels = sum(len(node.channels) for node in nodes)
@@ -93,14 +95,6 @@ def read_bvh(path: Path, options: ReadOptions) -> FileContent:
         rotations=rotations,
         notes=(*notes, *guessed, *collapsed),
     )
-
-
-def _say_cut(text: str) -> str:
-    if not text.strip():
-        return "the file is empty; get the whole file"
-    if text.lstrip().startswith("HIERARCHY"):
-        return "the file ends amid its joints; get the whole file"
-    return "expected a BVH file"
 
 
 class _HierarchyReader:
@@ -237,19 +231,10 @@ def _rate(frame_time: str) -> tuple[float, list[str]]:
         raise UnreadableFile(
             f"'Frame Time:' is {frame_time[:40]!r}, which gives no rate; {RATE_HINT}"
         )
-    usual = _usual_rate(frame_time, time_s, rate)
+    usual = usual_rate(frame_time, time_s, rate)
     if usual is None:
         return rate, []
     return usual, [f"{usual:g} Hz, by a frame time of {frame_time} s"]
-
-
-def _usual_rate(printed: str, time_s: float, rate_hz: float) -> float | None:
-    """The usual rate that a frame time of few digits stands for; None if it tells its own."""
-    unit = 10.0 ** -len(printed.partition(".")[2])
-    if not printed.replace(".", "", 1).isdecimal() or rate_hz == round(rate_hz) or unit >= time_s:
-        return None
-    fits = [hz for hz in _USUAL_HZ if abs(1 / hz - time_s) <= unit / 2]
-    return min(fits, key=lambda hz: abs(hz - rate_hz), default=None)
 
 
 def _split_channels(

@@ -153,22 +153,21 @@ def _format_node(node: _Node, depth: int, metres: float, columns: list[Floats]) 
     yield f"{indent}}}\n"
 
 
-def cut_bvh(lines: list[str], first: int, last: int, name: str) -> list[str]:
+def cut_bvh(lines: list[str], first: int, last: int) -> list[str]:
     """Lines of a clip; frames count from 0, both are included."""
     motion = find_line(lines, r"MOTION")
     count = find_line(lines, r"Frames\s*:\s*\d+", motion + 1)
     time = find_line(lines, r"Frame\s+Time\s*:\s*\S+", count + 1)
     if len(lines) in (motion, count, time):
-        raise UnreadableFile("no MOTION with 'Frames:' and 'Frame Time:' found", file=name)
+        raise UnreadableFile("no MOTION with 'Frames:' and 'Frame Time:' found")
     frames = [line for line in lines[time + 1 :] if line.strip()]
-    check_frames(first, last, first_number=0, n_frames=len(frames), name=name)
+    check_frames(first, last, first_number=0, n_frames=len(frames))
     chosen = frames[first : last + 1]
     n_channels = sum(map(int, _CHANNELS.findall("".join(lines[:motion]))))
     if any(len(line.split()) != n_channels for line in chosen):
         raise UnreadableFile(
             f"a frame does not stand on one line of {n_channels} numbers, so that it "
-            "cannot be cut out",
-            file=name,
+            "cannot be cut out"
         )
     header = lines[: time + 1]
     header[count] = _COUNT.sub(rf"\g<1>{len(chosen)}", header[count])

@@ -321,9 +321,7 @@ def cut_c3d(path: Path, first: int, last: int, take: str | int | None = None) ->
                 "holds rotations, which clips cannot be cut out of; convert it to .npz first"
             )
         layout, _ = find_layout(file, head)
-        check_frames(
-            first, last, first_number=layout.first_frame, n_frames=layout.n_frames, name=path.name
-        )
+        check_frames(first, last, first_number=layout.first_frame, n_frames=layout.n_frames)
         file.seek(0)
         before = _recount(file.read(layout.start), head.machine, first_frame=first, last_frame=last)
         file.seek(layout.start + (first - layout.first_frame) * layout.frame)

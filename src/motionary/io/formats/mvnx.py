@@ -78,36 +78,36 @@ class _Subject:
     indices: list[float] = field(default_factory=list)
     numbers: dict[str, list[Floats]] = field(default_factory=dict)
 
-    def table(self, name: str, n: int) -> Floats | None:
-        """Numbers of an element, (frames, n); None where no frame has it."""
+    def table(self, name: str, things: list[str], width: int) -> Floats | None:
+        """Numbers of an element, (frames, things, width); None where no frame has it."""
         rows = self.numbers.get(name, [])
         if not rows:
             return None
+        n = width * len(things)
         wrong = next((row for row in rows if len(row) != n), None)
         if wrong is not None or len(rows) != len(self.times_s):
             raise UnreadableFile(
                 f"a frame needs {n} numbers in <{name}>, "
                 + (f"one has {len(wrong)}" if wrong is not None else "some have none")
             )
-        return np.array(rows)
+        return np.array(rows).reshape(len(rows), len(things), width)
 
 
 @names_file
 def read_mvnx(path: Path, options: ReadOptions) -> FileContent:
     """Segments of an MVNX file, in metres with z up, with their turns."""
     subject = _choose(path, ("position", "orientation"), options)
-    n = len(subject.segments)
-    places = subject.table("position", 3 * n)
-    if places is None or not n:
+    segments = subject.segments
+    positions = subject.table("position", segments, 3)
+    if positions is None or not segments:
         raise NotAMotion(
             "holds no motion; expected frames with <position> of segments; export "
             "MVNX with segment positions"
         )
-    turns = subject.table("orientation", 4 * n)
-    positions = places.reshape(-1, n, 3)
+    turns = subject.table("orientation", segments, 4)
     positions[~np.isfinite(positions).all(axis=2)] = np.nan
     content = timed_content(
-        subject.segments,
+        segments,
         positions,
         np.array(subject.times_s),
         options,
@@ -117,7 +117,7 @@ def read_mvnx(path: Path, options: ReadOptions) -> FileContent:
     )
     if turns is None or options.even_times:
         return content
-    return _with_turns(content, subject, turns.reshape(-1, n, 4))
+    return _with_turns(content, subject, turns)
 
 
 @names_file
@@ -125,21 +125,20 @@ def read_mvnx_sensors(path: Path, options: ReadOptions) -> Sensors:
     """What the sensors of an MVNX file measured."""
     names = ("sensorOrientation", "sensorFreeAcceleration", "sensorAcceleration")
     subject = _choose(path, names, options)
-    n = len(subject.sensors)
-    turns = subject.table(names[0], 4 * n)
-    if turns is None or not n:
+    sensors = subject.sensors
+    turns = subject.table(names[0], sensors, 4)
+    if turns is None or not sensors:
         raise UnreadableFile("holds no data of sensors; export MVNX with sensor data")
-    free = subject.table(names[1], 3 * n)
-    sensed = subject.table(names[2], 3 * n) if free is None else free
-    orientations = turns.reshape(-1, n, 4)
-    unseen = np.full((len(turns), n, 3), np.nan)
+    free = subject.table(names[1], sensors, 3)
+    sensed = subject.table(names[2], sensors, 3) if free is None else free
+    unseen = np.full((*turns.shape[:2], 3), np.nan)
     times = np.array(subject.times_s)
     timed = time_frames(unseen, times, options=options, stated_hz=subject.rate_hz)
     return Sensors(
-        tuple(number_doubles(subject.sensors)),
+        tuple(number_doubles(sensors)),
         timed.rate_hz,
-        orientations,
-        unseen if sensed is None else sensed.reshape(-1, n, 3),
+        turns,
+        unseen if sensed is None else sensed,
         free is not None,
     )
 

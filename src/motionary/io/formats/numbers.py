@@ -347,13 +347,12 @@ def find_line(lines: list[str], pattern: str, start: int = 0) -> int:
     return next((i for i in numbers if wanted.fullmatch(lines[i])), len(lines))
 
 
-def check_frames(first: int, last: int, *, first_number: int, n_frames: int, name: str) -> None:
+def check_frames(first: int, last: int, *, first_number: int, n_frames: int) -> None:
     """Refuse frames that are not in a file."""
     last_number = first_number + n_frames - 1
     if not first_number <= first <= last <= last_number:
         raise InvalidInput(
-            f"has frames {first_number} to {last_number}, asked for are {first} to {last}",
-            file=name,
+            f"has frames {first_number} to {last_number}, asked for are {first} to {last}"
         )
 
 

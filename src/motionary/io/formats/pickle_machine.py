@@ -164,14 +164,14 @@ class _Machine:
         self.top(list).extend(values)
 
     def set_items(self, values: list[Any]) -> None:
-        self.filled(self.top(dict), values)
-
-    def filled(self, items: dict[str, Any], values: list[Any]) -> dict[str, Any]:
         for key, value in zip(values[::2], values[1::2], strict=True):
             if not isinstance(key, str):
                 raise PickleRefusedError(f"has a key that is no text ({type(key).__name__})")
-            items[key] = value
-        return items
+            self.top(dict)[key] = value
+
+    def new_dict(self, values: list[Any]) -> None:
+        self.push({})
+        self.set_items(values)
 
     # ---- names, and what they build
 
@@ -362,7 +362,7 @@ _STEPS: dict[int, Callable[[_Machine], object]] = {
         "a": lambda m: m.append([m.pop()]),
         "e": lambda m: m.append(m.pop_to_mark()),
         "}": lambda m: m.push({}),
-        "d": lambda m: m.push(m.filled({}, m.pop_to_mark())),
+        "d": lambda m: m.new_dict(m.pop_to_mark()),
         "s": lambda m: m.set_items([m.pop(), m.pop()][::-1]),
         "u": lambda m: m.set_items(m.pop_to_mark()),
         "p": _remember(lambda m: int(m.line())),

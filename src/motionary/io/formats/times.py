@@ -20,6 +20,9 @@ _LAST_FRAME = 1e15
 _ROUNDING = 1.001e-3
 _VIDEO_HZ = (24, 30, 48, 60, 120)
 
+# Rates of cameras and programs, where printed digits leave several.
+_USUAL_HZ = (24.0, 25.0, 30.0, 50.0, 60.0, 90.0, 100.0, 120.0, 144.0, 150.0, 200.0, 240.0)
+
 # Steps that differ by less than this fraction of one are even.
 _EVEN = 0.02
 # A rate and the times belong together up to the first; beyond the second one of them is wrong.
@@ -212,6 +215,15 @@ def rate_of_frame_time(frame_time_s: float) -> float:
     usual = [float(round(rate)), *(hz / 1.001 for hz in _VIDEO_HZ)]
     nearest = min(usual, key=lambda hz: abs(hz - rate))
     return nearest if abs(frame_time_s * nearest - 1) <= _ROUNDING else rate
+
+
+def usual_rate(printed: str, time_s: float, rate_hz: float) -> float | None:
+    """The usual rate that a frame time of few digits stands for; None if it tells its own."""
+    unit = 10.0 ** -len(printed.partition(".")[2])
+    if not printed.replace(".", "", 1).isdecimal() or rate_hz == round(rate_hz) or unit >= time_s:
+        return None
+    fits = [hz for hz in _USUAL_HZ if abs(1 / hz - time_s) <= unit / 2]
+    return min(fits, key=lambda hz: abs(hz - rate_hz), default=None)
 
 
 def rate_of_times(times: Floats) -> tuple[float, float]:

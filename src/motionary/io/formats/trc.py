@@ -16,7 +16,6 @@ from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.formats.content import (
     POINT_UNITS,
     FileContent,
-    at_fault,
     hide_unseen,
     names_file,
     number_doubles,
@@ -161,16 +160,15 @@ def _read_table(text: str, head: _Head) -> tuple[Floats, list[str]]:
     return table, notes
 
 
-def cut_trc(lines: list[str], first: int, last: int, name: str) -> list[str]:
+def cut_trc(lines: list[str], first: int, last: int) -> list[str]:
     """Lines of a clip; frames count as the file numbers them, both are included."""
-    with at_fault(name):
-        head = _read_head("".join(lines))
+    head = _read_head("".join(lines))
     frames = [line for line in lines[head.line :] if line.strip()]
     if not frames:
-        raise UnreadableFile("holds no frames", file=name)
+        raise UnreadableFile("holds no frames")
     number = parse_number(frames[0].split(head.separator)[0] or "-")
     first_number = int(number) if math.isfinite(number) and abs(number) < 1e15 else 0
-    check_frames(first, last, first_number=first_number, n_frames=len(frames), name=name)
+    check_frames(first, last, first_number=first_number, n_frames=len(frames))
     chosen = frames[first - first_number : last - first_number + 1]
     header = [line for line in lines[: head.line] if line.strip()]
     keys = [key.strip() for key in header[1].split(head.separator)]
