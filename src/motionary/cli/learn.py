@@ -61,8 +61,8 @@ class TrainingFlags:
     )
     corrections: str | None = option(
         "--corrections LABELS",
-        "Learn from labels that --library gave and a person corrected, such as those "
-        "that the page of `motionary report` saves.",
+        "Learn from labels that --library gave and a person corrected, such as those that the page "
+        "of `motionary report` saves.",
     )
     library: str | None = option(
         "--library LIB", "With --corrections: the library that learns further."
@@ -70,14 +70,14 @@ class TrainingFlags:
     mirror: bool = flag("--mirror", "Learn the mirror image of each class, too.")
     fold_sides: bool = flag(
         "--fold-sides",
-        "Take each example as it is or mirrored, as it fits the others of its class: for "
-        "motions that people do on either side.",
+        "Take each example as it is or mirrored, as it fits the others of its class: for motions "
+        "that people do on either side.",
     )
     features: FeatureSetName = None
     keep_examples: bool = flag(
         "--keep-examples",
-        "Keep the examples' features in the library, so that `library add` learns from "
-        "more as if from all at once.",
+        "Keep the examples' features in the library, so that `library add` learns from more as if "
+        "from all at once.",
     )
     tolerance: float = option(
         "--tolerance FRACTION",
@@ -88,15 +88,15 @@ class TrainingFlags:
     )
     queries: Queries = option(
         "--queries",
-        "Keyframe queries from the examples, so that a class is looked for around their "
-        "hits only: several that vote are learned by a genetic algorithm (learned), or one "
-        "of two to five keyframes is chosen (chosen).",
+        "Keyframe queries from the examples, so that a class is looked for around their hits only: "
+        "several that vote are learned by a genetic algorithm (learned), or one of two to five "
+        "keyframes is chosen (chosen).",
         Queries.NONE,
     )
     query_runs: int = option(
         "--query-runs",
-        "With --queries learned: so many are learned for each class; most of them must "
-        "agree on a hit.",
+        "With --queries learned: so many are learned for each class; most of them must agree on a "
+        "hit.",
         LibraryDefault(_TRAINING, "query_runs"),
         min=1,
     )
@@ -105,24 +105,24 @@ class TrainingFlags:
     )
     calibrate: bool = flag(
         "--calibrate",
-        "Choose thresholds by cross-validation on the examples, and estimate precision "
-        "and recall for motion that is done as the examples are.",
+        "Choose thresholds by cross-validation on the examples, and estimate precision and recall "
+        "for motion that is done as the examples are.",
     )
     groups: str | None = option(
         "--groups REGEX",
-        "With --calibrate: examples whose names match the same share a fold, such as "
-        "'HDM_(..)_' for actors: the estimates then hold for actors never seen. With "
-        "--per-group: they have a template of their own.",
+        "With --calibrate: examples whose names match the same share a fold, such as 'HDM_(..)_' "
+        "for actors: the estimates then hold for actors never seen. With --per-group: they have a "
+        "template of their own.",
     )
     per_group: bool = flag(
         "--per-group",
-        "Beside the template of all examples of a class learn one of each of the "
-        "--groups: strangers do as one of several people did, rarely as their mean.",
+        "Beside the template of all examples of a class learn one of each of the --groups: "
+        "strangers do as one of several people did, rarely as their mean.",
     )
     negatives: list[str] | None = option(
         "--negatives PATH",
-        "With --calibrate: other recordings, without any of these classes, to choose "
-        "thresholds against.",
+        "With --calibrate: other recordings, without any of these classes, to choose thresholds "
+        "against.",
     )
 
     plot: str | None = option("--plot FOLDER", "Draw the templates.")

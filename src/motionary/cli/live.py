@@ -57,8 +57,8 @@ class LiveOptions:
     )
     page: int | None = option(
         "--page N",
-        "Show poses and labels in a browser of this computer, at http://127.0.0.1:N/; 0 "
-        "is any free port.",
+        "Show poses and labels in a browser of this computer, at http://127.0.0.1:N/; 0 is any "
+        "free port.",
         min=0,
         max=65535,
     )

@@ -53,21 +53,30 @@ class LibraryDefault:
 REQUIRED: Any = MISSING
 
 
-def option(usage: str, text: str, default: Any = None, **limits: Any) -> Any:
-    """A field of a group that is an option.
+def declare(usage: str, text: str, **limits: Any) -> Any:
+    """What `Annotated` takes for an option that several groups or commands have.
 
     Parameters
     ----------
     usage : its names and what stands for its value, as in "--output -o FILE"; without a word
         for the value the help shows the choices or the type
     text : the help
-    default : a value, `REQUIRED` or a `LibraryDefault`
     limits : what `typer.Option` takes besides, such as `min`
     """
-    *flags, last = usage.split()
-    metavar = None if last.startswith("-") else last
-    flags += [last] if metavar is None else []
-    shown = {"flag": " ".join(flags), "metavar": metavar, "help": text, **limits}
+    words = usage.split()
+    flags = [word for word in words if word.startswith("-")]
+    metavar = " ".join(words[len(flags) :]) or None
+    return typer.Option(*flags, metavar=metavar, help=text, **limits)
+
+
+def option(usage: str, text: str, default: Any = None, **limits: Any) -> Any:
+    """A field of a group that is an option, as `declare` has it.
+
+    Parameters
+    ----------
+    default : a value, `REQUIRED` or a `LibraryDefault`
+    """
+    shown = {"flag": usage, "metavar": "", "help": text, **limits}
     if isinstance(default, LibraryDefault):
         return field(default_factory=default, metadata=shown)
     return field(default=default, metadata=shown)
@@ -80,45 +89,35 @@ def flag(usage: str, text: str) -> Any:
 
 Jobs = Annotated[
     int,
-    typer.Option(
+    declare(
+        "--jobs N",
+        "Processes that read files; the answer is the same.",
         min=1,
-        metavar="N",
         default_factory=LibraryDefault("motionary.batch:map_ordered", "jobs"),
-        help="Processes that read files; the answer is the same.",
     ),
 ]
-
-AsJson = Annotated[
-    bool,
-    typer.Option("--json", help="JSON on stdout, one object a line, and nothing else."),
-]
-
+AsJson = Annotated[bool, declare("--json", "JSON on stdout, one object a line, and nothing else.")]
 Excel = Annotated[
     bool,
-    typer.Option(
+    declare(
         "--excel",
-        help="Tables with semicolons and decimal commas, as Excel opens them by a double click "
-        "in most of Europe.",
+        "Tables with semicolons and decimal commas, as Excel opens them by a double click in most "
+        "of Europe.",
     ),
 ]
-
-
-TableFile = Annotated[
-    str | None,
-    typer.Option("--output", "-o", metavar="CSV", help="Write the results as a table, too."),
-]
+TableFile = Annotated[str | None, declare("--output -o CSV", "Write the results as a table, too.")]
 LabelFile = Annotated[
     str | None,
-    typer.Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        help="Write the results, too: a table (.csv, .tsv, .xlsx), .jsonl, .eaf (ELAN), .TextGrid "
+    declare(
+        "--output -o FILE",
+        "Write the results, too: a table (.csv, .tsv, .xlsx), .jsonl, .eaf (ELAN), .TextGrid "
         "(Praat), .srt or .vtt. `motionary labels convert` makes others of a table.",
     ),
 ]
-Force = Annotated[
-    bool, typer.Option("--force", help="Replace results of former runs that are in the way.")
+Force = Annotated[bool, declare("--force", "Replace results of former runs that are in the way.")]
+InFrames = Annotated[
+    bool,
+    declare("--frames", "Times of tables of labels are numbers of frames, the last one included."),
 ]
 
 
@@ -164,24 +163,6 @@ class TableOptions:
         check_target(self.output, replace=self.force)
 
 
-def _check_feature_set(value: str | None) -> str | None:
-    if value is not None:
-        find_feature_set(value)
-    return value
-
-
-FeatureSetName = Annotated[
-    str | None,
-    typer.Option(
-        "--features",
-        metavar="SET",
-        callback=_check_feature_set,
-        help="Features to measure: full-body-40 (the usual), legs-14, three-levels-129 (how far "
-        "and how fast), full-body-39.",
-    ),
-]
-
-
 def find_feature_set(name: str | None) -> "FeatureSet":
     """The feature set of a name; the usual one without."""
     from motionary.features import FULL_BODY, known_sets
@@ -193,11 +174,19 @@ def find_feature_set(name: str | None) -> "FeatureSet":
     return known_sets()[name]
 
 
-InFrames = Annotated[
-    bool,
-    typer.Option(
-        "--frames",
-        help="Times of tables of labels are numbers of frames, the last one included.",
+def _check_feature_set(value: str | None) -> str | None:
+    if value is not None:
+        find_feature_set(value)
+    return value
+
+
+FeatureSetName = Annotated[
+    str | None,
+    declare(
+        "--features SET",
+        "Features to measure: full-body-40 (the usual), legs-14, three-levels-129 (how far and how "
+        "fast), full-body-39.",
+        callback=_check_feature_set,
     ),
 ]
 
@@ -320,8 +309,8 @@ def _annotate(one: "Field[Any]", hint: Any) -> Any:
         hint = str | None
     if one.default_factory is not MISSING:
         shown["default_factory"] = one.default_factory
-    shown["metavar"] = shown["metavar"] or None
-    return Annotated[hint, typer.Option(*shown.pop("flag").split(), **shown)]
+    usage = f"{shown.pop('flag')} {shown.pop('metavar')}"
+    return Annotated[hint, declare(usage, shown.pop("help"), **shown)]
 
 
 def _build(group: Any, values: dict[str, Any]) -> Any:
@@ -342,7 +331,7 @@ def _flag_at_fault(group: Any, values: dict[str, Any]) -> str:
             group(**{one.name: values[one.name]})
         except InvalidInput:
             break
-    return str(one.metadata.get("flag", one.name))
+    return str(one.metadata["flag"]).split()[0]
 
 
 def _check_reading(reading: ReadOptions) -> None:
@@ -375,7 +364,7 @@ def given_options(*groups: Any, without: Collection[str] = ()) -> list[str]:
             is_default = value == default and type(value) is type(default)
             if one.name in without or value is None or is_default:
                 continue
-            on, _, off = one.metadata["flag"].partition("/")
+            on, _, off = one.metadata["flag"].split()[0].partition("/")
             words += [off if value is False else on]
             words += [] if isinstance(value, bool) else [_called(value)]
     return words

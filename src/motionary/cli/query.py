@@ -105,8 +105,8 @@ class QueryOptions:
     like: str | None = option("--like FILE", "A recording with an example.")
     start: Moment | None = option(
         "--from TIME",
-        "Where in FILE the example starts: seconds, minutes as in 0:01.5, or the number "
-        "of a frame as in 45f.",
+        "Where in FILE the example starts: seconds, minutes as in 0:01.5, or the number of a frame "
+        "as in 45f.",
         parser=parse_moment,
     )
     stop: Moment | None = option(
@@ -120,14 +120,13 @@ class QueryOptions:
     )
     published: bool = flag(
         "--published",
-        "Compare an example as published, by the 40 features alone; otherwise, and but "
-        "for --fast and --query, also by ranked quantities, which hold between people and "
-        "styles.",
+        "Compare an example as published, by the 40 features alone; otherwise, and but for --fast "
+        "and --query, also by ranked quantities, which hold between people and styles.",
     )
     relevant: str | None = option(
         "--relevant RANKS",
-        "Hits that are right, as ranked without this option, such as 1,2,5: learn from "
-        "these and no others.",
+        "Hits that are right, as ranked without this option, such as 1,2,5: learn from these and "
+        "no others.",
     )
     irrelevant: str | None = option(
         "--irrelevant RANKS", "Hits that are wrong: what they show tells less."
@@ -135,13 +134,13 @@ class QueryOptions:
     class_name: str | None = option("--class NAME", "A class of the library.")
     library: str | None = option(
         "--library LIB",
-        "With --class: a folder that `motionary learn` wrote; by default everyday, the "
-        "library that ships.",
+        "With --class: a folder that `motionary learn` wrote; by default everyday, the library "
+        "that ships.",
     )
     query: str | None = option(
         "--query TEXT",
-        "Keyframes, or a file with some: 'right hand fast, then within 0.5 s right hand "
-        "above neck'. With --like or --class: match only around them.",
+        "Keyframes, or a file with some: 'right hand fast, then within 0.5 s right hand above "
+        "neck'. With --like or --class: match only around them.",
     )
     query_name: str | None = option(
         "--query-name NAME", "Which query of a collection: --query FILE.json holds many."

@@ -63,8 +63,8 @@ class HitOptions:
     )
     fast: bool | None = option(
         "--fast/--thorough",
-        "Match only around keyframes, derived where there are none: faster, and misses "
-        "some; or everywhere. By default around the keyframes of a class that has some.",
+        "Match only around keyframes, derived where there are none: faster, and misses some; or "
+        "everywhere. By default around the keyframes of a class that has some.",
     )
 
 

@@ -24,8 +24,8 @@ class WorkOptions:
     )
     scheduler: str | None = option(
         "--scheduler ADDRESS",
-        "Dask scheduler whose workers do it instead, as tcp://host:8786; they see files "
-        "and index under the same paths.",
+        "Dask scheduler whose workers do it instead, as tcp://host:8786; they see files and index "
+        "under the same paths.",
     )
 
     @contextmanager
