@@ -8,7 +8,7 @@ import importlib
 import inspect
 import os
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature
 from pathlib import Path
@@ -197,6 +197,13 @@ FeatureSetName = Annotated[
 def wrong(option: str, problem: str) -> typer.BadParameter:
     """Wrong use of an option."""
     return typer.BadParameter(problem, param_hint=option)
+
+
+def refuse(given: Mapping[str, Any], problem: str) -> None:
+    """Wrong use of the first of these options that was given, if one was."""
+    for name, value in given.items():
+        if value is not None and value is not False:
+            raise wrong(name, problem)
 
 
 def check_picture(option: str, path: str | None) -> None:

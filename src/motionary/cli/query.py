@@ -1,13 +1,17 @@
-"""What a search looks for: an example, a class, or keyframes, as its options say."""
+"""What a search looks for: an example, a class, or keyframes, as its options say.
+
+And which hits of it a person found right or wrong.
+"""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from motionary.cli.options import LibraryDefault, flag, option, wrong
+from motionary.cli.options import LibraryDefault, declare, flag, option, refuse, wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput
 from motionary.files import NO_SUCH_FILE
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
     from motionary.models.library import MotionClass
     from motionary.motion import Motion
     from motionary.recording import Recording
+    from motionary.retrieval.search import Hit, RelevanceFeedback
 
 #: Nine frames of features: below, hardly one changes, and everything is like everything.
 SHORTEST_S = 0.3
@@ -46,13 +51,22 @@ class Moment:
         return (self.value - recording.first_frame + is_end) / recording.rate_hz
 
 
+def _seconds_of(
+    recording: "Recording", start: Moment | None, stop: Moment | None
+) -> tuple[float, float]:
+    """Seconds from one time to another; the ends of the recording where they are left out."""
+    start_s = 0.0 if start is None else start.seconds_in(recording)
+    if stop is None:
+        return start_s, recording.duration_s
+    return start_s, stop.seconds_in(recording, is_end=True)
+
+
 def check_part(
     recording: "Recording", start: Moment | None, stop: Moment | None
 ) -> tuple[float, float]:
     """Seconds at which the part of a recording begins and ends that is asked for."""
+    start_s, stop_s = _seconds_of(recording, start, stop)
     length = recording.duration_s
-    start_s = 0.0 if start is None else start.seconds_in(recording)
-    stop_s = length if stop is None else stop.seconds_in(recording, is_end=True)
     if not 0 <= start_s < min(stop_s, length):
         raise wrong(
             "--from, --to",
@@ -87,15 +101,13 @@ def parse_moment(text: str) -> Moment:
 #: Part of a recording that a command is about.
 Start = Annotated[
     Moment | None,
-    typer.Option(
-        "--from", metavar="TIME", parser=parse_moment,
-        help="Where to start: seconds, 0:01.5, or a frame as in 45f.",
+    declare(
+        "--from TIME",
+        "Where to start: seconds, 0:01.5, or a frame as in 45f.",
+        parser=parse_moment,
     ),
-]  # fmt: skip
-Stop = Annotated[
-    Moment | None,
-    typer.Option("--to", metavar="TIME", parser=parse_moment, help="Where to end."),
 ]
+Stop = Annotated[Moment | None, declare("--to TIME", "Where to end.", parser=parse_moment)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,6 +158,48 @@ class QueryOptions:
         "--query-name NAME", "Which query of a collection: --query FILE.json holds many."
     )
 
+    def check(self) -> None:
+        """Refuse options that contradict each other.
+
+        Raises
+        ------
+        BadParameter
+        """
+        if self.like is not None and self.class_name is not None:
+            raise wrong("--like, --class", "say what is sought by one of them")
+        if (self.like, self.class_name, self.query) == (None, None, None):
+            raise wrong("--like, --class, --query", "say what is sought by one of them")
+        if self.class_name is not None and self.library == "none":
+            raise wrong("--class", "needs the library that the class is from: --library LIB")
+        if self.class_name is None:
+            refuse({"--library": self.library}, "goes with --class NAME")
+        is_meant_as_file = self.query is not None and self.query.lower().endswith(_QUERY_FILES)
+        if is_meant_as_file and not self.is_query_file:
+            raise wrong("--query", f"{self.query}: {NO_SUCH_FILE}")
+        if not self.is_collection:
+            what = "goes with --query FILE.json, a collection of queries"
+            refuse({"--query-name": self.query_name}, what)
+        if self.like is None:
+            for_examples = {
+                "--from": self.start, "--to": self.stop, "--published": self.published,
+                "--relevant": self.relevant, "--irrelevant": self.irrelevant,
+            }  # fmt: skip
+            refuse(for_examples, "goes with --like FILE")
+
+    @property
+    def is_query_file(self) -> bool:
+        """Whether keyframes are in a file."""
+        try:
+            return self.query is not None and Path(self.query).is_file()
+        except OSError:
+            # A text may be longer than any name.
+            return False
+
+    @property
+    def is_collection(self) -> bool:
+        """Whether keyframes are one query of many in a file."""
+        return self.is_query_file and Path(self.query or "").suffix.lower() == ".json"
+
 
 class Example(NamedTuple):
     """An example: its features, measured within the whole recording, and its motion."""
@@ -181,34 +235,6 @@ class Query:
     keyframes: "tuple[KeyframeQuery, ...]" = ()
 
 
-def check_query(options: QueryOptions) -> None:
-    """Refuse options that contradict each other.
-
-    Raises
-    ------
-    BadParameter
-    """
-    if options.like is not None and options.class_name is not None:
-        raise wrong("--like, --class", "say what is sought by one of them")
-    if (options.like, options.class_name, options.query) == (None, None, None):
-        raise wrong("--like, --class, --query", "say what is sought by one of them")
-    if options.class_name is not None and options.library == "none":
-        raise wrong("--class", "needs the library that the class is from: --library LIB")
-    if options.class_name is None and options.library is not None:
-        raise wrong("--library", "goes with --class NAME")
-    if _is_meant_as_file(options.query) and not _is_file(options.query):
-        raise wrong("--query", f"{options.query}: {NO_SUCH_FILE}")
-    if options.query_name is not None and not _is_collection(options.query):
-        raise wrong("--query-name", "goes with --query FILE.json, a collection of queries")
-    for_examples = {
-        "--from": options.start, "--to": options.stop, "--published": options.published or None,
-        "--relevant": options.relevant, "--irrelevant": options.irrelevant,
-    }  # fmt: skip
-    for name, value in for_examples.items():
-        if options.like is None and value is not None:
-            raise wrong(name, "goes with --like FILE")
-
-
 def read_query(options: QueryOptions, reading: ReadOptions, *, fast: bool = False) -> Query:
     """What is looked for, read from its files.
 
@@ -229,41 +255,40 @@ def read_query(options: QueryOptions, reading: ReadOptions, *, fast: bool = Fals
         return Query(motion_class, feature_set, motion_class.name, keyframes=keyframes)
     keyframes = _read_keyframes(options, FULL_BODY)
     if options.like is None:
-        name = Path(options.query or "").stem if _is_file(options.query) else "keyframes"
+        name = Path(options.query or "").stem if options.is_query_file else "keyframes"
         return Query(keyframes, FULL_BODY, options.query_name or name)
-    path = Path(options.like)
     as_published = options.published or fast or bool(keyframes)
     feature_set = FULL_BODY if as_published else load_everyday_set()
-    example = _read_example(path, options.start, options.stop, reading, feature_set)
-    return Query(example.features, feature_set, f"like {path.stem}", example, keyframes)
+    example = _read_example(options, reading, feature_set)
+    name = f"like {Path(options.like).stem}"
+    return Query(example.features, feature_set, name, example, keyframes)
 
 
 # -- examples --------------------------------------------------------------------------
 
 
 def _read_example(
-    path: Path,
-    start: Moment | None,
-    stop: Moment | None,
-    reading: ReadOptions,
-    feature_set: "FeatureSet",
+    options: QueryOptions, reading: ReadOptions, feature_set: "FeatureSet"
 ) -> Example:
     """A recording from one time to another; to its ends where left out."""
     from motionary.features import SEQUENCE_HZ, compute_features
 
+    path = Path(options.like or "")
     motion = read_recording(path, reading).renamed(path.name)
-    start_s, stop_s = _check_part(motion, start, stop)
+    start_s, stop_s = _check_example(motion.recording, options.start, options.stop)
     whole = compute_features(motion, feature_set=feature_set)
     last = min(round(stop_s * SEQUENCE_HZ), len(whole))
     first = min(round(start_s * SEQUENCE_HZ), last - 1)
     return Example(whole.part(first, last), motion)
 
 
-def _check_part(motion: "Motion", start: Moment | None, stop: Moment | None) -> tuple[float, float]:
-    length = motion.duration_s
-    start_s = 0.0 if start is None else start.seconds_in(motion.recording)
-    stop_s = length if stop is None else stop.seconds_in(motion.recording, is_end=True)
-    inside = f"{motion.source} lasts from 0 to {length:.2f} s"
+def _check_example(
+    recording: "Recording", start: Moment | None, stop: Moment | None
+) -> tuple[float, float]:
+    """Seconds at which an example begins and ends, if it is long enough."""
+    start_s, stop_s = _seconds_of(recording, start, stop)
+    length = recording.duration_s
+    inside = f"{recording.name} lasts from 0 to {length:.2f} s"
     if not 0 <= start_s < length:
         raise wrong("--from", f"{inside}, got {start_s:g}")
     if not start_s < stop_s:
@@ -304,9 +329,9 @@ def _read_keyframes(
     from motionary.io import read_query_record, read_text
     from motionary.models.keyframes import from_patterns, parse_queries
 
-    is_file = _is_file(given)
+    is_file = options.is_query_file
     try:
-        if _is_collection(given):
+        if options.is_collection:
             record = read_query_record(given, options.query_name)
             query = from_patterns(
                 record.keyframes, record.groups, distances=record.distances,
@@ -321,17 +346,56 @@ def _read_keyframes(
         raise wrong("--query", f"{where}{error}") from error
 
 
-def _is_collection(given: str | None) -> bool:
-    return _is_file(given) and Path(given or "").suffix.lower() == ".json"
+# -- what a person says of hits ---------------------------------------------------------
 
 
-def _is_meant_as_file(given: str | None) -> bool:
-    return given is not None and given.lower().endswith(_QUERY_FILES)
+class Ranks(NamedTuple):
+    """Which hits are relevant and which are not, by rank."""
+
+    relevant: list[int]
+    irrelevant: list[int]
+
+    @property
+    def most(self) -> int:
+        """The last rank of both; 0 for none."""
+        return max([0, *self.relevant, *self.irrelevant])
+
+    def to_feedback(self, example: "FeatureSequence", hits: "Sequence[Hit]") -> "RelevanceFeedback":
+        """An example with what is said of its hits.
+
+        Raises
+        ------
+        BadParameter
+            If there are not so many hits.
+        """
+        from motionary.retrieval.search import RelevanceFeedback
+
+        if self.most > len(hits):
+            what = f"there is no hit {self.most}: the search has {len(hits)}"
+            raise wrong("--relevant, --irrelevant", what)
+        relevant, irrelevant = (tuple(hits[rank - 1] for rank in some) for some in self)
+        return RelevanceFeedback(example, relevant, irrelevant)
 
 
-def _is_file(given: str | None) -> bool:
-    try:
-        return given is not None and Path(given).is_file()
-    except OSError:
-        # A text may be longer than any name.
-        return False
+def read_ranks(options: QueryOptions) -> Ranks:
+    """Which hits are right and which are wrong, by rank.
+
+    Raises
+    ------
+    BadParameter
+    """
+    relevant = _ranks("--relevant", options.relevant)
+    irrelevant = _ranks("--irrelevant", options.irrelevant)
+    both = sorted(set(relevant) & set(irrelevant))
+    if both:
+        raise wrong("--relevant, --irrelevant", f"hit {both[0]} cannot be right and wrong")
+    return Ranks(relevant, irrelevant)
+
+
+def _ranks(option: str, given: str | None) -> list[int]:
+    if given is None:
+        return []
+    parts = [part.strip() for part in given.split(",")]
+    if not all(part.isascii() and part.isdigit() and int(part) > 0 for part in parts):
+        raise wrong(option, f"needs ranks of hits, such as 1,2,5, got {given!r}")
+    return sorted({int(part) for part in parts})

@@ -1,9 +1,9 @@
 """`motionary search`: where recordings hold a motion like an example, a class or keyframes."""
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,8 +11,8 @@ import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.convert import cut_labels
-from motionary.cli.hits import Ranks, feedback_of, read_ranks, say_hits, say_json
 from motionary.cli.options import (
+    LIBRARY_FILE,
     AsJson,
     LabelFile,
     LibraryDefault,
@@ -23,25 +23,23 @@ from motionary.cli.options import (
     check_target,
     given_options,
     option,
-    wrong,
+    refuse,
 )
-from motionary.cli.query import (
-    Query,
-    QueryOptions,
-    check_query,
-    read_query,
-)
+from motionary.cli.query import Query, QueryOptions, Ranks, read_query, read_ranks
 from motionary.cli.recordings import IndexOptions, Opened, Opener, read_recording
 from motionary.cli.workers import WorkOptions
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSet
+    from motionary.batch import Workers
     from motionary.labels import LabelTrack
-    from motionary.models.library import MotionClass
     from motionary.motion import Floats, Motion
-    from motionary.retrieval.search import Hit, QueryExpansion, SearchResult
+    from motionary.retrieval.index import Collection
+    from motionary.retrieval.search import QueryExpansion, SearchResult
 
+_KEYS = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
+_COLUMNS = (">rank", "recording", ">start_s", ">end_s", ">frames", ">cost", ">known")
+_MOST_COMPARED = 3
 #: Longer examples hold several motions, as a rule.
 _LONG_S = 6.0
 
@@ -92,6 +90,22 @@ class ResultOptions(TableOptions):
         """Hits become labels."""
         return True
 
+    def check(self, *, as_json: bool) -> None:
+        """Fail before the work where something cannot be written.
+
+        Raises
+        ------
+        BadParameter, UnwritableFile
+        """
+        check_page("--report", self.report)
+        check_picture("--sheet", self.sheet)
+        check_picture("--template", self.template)
+        check_target(self.save_query, replace=self.force)
+        check_target(self.cut, is_folder=True)
+        if self.save_class is not None:
+            check_library(self.save_class, replace=True)
+        super().check(as_json=as_json)
+
 
 def search(
     folder: Annotated[
@@ -120,43 +134,30 @@ def search(
     motionary search recordings/ --class squat --library my-classes
     motionary search recordings/ --query "right hand fast, then within 0.5 s right hand low"
     """
-    from motionary.io import write_labels
-    from motionary.retrieval.search import QueryExpansion
-    from motionary.retrieval.search import search as search_for
-
-    _check_use(options, results)
+    options.check()
+    if options.like is None:
+        learned = {"--template": results.template, "--save-class": results.save_class}
+        refuse(learned, "goes with --like FILE")
     results.check(as_json=as_json)
     ranks = read_ranks(options)
     query = _read_example(options, reading, fast=bool(which.fast))
-    expansion = QueryExpansion(hits=options.expand, published=options.published)
     with work.open() as workers:
         opener = Opener(reading=reading, feature_set=query.feature_set, jobs=workers)
         opened = opener.open(folder, index)
-        find = partial(
-            search_for, recordings=opened.collection, threshold=which.threshold,
-            expansion=expansion, preselect=query.keyframes or which.fast,
-            jobs=work.searching(workers),
-        )  # fmt: skip
-        first, result = _find(find, query, ranks, limit=which.limit or None)
-    tracks = _to_tracks(result, query.name)
-    if results.output:
-        write_labels(tracks, results.output, excel=results.excel)
-    _save(result, results, query, opened, expansion, reading=reading)
-    if results.report:
-        given = given_options(options, which, index, reading, without=("relevant", "irrelevant"))
-        judged = _command_of(folder, given), first, ranks
-        _write_page(results.report, result, query, opened.files, judged, reading=reading)
+        answer = _find(query, ranks, options, which, opened, jobs=work.searching(workers))
+    given = given_options(options, which, index, reading, without=("relevant", "irrelevant"))
+    answer.write(results, _command_of(folder, given), reading)
     if as_json:
-        say_json(result)
+        answer.print_json()
     elif not results.takes_stdout:
-        expanded = expansion if query.example else None
-        say_hits(result, opened.collection, expanded, has_feedback=ranks.most > 0)
+        answer.print()
     is_cut = not results.cut or cut_labels(
-        tracks, opened.files, results.cut, reading=reading, jobs=work.jobs, replace=results.force
-    )
+        answer.tracks, opened.files, results.cut,
+        reading=reading, jobs=work.jobs, replace=results.force,
+    )  # fmt: skip
     if opened.is_stopped:
         return STOPPED_BY_KEYBOARD
-    return 0 if opened.is_complete and is_cut and result.hits else 1
+    return 0 if opened.is_complete and is_cut and answer.result.hits else 1
 
 
 def _read_example(options: QueryOptions, reading: ReadOptions, *, fast: bool) -> Query:
@@ -179,121 +180,202 @@ def _command_of(folder: Sequence[str], options: Sequence[str]) -> str:
 
 
 def _find(
-    find: "Callable[..., SearchResult]", query: Query, ranks: Ranks, *, limit: int | None
-) -> "tuple[SearchResult, SearchResult]":
+    query: Query,
+    ranks: Ranks,
+    options: QueryOptions,
+    which: HitOptions,
+    opened: Opened,
+    *,
+    jobs: "Workers",
+) -> "_Answer":
     """Hits before and after those that a person judged; the same where there are none."""
+    from motionary.retrieval.search import QueryExpansion
+    from motionary.retrieval.search import search as search_for
+
+    expansion = QueryExpansion(hits=options.expand, published=options.published)
+    find = partial(
+        search_for, recordings=opened.collection, threshold=which.threshold,
+        expansion=expansion, preselect=query.keyframes or which.fast, jobs=jobs,
+    )  # fmt: skip
+    limit = which.limit or None
     if not (query.example and ranks.most):
         result = find(query.what, limit=limit)
-        return result, result
+        return _Answer(query, ranks, expansion, opened, result, result)
     features = query.example.features
     first = find(features, limit=None if limit is None else max(ranks.most, limit))
-    judged = feedback_of(features, first, ranks)
-    return first, find(judged, limit=limit)
+    result = find(ranks.to_feedback(features, first), limit=limit)
+    return _Answer(query, ranks, expansion, opened, first, result)
 
 
-def _check_use(options: QueryOptions, results: ResultOptions) -> None:
-    check_query(options)
-    for name, value in {
-        "--template": results.template,
-        "--save-class": results.save_class,
-    }.items():
-        if options.like is None and value is not None:
-            raise wrong(name, "goes with --like FILE")
-    check_page("--report", results.report)
-    check_picture("--sheet", results.sheet)
-    check_picture("--template", results.template)
-    check_target(results.save_query, replace=results.force)
-    check_target(results.cut, is_folder=True)
-    if results.save_class is not None:
-        check_library(results.save_class, replace=True)
+@dataclass(frozen=True)
+class _Answer:
+    """Hits, and with what they were found.
 
+    Attributes
+    ----------
+    query, ranks, expansion, opened : what was looked for, how, and where
+    first, result : hits before and after those that a person judged
+    """
 
-def _to_tracks(result: "SearchResult", name: str) -> "list[LabelTrack]":
-    """A track a hit: rows of a table in the sequence of the ranks."""
-    from motionary.labels import Label, LabelTrack
+    query: Query
+    ranks: Ranks
+    expansion: "QueryExpansion"
+    opened: Opened
+    first: "SearchResult"
+    result: "SearchResult"
 
-    return [
-        LabelTrack(
-            hit.recording,
+    @cached_property
+    def tracks(self) -> "list[LabelTrack]":
+        """A track a hit: rows of a table in the sequence of the ranks."""
+        from motionary.labels import Label, LabelTrack
+
+        return [
+            LabelTrack(
+                hit.recording,
+                (Label(self.query.name, **{key: getattr(hit, key) for key in _KEYS}),),
+            )
+            for hit in self.result
+        ]
+
+    # -- printed ------------------------------------------------------------------------
+
+    def print_json(self) -> None:
+        """Print a JSON object a hit."""
+        for hit in self.result:
+            keys = {key: getattr(hit, key) for key in _KEYS}
+            screen.print_json({"recording": hit.recording.name} | keys)
+        if not self.result:
+            screen.warn(self.result.nearest)
+
+    def print(self) -> None:
+        """Print what is looked for, the hits, and in what the first ones are alike."""
+        if self.query.example:
+            screen.say(*self._learned_lines(), "")
+        rows = [
             (
-                Label(
-                    name, hit.start_s, hit.end_s, cost=hit.cost, known=hit.known,
-                    start_frame=hit.start_frame, end_frame=hit.end_frame,
-                ),
-            ),
-        )
-        for hit in result
-    ]  # fmt: skip
+                str(rank), hit.recording.name, f"{hit.start_s:.2f}", f"{hit.end_s:.2f}",
+                f"{hit.start_frame}–{hit.end_frame}", f"{hit.cost:.3f}", screen.percent(hit.known),
+            )
+            for rank, hit in enumerate(self.result, start=1)
+        ]  # fmt: skip
+        if rows:
+            screen.print_table(_COLUMNS, rows)
+            screen.say(*self._comparison_lines())
+        else:
+            screen.say(self.result.nearest)
 
-
-def _save(
-    result: "SearchResult",
-    results: ResultOptions,
-    query: Query,
-    opened: Opened,
-    expansion: "QueryExpansion",
-    *,
-    reading: ReadOptions,
-) -> None:
-    """Write and draw the hits and what they were found with."""
-    collection = opened.collection.published
-    if results.sheet:
-        _draw_sheet(results.sheet, result, query, opened.files, reading)
-    if results.template:
-        from motionary.plots import plot_template, save
-
-        figure = plot_template(result.templates[0], tolerance=expansion.tolerance)
-        save(figure, results.template)
-    if results.save_query:
-        from motionary.io import write_text
+    def _learned_lines(self) -> list[str]:
+        """The template that was learned, and the keyframes around which was matched."""
         from motionary.models.keyframes import format_queries
-        from motionary.retrieval.search import suggest_queries
+        from motionary.models.templates import describe_template
 
-        queries = result.queries or suggest_queries(result.templates, collection)
-        write_text(results.save_query, format_queries(queries, vocabulary=collection.feature_set))
-    if results.save_class:
+        template, feature_set = self.result.templates[0], self._published.feature_set
+        lines = describe_template(
+            template, tolerance=self.expansion.tolerance, feature_set=feature_set
+        )
+        if self.expansion.hits and template.n_examples == 1 and not self.ranks.most:
+            lines.append("  nothing was near enough to learn from what may vary")
+        if self.result.queries:
+            fraction = 100 * self.result.fraction_matched
+            lines.append(f"  matched in {fraction:.0f} % of the frames, around keyframes:")
+            text = format_queries(self.result.queries, vocabulary=feature_set)
+            shown = [line for line in text.splitlines() if not line.startswith("features: ")]
+            lines += [f"    {line}" for line in shown]
+        return lines
+
+    def _comparison_lines(self) -> list[str]:
+        """In which quantities the first hits that are not the example are like it."""
+        from motionary.retrieval.explanation import describe_comparison
+
+        compared = [
+            (rank, describe_comparison(hit.comparison))
+            for rank, hit in enumerate(self.result, start=1)
+            if hit.comparison and hit.cost > 0
+        ]
+        lines = [
+            f"{rank if i == 0 else '':>4}  {line}"
+            for rank, lines in compared[:_MOST_COMPARED]
+            for i, line in enumerate(lines)
+        ]
+        return ["", *lines] if lines else []
+
+    @property
+    def _published(self) -> "Collection":
+        return self.opened.collection.published
+
+    # -- written ------------------------------------------------------------------------
+
+    def write(self, results: ResultOptions, command: str, reading: ReadOptions) -> None:
+        """Write and draw the hits and what they were found with."""
+        if results.output:
+            from motionary.io import write_labels
+
+            write_labels(self.tracks, results.output, excel=results.excel)
+        if results.sheet:
+            self._draw_sheet(results.sheet, reading)
+        if results.template:
+            from motionary.plots import plot_template, save
+
+            template = self.result.templates[0]
+            save(plot_template(template, tolerance=self.expansion.tolerance), results.template)
+        if results.save_query:
+            from motionary.io import write_text
+            from motionary.models.keyframes import format_queries
+            from motionary.retrieval.search import suggest_queries
+
+            queries = self.result.queries or suggest_queries(self.result.templates, self._published)
+            text = format_queries(queries, vocabulary=self._published.feature_set)
+            write_text(results.save_query, text)
+        if results.save_class:
+            self._save_class(results.save_class)
+        if results.report:
+            self._write_page(results.report, command, reading)
+
+    def _save_class(self, folder: str) -> None:
+        """Add the template to a library, in place of a class of its name; or to a new library."""
+        from motionary.models.library import ClassLibrary, load_library
         from motionary.retrieval.search import class_of_result
 
-        learned = class_of_result(result, query.name, collection, expansion)
-        _save_class(results.save_class, learned, collection.feature_set)
+        learned = class_of_result(self.result, self.query.name, self._published, self.expansion)
+        library = ClassLibrary((), self._published.feature_set)
+        if Path(folder, LIBRARY_FILE).exists():
+            library = load_library(folder)
+        others = tuple(one for one in library if one.name != learned.name)
+        replace(library, classes=(*others, learned)).save(folder)
 
+    def _draw_sheet(self, path: str, reading: ReadOptions) -> None:
+        """Stick figures of an example and its hits; without an example the best hit leads."""
+        from motionary.plots import plot_sheets, save_pages
 
-def _save_class(folder: str, motion_class: "MotionClass", feature_set: "FeatureSet") -> None:
-    """Add a class to a library, in place of one of its name; a new library if there is none."""
-    from motionary.models.library import ClassLibrary, load_library
+        read = cache(lambda name: read_recording(self.opened.files[name], reading))
+        rows = []
+        if self.query.example is not None:
+            part = self.query.example.features.recording
+            last = part.first_frame + part.n_frames - 1
+            title = f"example: {self.query.example.title}"
+            rows.append((title, *cut_frames(self.query.example.motion, part.first_frame, last)))
+        for rank, hit in enumerate(self.result, start=1):
+            name = hit.recording.name
+            title = f"{rank}: {name} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
+            rows.append((title, *cut_frames(read(name), hit.start_frame, hit.end_frame)))
+        if rows:
+            screen.warn_of_pages(path, save_pages(plot_sheets(rows[0], rows[1:]), path))
 
-    library = ClassLibrary((), feature_set)
-    if (Path(folder) / "library.toml").exists():
-        library = load_library(folder)
-    others = tuple(one for one in library if one.name != motion_class.name)
-    replace(library, classes=(*others, motion_class)).save(folder)
+    def _write_page(self, path: str, command: str, reading: ReadOptions) -> None:
+        """A page of the hits beside the example; on it a person judges them for the command."""
+        from motionary.reporting import Judging, MotionFiles, rank_among, report_hits
 
-
-def _draw_sheet(
-    path: str,
-    hits: "Sequence[Hit]",
-    query: Query,
-    files: Mapping[str, Path],
-    reading: ReadOptions,
-) -> None:
-    """Stick figures of an example and its hits; without an example the best hit leads."""
-    from motionary.plots import plot_sheets, save_pages
-
-    motions: dict[str, Motion] = {}
-    rows = []
-    if query.example is not None:
-        part = query.example.features.recording
-        last = part.first_frame + part.n_frames - 1
-        title = f"example: {query.example.title}"
-        rows.append((title, *cut_frames(query.example.motion, part.first_frame, last)))
-    for rank, hit in enumerate(hits, start=1):
-        name = hit.recording.name
-        if name not in motions:
-            motions[name] = read_recording(files[name], reading)
-        title = f"{rank}: {name} {hit.start_s:.2f}–{hit.end_s:.2f} s, cost {hit.cost:.3f}"
-        rows.append((title, *cut_frames(motions[name], hit.start_frame, hit.end_frame)))
-    if rows:
-        screen.warn_of_pages(path, save_pages(plot_sheets(rows[0], rows[1:]), path))
+        example = judging = None
+        if self.query.example is not None:
+            part, motion = self.query.example.features.recording, self.query.example.motion
+            start = part.first_frame - motion.first_frame
+            example = motion.cut(start, start + part.n_frames)
+            judging = Judging(command, rank_among(self.result, self.first), *self.ranks)
+        report_hits(
+            self.result, MotionFiles(self.opened.files, reading), path,
+            query=example, judging=judging, title=self.query.name,
+        )  # fmt: skip
+        screen.say_size(path)
 
 
 def cut_frames(motion: "Motion", first: int, last: int) -> "tuple[Floats, Floats]":
@@ -303,28 +385,3 @@ def cut_frames(motion: "Motion", first: int, last: int) -> "tuple[Floats, Floats
     start = max(first - motion.first_frame, 0)
     stop = min(max(last + 1 - motion.first_frame, start + 1), motion.n_frames)
     return motion.cut(start, stop).generic_positions(), np.arange(start, stop) / motion.rate_hz
-
-
-def _write_page(
-    path: str,
-    result: "SearchResult",
-    query: Query,
-    files: Mapping[str, Path],
-    judged: "tuple[str, SearchResult, Ranks]",
-    *,
-    reading: ReadOptions,
-) -> None:
-    """A page of the hits beside the example; `judged`: command, first hits, ranks given."""
-    from motionary.reporting import Judging, MotionFiles, rank_among, report_hits
-
-    example = judging = None
-    if query.example is not None:
-        part, motion = query.example.features.recording, query.example.motion
-        start = part.first_frame - motion.first_frame
-        example = motion.cut(start, start + part.n_frames)
-        command, first, ranks = judged
-        judging = Judging(command, rank_among(result, first), *ranks)
-    report_hits(
-        result, MotionFiles(files, reading), path, query=example, judging=judging, title=query.name
-    )
-    screen.say_size(path)
