@@ -25,12 +25,11 @@ if TYPE_CHECKING:
     from motionary.recording import Recording
     from motionary.retrieval.search import Hit, RelevanceFeedback
 
-#: Nine frames of features: below, hardly one changes, and everything is like everything.
-SHORTEST_S = 0.3
-
+# Nine frames of features: below, hardly one changes, and everything is like everything.
+_SHORTEST_S = 0.3
 # A duration is read off a table or a player, rounded.
 _ROUNDING_S = 0.05
-#: No keyframe ends like these.
+# No keyframe ends like these.
 _QUERY_FILES = (".json", ".txt")
 
 
@@ -264,9 +263,6 @@ def read_query(options: QueryOptions, reading: ReadOptions, *, fast: bool = Fals
     return Query(example.features, feature_set, name, example, keyframes)
 
 
-# -- examples --------------------------------------------------------------------------
-
-
 def _read_example(
     options: QueryOptions, reading: ReadOptions, feature_set: "FeatureSet"
 ) -> Example:
@@ -296,16 +292,13 @@ def _check_example(
     if stop_s > length + _ROUNDING_S:
         raise wrong("--to", f"{inside}, got {stop_s:g}")
     stop_s = min(stop_s, length)
-    if stop_s - start_s < SHORTEST_S:
+    if stop_s - start_s < _SHORTEST_S:
         raise wrong(
             "--from, --to",
-            f"an example needs at least {SHORTEST_S:g} s to tell one motion from another, got "
+            f"an example needs at least {_SHORTEST_S:g} s to tell one motion from another, got "
             f"{stop_s - start_s:.2f} s; {inside}",
         )
     return start_s, stop_s
-
-
-# -- classes and keyframes --------------------------------------------------------------
 
 
 def _motion_class(options: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
