@@ -1,7 +1,10 @@
 """`motionary learn`: classes of motion from examples, or from labels of recordings."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -21,20 +24,24 @@ from motionary.cli.options import (
     picture_path,
     wrong,
 )
-from motionary.cli.recordings import (
-    ScreenMonitor,
-    describe_failure,
-    find_files,
-    measure_files,
-    split_failures,
-)
+from motionary.cli.recordings import describe_failure, find_files, measure_all, warn_of_all
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
-    from motionary.features import FeatureSequence, FeatureSet
-    from motionary.models.library import ClassLibrary, MotionClass, TrainingOptions
+    from motionary.evaluation import Rates
+    from motionary.models.library import (
+        ClassLibrary,
+        LabelledSequences,
+        MotionClass,
+        Notice,
+        Prototype,
+        ReadExamples,
+        TrainingOptions,
+    )
+    from motionary.retrieval.corrections import Corrections
 
+_CHANGES = ("kept", "moved", "renamed", "added", "removed")
 _ESTIMATES = {"promised_precision": ">precision", "promised_recall": ">recall"}
 _COLUMNS = {
     "class": "class", "template": "template", "examples": ">examples", "columns": ">columns",
@@ -124,8 +131,9 @@ class TrainingFlags:
         "With --calibrate: other recordings, without any of these classes, to choose thresholds "
         "against.",
     )
-
     plot: str | None = option("--plot FOLDER", "Draw the templates.")
+    output: str | None = option("--output -o LIB", "Folder to write the library to.")
+    force: Force = False
 
     def check(self) -> None:
         """Refuse options that do not go together.
@@ -173,11 +181,6 @@ def learn(
             "labels (.csv, .xlsx, .eaf, .TextGrid, .c3d ...).",
         ),
     ] = None,
-    output: Annotated[
-        str | None,
-        typer.Option("--output", "-o", metavar="LIB", help="Folder to write the library to."),
-    ] = None,
-    force: Force = False,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
@@ -203,85 +206,89 @@ def learn(
 
     motionary learn --corrections labels.csv --library my-classes --recordings takes/
     """
+    options.check()
+    if options.corrections is None:
+        return _learn_examples(options, examples, as_json, jobs=jobs, reading=reading)
+    if examples is not None:
+        raise wrong("--corrections", "needs --library, and no EXAMPLES")
+    return _learn_corrected(options, as_json, jobs=jobs, reading=reading)
+
+
+def _learn_examples(
+    options: TrainingFlags, examples: str | None, as_json: bool, *, jobs: int, reading: ReadOptions
+) -> int:
+    """Learn a new library from examples."""
     from motionary.models.library import learn as learn_library
 
-    options.check()
-    if options.corrections is not None:
-        return _learn_corrected(options, examples, output, as_json, jobs=jobs, reading=reading)
-    if examples is None or output is None or options.library is not None:
+    if examples is None or options.output is None or options.library is not None:
         raise wrong("EXAMPLES", "needs examples and --output; --library goes with --corrections")
-    check_library(output, replace=force)
+    check_library(options.output, replace=options.force)
     check_target(options.plot, is_folder=True)
     feature_set = find_feature_set(options.features)
-    negatives, has_failed = _read_negatives(options, feature_set, reading, jobs=jobs)
-    monitor = ScreenMonitor()
-    library = learn_library(
-        examples,
-        options.training(),
-        recordings=options.recordings,
-        negatives=negatives,
-        reading=reading,
-        feature_set=feature_set,
-        jobs=jobs,
-        monitor=monitor,
+    found, monitor = find_files(options.negatives or (), reading), ScreenMonitor()
+    negatives, failures = measure_all(
+        found, "reading others", reading=reading, feature_set=feature_set, jobs=jobs
     )
+    for problem in (*map(str, found.missing.values()), *map(describe_failure, failures)):
+        screen.warn(problem)
+    library = learn_library(
+        examples, options.training(), recordings=options.recordings, negatives=negatives,
+        reading=reading, feature_set=feature_set, jobs=jobs, monitor=monitor,
+    )  # fmt: skip
     if not library:
         raise InvalidInput("no class could be learned; nothing was written", file=examples)
-    library.save(output)
+    library.save(options.output)
     for motion_class in library if options.plot else ():
-        _draw_class(options.plot or "", motion_class, library)
+        for prototype in motion_class.prototypes:
+            parts = dict.fromkeys((motion_class.name, prototype.name))
+            picture = picture_path(options.plot or "", "-".join(parts))
+            draw_prototype(picture, library, motion_class, prototype)
     show_library(library, as_json=as_json)
-    return 1 if has_failed or monitor.has_failed else 0
+    return 1 if found.missing or failures or monitor.has_failed else 0
 
 
-def _learn_corrected(
-    options: TrainingFlags,
-    examples: str | None,
-    output: str | None,
-    as_json: bool,
+@dataclass
+class ScreenMonitor:
+    """Training on the screen: bars, and what a person should know of.
+
+    Attributes
+    ----------
+    has_failed : whether something that was given could not be used
+    """
+
+    has_failed: bool = field(default=False, init=False)
+
+    def stage(self, name: str, total: int) -> AbstractContextManager[Callable[..., None]]:
+        """A bar."""
+        return screen.progress(name, total)
+
+    def notify(self, notice: "Notice") -> None:
+        """Say it on stderr."""
+        from motionary.batch import Failure
+
+        self.has_failed = self.has_failed or notice.is_failure
+        if notice.file is not None and notice.error is not None:
+            warn_of_all((), [Failure(notice.file, notice.error)])
+        else:
+            screen.warn(notice.text)
+
+
+def draw_prototype(
+    path: "str | Path",
+    library: "ClassLibrary",
+    motion_class: "MotionClass",
+    prototype: "Prototype",
     *,
-    jobs: int,
-    reading: ReadOptions,
-) -> int:
-    """Learn from what a person changed in a library's labels."""
-    from motionary.cli.relearn import learn_corrected
-
-    if examples is not None or options.library is None:
-        raise wrong("--corrections", "needs --library, and no EXAMPLES")
-    return learn_corrected(
-        options.corrections or "", options.library, output,
-        recordings=options.recordings, as_json=as_json, jobs=jobs, reading=reading,
-    )  # fmt: skip
-
-
-def _read_negatives(
-    options: TrainingFlags, feature_set: "FeatureSet", reading: ReadOptions, *, jobs: int
-) -> "tuple[list[FeatureSequence], bool]":
-    """Features of recordings without the classes, and whether one could not be read."""
-    found = find_files(options.negatives or (), reading)
-    sequences, failures = split_failures(
-        measure_files(
-            found.files, "reading others", reading=reading, feature_set=feature_set, jobs=jobs
-        )
-    )
-    problems = [*map(str, found.missing.values()), *map(describe_failure, failures)]
-    for problem in problems:
-        screen.warn(problem)
-    return sequences, bool(problems)
-
-
-def _draw_class(folder: str, motion_class: "MotionClass", library: "ClassLibrary") -> None:
-    """Templates of a class and their fixed cells, a picture a template, into a folder."""
+    marks: Any = None,
+) -> None:
+    """Draw a template and its fixed cells beside it; `marks` are what it tells tracks."""
     from motionary.plots import plot_template, save
 
-    for prototype in motion_class.prototypes:
-        figure = plot_template(
-            prototype.template, tolerance=motion_class.tolerance, feature_set=library.feature_set
-        )
-        name = motion_class.name
-        if prototype.name != name:
-            name = f"{name}-{prototype.name}"
-        save(figure, picture_path(folder, name))
+    figure = plot_template(
+        prototype.template, tolerance=motion_class.tolerance, feature_set=library.feature_set,
+        marks=marks,
+    )  # fmt: skip
+    save(figure, path)
 
 
 def show_library(library: "ClassLibrary", *, as_json: bool) -> None:
@@ -289,8 +296,7 @@ def show_library(library: "ClassLibrary", *, as_json: bool) -> None:
     columns, rows = library.list_rows()
     described = [dict(zip(columns, row, strict=True)) for row in rows]
     if as_json:
-        for row in described:
-            screen.print_json(row)
+        screen.print_json(*described)
         return
     empty = {key for key in _ESTIMATES if all(row[key] is None for row in described)}
     shown = {key: title for key, title in _COLUMNS.items() if key not in empty}
@@ -302,3 +308,87 @@ def _cell(key: str, value: Any) -> str:
     if key in ("fixed", *_ESTIMATES):
         return screen.percent(value)
     return str(value) if not isinstance(value, float) else f"{value:.3g}"
+
+
+# -- corrections ------------------------------------------------------------------------
+
+
+def _learn_corrected(
+    options: TrainingFlags, as_json: bool, *, jobs: int, reading: ReadOptions
+) -> int:
+    """Let a library learn from its labels as a person left them, and say what that did."""
+    from motionary.models.library import EVERYDAY, find_sequences, list_tracks, open_library
+    from motionary.retrieval.corrections import learn_corrections
+
+    folder, table = options.library, options.corrections or ""
+    if folder is None:
+        raise wrong("--corrections", "needs --library, and no EXAMPLES")
+    if options.output is None and folder == EVERYDAY:
+        raise wrong("--output", "the library that ships stays as it is; name a folder for yours")
+    target = folder if options.output is None else options.output
+    check_library(target, replace=True)
+    library = open_library(folder)
+    tracks = list_tracks(table, reading)
+    with screen.progress("reading", len(tracks)) as done:
+        found = find_sequences(
+            tracks, options.recordings or Path(table).parent, reading=reading,
+            feature_set=library.feature_set, jobs=jobs, on_done=done,
+        )  # fmt: skip
+    code = warn_of_unused(found)
+    if not found.pairs:
+        raise InvalidInput("none of its recordings could be read; nothing was changed", file=table)
+    corrections = learn_corrections(library, found.pairs)
+    if corrections.n_changed:
+        corrections.library.save(target)
+    else:
+        screen.warn("the labels are as the library gives them; nothing was changed")
+    _show_corrections(corrections, as_json=as_json)
+    return code
+
+
+def warn_of_unused(read: "ReadExamples | LabelledSequences") -> int:
+    """Say what of labelled recordings gives no example; the code that a command ends with."""
+    warn_of_all((), read.failures)
+    for error in read.unusable:
+        screen.warn(str(error))
+    return 1 if read.failures or read.unusable else 0
+
+
+def _show_corrections(corrections: "Corrections", *, as_json: bool) -> None:
+    """A row a class: what was changed, and precision and recall before and after."""
+    rows = [
+        {
+            "class": one.name,
+            **{kind: getattr(one, kind) for kind in _CHANGES},
+            **_describe_rates(one.before, one.after),
+        }
+        for one in corrections.classes
+    ]
+    if as_json:
+        screen.print_json(*rows)
+        return
+    columns = ("class", *(f">{name}" for name in _CHANGES), ">precision", ">recall")
+    cells = [
+        (*map(str, list(row.values())[:6]), _format_change(row, "precision"),
+         _format_change(row, "recall"))
+        for row in rows
+    ]  # fmt: skip
+    screen.print_table(columns, cells)
+    row = _describe_rates(corrections.before, corrections.after)
+    screen.say(
+        f"all: precision {_format_change(row, 'precision')}, recall {_format_change(row, 'recall')}"
+    )
+
+
+def _describe_rates(before: "Rates", after: "Rates | None") -> "dict[str, float | None]":
+    return {
+        "precision_before": before.precision,
+        "recall_before": before.recall,
+        "precision_after": None if after is None else after.precision,
+        "recall_after": None if after is None else after.recall,
+    }
+
+
+def _format_change(row: Mapping[str, Any], name: str) -> str:
+    before, after = (row[f"{name}_{when}"] for when in ("before", "after"))
+    return f"{screen.percent(before)} to {'?' if after is None else screen.percent(after)}"

@@ -1,8 +1,7 @@
 """Recordings that a command works on: found by path, read, or opened by the index of a folder."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -17,7 +16,6 @@ from motionary.io.options import ReadOptions
 if TYPE_CHECKING:
     from motionary.batch import Failure, Workers
     from motionary.features import FeatureSequence, FeatureSet, NamedFile
-    from motionary.models.library import Notice
     from motionary.motion import Motion
     from motionary.retrieval.index import Changes, Index
     from motionary.retrieval.index import Collection as Features
@@ -29,10 +27,15 @@ Result = TypeVar("Result")
 
 
 class Found(NamedTuple):
-    """Recordings by name, and for each path that means none the reason."""
+    """Recordings by name, what was given, and for each path that means none the reason."""
 
     files: dict[str, Path]
     missing: dict[str, UnreadableFile]
+    given: tuple[str, ...]
+
+    def warn(self, failures: "Iterable[Failure[NamedFile]]" = ()) -> int:
+        """Say what is missing and what could not be read; the code that a command ends with."""
+        return int(warn_of_all(self.missing.values(), failures, given=self.given))
 
 
 def find_files(paths: Iterable[str], reading: ReadOptions | None = None) -> Found:
@@ -43,13 +46,14 @@ def find_files(paths: Iterable[str], reading: ReadOptions | None = None) -> Foun
     from motionary.io import name_recordings
 
     missing: dict[str, UnreadableFile] = {}
+    given = tuple(paths)
     files = name_recordings(
-        list(paths),
+        given,
         on_skip=screen.warn,
         on_missing=lambda path, error: missing.update({str(path): error}),
         split=reading is None or reading.take is None,
     )
-    return Found(files, missing)
+    return Found(files, missing, given)
 
 
 def read_recording(path: Path, reading: ReadOptions) -> "Motion":
@@ -95,6 +99,15 @@ def measure_files(
         yield from read_features(
             files.items(), options=reading, feature_set=feature_set, jobs=jobs, on_done=done
         )
+
+
+def measure_all(
+    found: Found, what: str, *, reading: ReadOptions, feature_set: "FeatureSet", jobs: "Workers"
+) -> "tuple[list[FeatureSequence], list[Failure[NamedFile]]]":
+    """Features of all files that can be read, and those that cannot."""
+    return split_failures(
+        measure_files(found.files, what, reading=reading, feature_set=feature_set, jobs=jobs)
+    )
 
 
 def split_failures(
@@ -160,32 +173,6 @@ def _paths_of(failure: "Failure[NamedFile]") -> tuple[Path, Path]:
 
     path = failure.item[1]
     return path, file_of(path)
-
-
-@dataclass
-class ScreenMonitor:
-    """Training on the screen: bars, and what a person should know of.
-
-    Attributes
-    ----------
-    has_failed : whether something that was given could not be used
-    """
-
-    has_failed: bool = field(default=False, init=False)
-
-    def stage(self, name: str, total: int) -> AbstractContextManager[Callable[..., None]]:
-        """A bar."""
-        return screen.progress(name, total)
-
-    def notify(self, notice: "Notice") -> None:
-        """Say it on stderr."""
-        from motionary.batch import Failure
-
-        self.has_failed = self.has_failed or notice.is_failure
-        if notice.file is not None and notice.error is not None:
-            warn_of_all((), [Failure(notice.file, notice.error)])
-        else:
-            screen.warn(notice.text)
 
 
 # -- folders and their indexes ----------------------------------------------------------
@@ -277,8 +264,7 @@ class Opener:
         found = find_files(paths, self.reading)
         with screen.progress("reading", len(found.files)) as done:
             collection = self._collect(found.files, on_done=done)
-        failed = warn_of_all(found.missing.values(), collection.failures, given=paths)
-        return Opened(collection, found.files, not failed)
+        return Opened(collection, found.files, not found.warn(collection.failures))
 
     def _collect(self, files: Mapping[str, Path], **on_done: Any) -> "Features":
         from motionary.retrieval.index import read_collection
@@ -313,7 +299,7 @@ class Opener:
         if not collections:
             return self._read(paths)
         joined = join_collections(collections, renamed)
-        failed = warn_of_all(found.missing.values(), joined.failures, given=paths)
+        failed = found.warn(joined.failures)
         return Opened(joined, found.files, not (failed or is_stopped), is_stopped)
 
 

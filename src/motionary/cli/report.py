@@ -21,13 +21,7 @@ from motionary.cli.options import (
     option,
     wrong,
 )
-from motionary.cli.recordings import (
-    Found,
-    find_files,
-    read_motions,
-    read_recording,
-    warn_of_all,
-)
+from motionary.cli.recordings import Found, find_files, read_motions, read_recording, warn_of_all
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:

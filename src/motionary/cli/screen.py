@@ -62,9 +62,10 @@ def warn_of_pages(path: str, pages: Sequence[Path]) -> None:
         warn(f"{path}: {len(pages)} pages, the last one {pages[-1].name}")
 
 
-def print_json(content: Mapping[str, Any]) -> None:
-    """One object, one line, on stdout; ASCII, whatever the encoding of the pipe."""
-    sys.stdout.write(json.dumps(content, allow_nan=False) + "\n")
+def print_json(*contents: Mapping[str, Any]) -> None:
+    """Objects, each a line, on stdout; ASCII, whatever the encoding of the pipe."""
+    for content in contents:
+        sys.stdout.write(json.dumps(content, allow_nan=False) + "\n")
 
 
 def print_table(
@@ -188,6 +189,18 @@ def shorten(text: str) -> str:
         return text
     half = (_LONGEST - len(_CUT)) // 2
     return text[:half] + _CUT + text[-half:]
+
+
+def cell(value: Any, *, digits: int, unknown: str = "") -> str:
+    """A value as it stands in a table; what is None or no number is unknown."""
+    if value is None or value != value:
+        return unknown
+    return f"{value:.{digits}f}" if isinstance(value, float) else str(value)
+
+
+def count(number: int, one: str, many: str = "") -> str:
+    """So many things; `many` is their plural where an s does not make it."""
+    return f"{number} {one if number == 1 else many or f'{one}s'}"
 
 
 def percent(fraction: float | None) -> str:
