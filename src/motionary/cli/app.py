@@ -40,11 +40,11 @@ COMMANDS = {
     "features": "convert",
     "evaluate": "evaluate",
     "labels": "labels",
-    "imu": "imu",
+    "imu": "sensors",
     "track": "multiview",
     "untangle": "multiview",
     "depth": "depth",
-    "synth": "synth",
+    "synth": "sensors",
     "live": "live",
     "replay": "live",
     "demo": "demo",
@@ -132,8 +132,9 @@ def build_app(one: str | None = None) -> typer.Typer:
             continue
         module = importlib.import_module(f"motionary.cli.{home}")
         command = getattr(module, name)
-        if hasattr(module, "SUBCOMMANDS"):
-            group = _build_group(command, module.SUBCOMMANDS)
+        below = getattr(module, "SUBCOMMANDS", {}).get(name)
+        if below is not None:
+            group = _build_group(command, below)
             app.add_typer(group, name=name, short_help=_summary(command))
             continue
         app.command(name, cls=_Command, short_help=_summary(command))(_guarded(command))

@@ -386,4 +386,4 @@ def _sum_up(tracks: Tracks) -> Iterator[dict[str, Any]]:
 
 
 #: Commands of the group, in the sequence of its help.
-SUBCOMMANDS = {"convert": convert, "diff": diff, "stats": stats}
+SUBCOMMANDS = {"labels": {"convert": convert, "diff": diff, "stats": stats}}

@@ -159,5 +159,8 @@ def _scores_of(library: "ClassLibrary") -> list[str]:
 
 #: Commands of the group, in the sequence of its help.
 SUBCOMMANDS = {
-    "list": list_classes, "show": show, "edit": edit, "merge": merge, "add": add, "priors": priors,
+    "library": {
+        "list": list_classes, "show": show, "edit": edit, "merge": merge, "add": add,
+        "priors": priors,
+    },
 }  # fmt: skip

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from motionary.errors import InvalidInput
 from motionary.io.depth_images import DepthRecording
 from motionary.matching.distance import Engine
 from motionary.motion import GENERIC_JOINTS, Motion, Skeleton, forward_kinematics
-from motionary.recording import Recording
+from motionary.recording import Recording, find_runs
 from motionary.rotations import matrices_to_quaternions
 from motionary.skeletons import named_mapping
 
@@ -56,6 +56,39 @@ class Tracking(NamedTuple):
     body: Body
     camera: Camera
 
+    def cut_to_person(self, *, gapless: bool) -> Motion:
+        """The motion from the first to the last image with a person; what is left out is noted.
+
+        `gapless` is its longest run without an image that lacks one, for formats that hold no
+        unknown joints.
+        """
+        seen = np.array([pose.status != "none" for pose in self.poses])
+        first, stop = int(seen.argmax()), len(seen) - int(seen[::-1].argmax())
+        if not gapless or seen[first:stop].all():
+            return self.motion.cut(first, stop)
+        first, stop = max(find_runs(seen), key=lambda run: run[1] - run[0])
+        kept = f"BVH holds no gaps: images {first} to {stop - 1} are written, the longest run"
+        motion = self.motion.cut(first, stop)
+        return replace(motion, notes=(*motion.notes, kept))
+
+    def as_dict(self) -> dict[str, Any]:
+        """What is said of it, in plain values: counts of images, fit, stature, notes."""
+        counts = Counter(pose.status for pose in self.poses)
+        seen = [pose for pose in self.poses if pose.status != "none"]
+        return {
+            "recording": self.motion.source,
+            "rate_hz": self.motion.rate_hz,
+            "images": len(self.poses),
+            "tracked": counts["tracked"],
+            "unsure": counts["unsure"],
+            "none": counts["none"],
+            "lookup": sum(pose.hypothesis == "lookup" for pose in self.poses),
+            "cost_m": round(float(np.mean([pose.cost for pose in seen])), 4),
+            "confidence": round(float(np.mean([pose.confidence for pose in seen])), 3),
+            "stature_m": round(float(np.ptp(self.body.vertices[:, 1])), 3),
+            "notes": list(self.motion.notes),
+        }
+
 
 def camera_of(recording: DepthRecording) -> Camera:
     """The camera of a recording; level, looking along -z from one metre high, if none is told."""
@@ -72,8 +105,8 @@ def track_recording(
     database: PoseDatabase | None = None,
     *,
     settings: TrackerSettings | None = None,
-    stature_m: float = MEAN_STATURE_M,
-    background: Floats | int | None = None,
+    stature_m: float | None = None,
+    background: DepthRecording | Floats | int | None = None,
     least_confidence: float = 0.0,
     progress: Callable[[Iterable[Floats]], Iterable[Floats]] = iter,
     engine: Engine = "auto",
@@ -85,8 +118,8 @@ def track_recording(
     recording : as from `motionary.io.depth_images.read_depth`
     database : of poses; the one that ships if None
     settings : how it is tracked
-    stature_m : of the person, as far as known
-    background : depth of the empty scene, or how many of the first images show it empty
+    stature_m : of the person; the mean of adults if None
+    background : the empty scene: a recording, depth, or how many of the first images show it
     least_confidence : joints that are less sure are unknown
     progress : wraps the images on their way
     engine : which twins compute
@@ -105,11 +138,13 @@ def track_recording(
                 file=recording.name,
             )
         empty = learn_background(np.stack(first)) if first else None
+    elif isinstance(background, DepthRecording):
+        empty = learn_background(np.stack(list(background.images())))
     elif background is not None:
         empty = background
     tracker = DepthTracker(
-        camera_of(recording), database, stature_m=stature_m, settings=settings, background=empty,
-        engine=engine,
+        camera_of(recording), database, settings=settings, background=empty, engine=engine,
+        stature_m=MEAN_STATURE_M if stature_m is None else stature_m,
     )  # fmt: skip
     skipped = background if isinstance(background, int) else 0
     poses = []

@@ -9,6 +9,7 @@ Conventions: turns relative to the parent joint; the viewing direction is +z. Po
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -126,12 +127,23 @@ class PoseDatabase:
     def __repr__(self) -> str:
         return f"PoseDatabase({len(self)} poses)"
 
+    def save(self, path: str | Path) -> None:
+        """Write it as .npz; `load_database` reads it."""
+        from motionary.files import write_atomically
 
-def load_database() -> PoseDatabase:
-    """The database that ships, of CMU's recordings."""
-    from motionary.io.assets import read_poses
+        with write_atomically(path) as beside, beside.open("wb") as file:
+            np.savez_compressed(file, **database_to_arrays(self))  # type: ignore[arg-type]
 
-    return database_from_arrays(read_poses())
+
+def load_database(path: str | Path | None = None) -> PoseDatabase:
+    """A database from its file; without one that which ships, of CMU's recordings."""
+    if path is None:
+        from motionary.io.assets import read_poses
+
+        return database_from_arrays(read_poses())
+    from motionary.io.formats.npz import ArchivedArrays
+
+    return database_from_arrays(ArchivedArrays(Path(path)))
 
 
 def database_to_arrays(database: PoseDatabase) -> dict[str, NDArray[np.generic]]:

@@ -1,6 +1,5 @@
-"""`motionary imu`: tracked motion held against inertial sensors, and orientations from them."""
+"""`motionary imu` and `synth`: motion held against inertial sensors, and sensors simulated."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,27 +12,31 @@ from motionary.cli.options import (
     AsJson,
     Excel,
     Force,
+    LibraryDefault,
     check_picture,
     check_target,
+    declare,
     flag,
     option,
 )
+from motionary.cli.query import Start, Stop, check_part
 from motionary.cli.recordings import read_recording
-from motionary.errors import InvalidInput
+from motionary.errors import InvalidInput, UnwritableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.inertial import LimbCheck, TrackingCheck
 
-_COLUMNS = (
-    "sensor", "limb", ">median", ">95 %", ">across", ">about", ">sure to", ">drift", ">wrong_s", "",
-)  # fmt: skip
+#: Headings of a limb's row, and its keys.
+_LIMBS = {
+    "sensor": "sensor", "limb": "limb", ">median": "median_deg", ">95 %": "p95_deg",
+    ">across": "swing_deg", ">about": "twist_deg", ">sure to": "deviation_deg",
+    ">drift": "drift_deg", ">wrong_s": "wrong_s", "": "notes",
+}  # fmt: skip
 
 Columns = Annotated[
     str | None,
-    typer.Option(
-        "--columns", metavar="TOML", help="Columns, units and rate of tables of no known layout."
-    ),
+    declare("--columns TOML", "Columns, units and rate of tables of no known layout."),
 ]
 
 
@@ -116,8 +119,7 @@ def check(
 
         save(plot_check(found), options.plot)
     if as_json:
-        for row in rows:
-            screen.print_json(row)
+        screen.print_json(*rows)
     else:
         _show(found, rows)
     for note in (*found.notes, *(note for sensor in sensors for note in sensor.notes)):
@@ -125,16 +127,21 @@ def check(
     return 0
 
 
+@dataclass(frozen=True, kw_only=True)
+class OrientOptions:
+    """How orientations are found, and where they go."""
+
+    output: str = option("--output -o STO", "Orientations, for OpenSense.", REQUIRED)
+    columns: Columns = None
+    magnetic: bool = flag(
+        "--magnetic/--no-magnetic", "Let magnetometers tell headings; floors disturb them."
+    )
+    force: Force = False
+
+
 def orient(
     source: Annotated[str, typer.Argument(metavar="PATH", help="A folder or file of sensors.")],
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="STO", help="Orientations, for OpenSense.")
-    ],
-    columns: Columns = None,
-    magnetic: Annotated[
-        bool, typer.Option(help="Let magnetometers tell headings; floors disturb them.")
-    ] = False,
-    force: Force = False,
+    options: OrientOptions,
 ) -> int:
     """Write orientations of sensors from their raw measurements.
 
@@ -143,14 +150,11 @@ def orient(
     from motionary.inertial import orient as orient_sensor
     from motionary.io.sensors import read_sensors, write_orientations
 
-    check_target(output, replace=force)
-    sensors = read_sensors(source, columns=columns)
-    write_orientations(
-        output,
-        {one.name: orient_sensor(one, magnetic=magnetic) for one in sensors},
-        sensors[0].rate_hz,
-    )
-    screen.say(f"{len(sensors)} sensors written to {output}")
+    check_target(options.output, replace=options.force)
+    sensors = read_sensors(source, columns=options.columns)
+    found = {one.name: orient_sensor(one, magnetic=options.magnetic) for one in sensors}
+    write_orientations(options.output, found, sensors[0].rate_hz)
+    screen.say(f"{len(sensors)} sensors written to {options.output}")
     return 0
 
 
@@ -203,9 +207,10 @@ def _to_row(one: "LimbCheck", found: "TrackingCheck") -> dict[str, Any]:
 
 
 def _show(found: "TrackingCheck", rows: list[dict[str, Any]]) -> None:
-    keys = ("sensor", "limb", "median_deg", "p95_deg", "swing_deg", "twist_deg", "deviation_deg",
-            "drift_deg", "wrong_s", "notes")  # fmt: skip
-    screen.print_table(_COLUMNS, [tuple(_cell(row, key) for key in keys) for row in rows])
+    cells = [
+        [screen.cell(row[key], digits=1, unknown="-") for key in _LIMBS.values()] for row in rows
+    ]
+    screen.print_table(tuple(_LIMBS), cells)
     lag = found.lag
     drift = f", drift {lag.drift * 1e6:.0f} ppm" if lag.drift else ""
     screen.say(f"sensors' clock: motion's + {lag.offset_s:.3f} s{drift} (agreement {lag.peak:.2f})")
@@ -218,11 +223,134 @@ def _show(found: "TrackingCheck", rows: list[dict[str, Any]]) -> None:
         screen.say("no segment is tracked wrongly, as far as the sensors tell")
 
 
-def _cell(row: Mapping[str, Any], key: str) -> str:
-    value = row[key]
-    if value is None:
-        return "-"
-    return f"{value:.1f}" if isinstance(value, float) else str(value)
+# -- simulated ----------------------------------------------------------------------------
 
 
-SUBCOMMANDS = {"check": check, "orient": orient}
+Recording = Annotated[
+    str, typer.Argument(metavar="RECORDING", help="The motion to be recorded again.")
+]
+Folder = Annotated[str, declare("--output -o FOLDER", "The folder to write into.")]
+Seed = Annotated[int, declare("--seed N", "Of everything that is drawn at random.", min=0)]
+
+
+def synth() -> None:
+    """Make synthetic recordings of a motion: depth images, inertial sensors.
+
+    What is written is synthetic and says so. The same seed gives the same files.
+
+    motionary synth imu take.bvh -o sensors
+    motionary synth depth take.bvh -o images --noise kinect
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImuOptions:
+    """Which sensors are simulated, and where they are written."""
+
+    output: Folder
+    limbs: list[str] | None = option("--limb LIMB", "Limbs that wear one; else all nine usual.")
+    seed: Seed = 0
+    force: Force = False
+
+
+def simulate_imu(recording: Recording, options: ImuOptions, *, reading: ReadOptions) -> int:
+    """Write what inertial sensors on the limbs would have measured, as Xsens' text files.
+
+    motionary synth imu take.bvh -o sensors --limb lthigh --limb lshank
+    """
+    from motionary.body.depth_cameras import SYNTHETIC
+    from motionary.inertial import simulate_sensors
+    from motionary.io.sensors import write_mtw
+
+    _check_folder(options.output, replace=options.force)
+    motion = read_recording(Path(recording), reading)
+    made = simulate_sensors(motion, options.limbs, seed=options.seed)
+    _empty_folder(options.output)
+    for sensor in made:
+        write_mtw(Path(options.output) / f"{SYNTHETIC}{sensor.name}.txt", sensor)
+    screen.say(f"{len(made)} synthetic sensors written to {options.output}")
+    return 0
+
+
+def _check_folder(output: str, *, replace: bool) -> None:
+    """Fail before the work where files of two runs would stand beside each other."""
+    check_target(output, is_folder=True)
+    if not replace and _of_former_runs(output):
+        raise UnwritableFile(
+            "holds synthetic recordings of a former run; --force replaces them", file=output
+        )
+
+
+def _empty_folder(output: str) -> None:
+    """Make the folder, and remove in it what a former run wrote."""
+    for path in _of_former_runs(output):
+        path.unlink()
+    Path(output).mkdir(parents=True, exist_ok=True)
+
+
+def _of_former_runs(output: str) -> list[Path]:
+    from motionary.body.depth_cameras import DESCRIPTION, SYNTHETIC
+
+    own = [*Path(output).glob(f"{SYNTHETIC}*"), Path(output, DESCRIPTION)]
+    return [path for path in own if path.is_file()]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthOptions:
+    """A depth camera, what it sees wrongly, and where its images are written."""
+
+    output: Folder
+    noise: str = option(
+        "--noise none|kinect|tof",
+        "Of the camera.",
+        LibraryDefault("motionary.body:DepthSettings", "noise"),
+    )
+    distance_m: float = option(
+        "--distance METRES",
+        "From camera to body.",
+        LibraryDefault("motionary.body:DepthSettings", "distance_m"),
+    )
+    images_hz: float = option(
+        "--images HZ",
+        "Images a second.",
+        LibraryDefault("motionary.body:DepthSettings", "images_hz"),
+    )
+    start: Start = None
+    stop: Stop = None
+    fine: bool = flag("--fine/--no-fine", "Use the finer mesh.")
+    seed: Seed = 0
+    force: Force = False
+
+
+def simulate_depth(recording: Recording, options: DepthOptions, *, reading: ReadOptions) -> int:
+    """Write what a depth camera would have seen: 16-bit PNG in millimetres, and its intrinsics.
+
+    motionary synth depth take.bvh -o images --noise tof --distance 2.5
+    """
+    from motionary.body import DepthSettings, load_body, record_depth
+    from motionary.body.depth_cameras import write_depth
+
+    settings = DepthSettings(options.noise, options.distance_m, options.images_hz)
+    _check_folder(options.output, replace=options.force)
+    motion = read_recording(Path(recording), reading)
+    start_s, stop_s = check_part(motion.recording, options.start, options.stop)
+    first = min(round(start_s * motion.rate_hz), motion.n_frames - 1)
+    motion = motion.cut(first, min(max(round(stop_s * motion.rate_hz), first + 1), motion.n_frames))
+    body = load_body(fine=options.fine)
+    camera, images = record_depth(body, motion, settings, seed=options.seed)
+    _empty_folder(options.output)
+    written, n_cut = write_depth(options.output, camera, images, settings, seed=options.seed)
+    screen.say(f"{written} synthetic depth images written to {options.output}")
+    if n_cut:
+        screen.warn(
+            f"in {n_cut} of {written} images the person is not whole: take a part of the recording "
+            "by --from and --to, or a larger --distance"
+        )
+    return 0
+
+
+#: Commands of the groups, in the sequence of their helps.
+SUBCOMMANDS = {
+    "imu": {"check": check, "orient": orient},
+    "synth": {"imu": simulate_imu, "depth": simulate_depth},
+}
