@@ -249,12 +249,11 @@ def cut(
         recordings=RecordingsOf(found.files, reading),
     )
     tracks = select_labels(tracks, only=only)
-    for error in found.missing.values():
-        screen.warn(str(error))
+    code = found.warn()
     done = cut_labels(
         tracks.values(), found.files, output, reading=reading, jobs=jobs, replace=force
     )
-    return 0 if done and not found.missing else 1
+    return code if done else 1
 
 
 def cut_labels(

@@ -15,7 +15,9 @@ from motionary.cli.options import (
     Force,
     InFrames,
     check_target,
+    declare,
     option,
+    picture_path,
     wrong,
 )
 from motionary.cli.recordings import find_files, read_recording
@@ -26,7 +28,7 @@ from motionary.tables import enumerate_names
 
 if TYPE_CHECKING:
     from motionary.io.labels import LabelFormat
-    from motionary.labels import LabelTrack
+    from motionary.labels import Label, LabelTrack
     from motionary.recording import Recording
 
 Tracks = dict[str, "LabelTrack"]
@@ -35,20 +37,13 @@ _DIFF = ("recording", "change", "label", ">start_s", ">end_s", "new label", ">ne
          ">new end_s")  # fmt: skip
 _STATS = ("label", ">number", ">recordings", ">total_s", ">mean_s", ">shortest_s", ">longest_s")
 
+_CHANGES = ("moved", "renamed", "added", "removed")
+
 LabelFiles = Annotated[
     list[str], typer.Argument(metavar="LABELS", help="Files of labels, or patterns.")
 ]
 Rate = Annotated[
-    float | None,
-    typer.Option("--rate", metavar="HZ", help="Frames per second, where the files do not say it."),
-]
-Names = Annotated[
-    list[str] | None,
-    typer.Option("--only", metavar="LABEL", help="Labels of this name only; may be repeated."),
-]
-TrackNames = Annotated[
-    list[str] | None,
-    typer.Option("--track", metavar="TIER", help="Labels of this tier only; may be repeated."),
+    float | None, declare("--rate HZ", "Frames per second, where the files do not say it.")
 ]
 
 
@@ -75,8 +70,8 @@ class ConvertOptions:
     recordings: list[str] | None = option(
         "--recordings PATH", "The recordings: labels are checked against them, and get their rates."
     )
-    only: Names = None
-    track: TrackNames = None
+    only: list[str] | None = option("--only LABEL", "Labels of this name only; may be repeated.")
+    track: list[str] | None = option("--track TIER", "Labels of this tier only; may be repeated.")
     excel: Excel = False
     force: Force = False
 
@@ -95,16 +90,16 @@ def convert(
     motionary labels convert labels.csv -o elan/ --to eaf --recordings takes/
     motionary labels convert elan/*.eaf -o labels.csv
     """
-    from motionary.io import match_recording
+    from motionary.io import format_suffix, match_recording
     from motionary.io.labels import write_labels
 
     form = _find_format(options)
-    is_file = _is_file(options, form)
+    suffix = format_suffix(options.output)
+    is_file = options.to is None or (suffix in form.suffixes and bool(suffix))
     if is_file:
         check_target(options.output, replace=options.force)
     sources = find_files(options.recordings or ())
-    for error in sources.missing.values():
-        screen.warn(str(error))
+    code = sources.warn()
     known = RecordingsOf(sources.files, ReadOptions(rate_hz=rate))
     tracks = _read_all(files, rate_hz=rate, in_frames=frames, recordings=known)
     tracks = select_labels(tracks, only=options.only, track=options.track)
@@ -113,7 +108,7 @@ def convert(
         raise InvalidInput("no labels to convert; nothing is written", file=enumerate_names(files))
     if form.needs_recording and not sources.files:
         raise wrong("--recordings", f"{form.title} needs the recordings that are labelled")
-    targets = _targets(tracks, options, form) if not is_file else {options.output: tracks}
+    targets = {options.output: tracks} if is_file else _targets(tracks, options, form)
     for target in targets:
         check_target(target, replace=options.force)
     for target, content in targets.items():
@@ -121,11 +116,14 @@ def convert(
         recording = None if name is None else sources.files[name]
         write_labels(content, target, to=form.name, excel=options.excel, recording=recording)
     _say_lost(form, tracks)
-    if is_stdout(options.output):
-        return 1 if sources.missing else 0
-    n_labels = _n(sum(map(len, tracks.values())), "label")
-    screen.warn(f"{n_labels} of {_n(len(tracks), 'recording')} written to {options.output}")
-    return 1 if sources.missing else 0
+    if not is_stdout(options.output):
+        screen.warn(f"{_count(tracks, 'of')} written to {options.output}")
+    return code
+
+
+def _count(tracks: Tracks, joined: str) -> str:
+    n_labels = screen.count(sum(map(len, tracks.values())), "label")
+    return f"{n_labels} {joined} {screen.count(len(tracks), 'recording')}"
 
 
 def _find_format(options: ConvertOptions) -> "LabelFormat":
@@ -137,16 +135,8 @@ def _find_format(options: ConvertOptions) -> "LabelFormat":
         raise wrong("--to" if options.to else "--output", str(error)) from error
 
 
-def _is_file(options: ConvertOptions, form: "LabelFormat") -> bool:
-    from motionary.io import format_suffix
-
-    suffix = format_suffix(options.output)
-    return options.to is None or (suffix in form.suffixes and bool(suffix))
-
-
 def _targets(tracks: Tracks, options: ConvertOptions, form: "LabelFormat") -> dict[str, Tracks]:
     """A file a recording, called as it."""
-    from motionary.cli.options import picture_path
     from motionary.io import stem_of
 
     check_target(options.output, is_folder=True)
@@ -167,28 +157,15 @@ def _read_all(files: Sequence[str], **options: Any) -> Tracks:
     from motionary.io import read_labels
 
     tracks: Tracks = {}
-    for path in _expand(files):
-        for name, track in read_labels(path, **options).items():
-            before = tracks.get(name)
-            if before is None:
-                tracks[name] = track
-                continue
-            tracks[name] = replace(
-                before,
-                recording=before.recording if before.rate_hz else track.recording,
-                labels=(*before.labels, *track.labels),
-                unassessed=tuple(sorted({*before.unassessed, *track.unassessed})),
-            )
-    return tracks
-
-
-def _expand(files: Sequence[str]) -> Iterator[Path]:
     for path in map(Path, files):
         # Shells of Windows leave patterns to programs.
         found = [path] if path.exists() else sorted(path.parent.glob(path.name))
         if not found:
             raise UnreadableFile(NO_SUCH_FILE, file=path)
-        yield from found
+        for one in found:
+            for name, track in read_labels(one, **options).items():
+                tracks[name] = tracks[name].joined(track) if name in tracks else track
+    return tracks
 
 
 class RecordingsOf(Mapping[str, "Recording"]):
@@ -221,28 +198,24 @@ def select_labels(
     BadParameter
         If there is none of such a name.
     """
-    everything = [label for one in tracks.values() for label in one]
-    tiers = {label.extra.get("track") or "labels" for label in everything}
+    labels = [label for one in tracks.values() for label in one]
     for name, asked, there, none, kind in (
-        ("--only", only, {label.name for label in everything}, "no label is called", "there are"),
-        ("--track", track, tiers, "there is no tier", "the tiers are"),
+        ("--only", only, {x.name for x in labels}, "no label is called", "there are"),
+        ("--track", track, set(map(_tier, labels)), "there is no tier", "the tiers are"),
     ):
         unknown = sorted(set(asked or ()) - there)
         if unknown:
             shown = enumerate_names(sorted(there))
             raise wrong(name, f"{none} {', '.join(unknown)}; {kind} {shown}")
-    return {
-        name: replace(
-            one,
-            labels=tuple(
-                label
-                for label in one
-                if (not only or label.name in only)
-                and (not track or (label.extra.get("track") or "labels") in track)
-            ),
-        )
-        for name, one in tracks.items()
-    }
+
+    def is_asked(label: "Label") -> bool:
+        return (not only or label.name in only) and (not track or _tier(label) in track)
+
+    return {name: replace(one, labels=tuple(filter(is_asked, one))) for name, one in tracks.items()}
+
+
+def _tier(label: "Label") -> str:
+    return label.extra.get("track") or "labels"
 
 
 def _check(
@@ -307,34 +280,19 @@ def diff(
         kept += sum(change.kind == "kept" for change in changes)
         for change in changes:
             if change.kind != "kept":
-                rows.append({"recording": name or partner, **_describe(change)})
+                rows.append({"recording": name or partner, **change.as_dict()})
     if as_json:
-        for row in rows:
-            screen.print_json(row)
+        screen.print_json(*rows)
         return
-    if rows:
-        screen.print_table(_DIFF, [[_cell(value) for value in row.values()] for row in rows])
-    counts = {kind: sum(row["change"] == kind for row in rows) for kind in _KINDS}
+    _print(_DIFF, rows)
+    counts = {kind: sum(row["change"] == kind for row in rows) for kind in _CHANGES}
     screen.say(", ".join([f"{kept} kept", *(f"{n} {kind}" for kind, n in counts.items() if n)]))
 
 
-_KINDS = ("moved", "renamed", "added", "removed")
-
-
-def _describe(change: Any) -> dict[str, Any]:
-    row: dict[str, Any] = {"change": change.kind}
-    for prefix, label in (("", change.before), ("new_", change.after)):
-        values = (None,) * 3 if label is None else (label.name, label.start_s, label.end_s)
-        row |= dict(
-            zip((f"{prefix}label", f"{prefix}start_s", f"{prefix}end_s"), values, strict=True)
-        )
-    return row
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    return f"{value:.3f}" if isinstance(value, float) else str(value)
+def _print(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    if rows:
+        cells = [[screen.cell(value, digits=3) for value in row.values()] for row in rows]
+        screen.print_table(columns, cells)
 
 
 # -- stats ------------------------------------------------------------------------------
@@ -348,41 +306,16 @@ def stats(
     motionary labels stats labels.csv
     motionary labels stats elan/*.eaf
     """
+    from motionary.labels import sum_up
+
     tracks = _read_all(files, rate_hz=rate, in_frames=frames)
-    rows = list(_sum_up(tracks))
+    rows = sum_up(tracks)
     if as_json:
-        for row in rows:
-            screen.print_json(row)
+        screen.print_json(*rows)
         return
-    if rows:
-        screen.print_table(_STATS, [[_cell(value) for value in row.values()] for row in rows])
+    _print(_STATS, rows)
     unassessed = sum(end - start for x in tracks.values() for start, end in x.unassessed)
-    n_labels = sum(map(len, tracks.values()))
-    screen.say(
-        f"{_n(n_labels, 'label')} in {_n(len(tracks), 'recording')}; "
-        f"{unassessed:.2f} s were not assessed"
-    )
-
-
-def _n(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-def _sum_up(tracks: Tracks) -> Iterator[dict[str, Any]]:
-    durations: dict[str, list[float]] = {}
-    places: dict[str, set[str]] = {}
-    for name, track in tracks.items():
-        for label in track:
-            durations.setdefault(label.name, []).append(label.end_s - label.start_s)
-            places.setdefault(label.name, set()).add(name)
-    for name in sorted(durations):
-        lengths = durations[name]
-        total = float(sum(lengths))
-        yield {
-            "label": name, "number": len(lengths), "recordings": len(places[name]),
-            "total_s": total, "mean_s": total / len(lengths), "shortest_s": min(lengths),
-            "longest_s": max(lengths),
-        }  # fmt: skip
+    screen.say(f"{_count(tracks, 'in')}; {unassessed:.2f} s were not assessed")
 
 
 #: Commands of the group, in the sequence of its help.
