@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
+from motionary.cli.index import IndexOptions, Opener
 from motionary.cli.options import (
     AsJson,
     LabelFile,
@@ -19,15 +20,8 @@ from motionary.cli.options import (
     picture_path,
     wrong,
 )
-from motionary.cli.recordings import (
-    IndexOptions,
-    Opener,
-    find_files,
-    measure_files,
-    warn_of_all,
-)
+from motionary.cli.recordings import WorkOptions, find_files, measure_files, warn_of_all
 from motionary.cli.tracks import say_json, say_tracks, show_counts
-from motionary.cli.workers import WorkOptions
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""`motionary info`, `motionary index`: what recordings hold, and what is kept of them."""
+"""`motionary info`: what recordings hold, what is missing and what was assumed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,28 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.options import (
-    AsJson,
-    Jobs,
-    TableOptions,
-    check_picture,
-    check_target,
-    find_feature_set,
-    option,
-)
+from motionary.cli import screen
+from motionary.cli.options import AsJson, Jobs, TableOptions, check_picture, check_target, option
 from motionary.cli.recordings import (
     describe_failure,
     find_files,
     is_passed_over,
-    list_missing,
     map_files,
-    open_index,
     read_recording,
-    update_index,
-    warn_of_all,
 )
-from motionary.cli.workers import WorkOptions
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 from motionary.tables import enumerate_names
@@ -97,8 +84,7 @@ def info(
     if options.output:
         _write(rows, options.output, excel=options.excel)
     if as_json:
-        for row in rows:
-            screen.print_json(row)
+        screen.print_json(*rows)
     elif rows and not options.takes_stdout:
         screen.print_table(_COLUMNS, [_cells(row) for row in rows])
         screen.say(*_notes(rows))
@@ -251,78 +237,3 @@ def _where(names: Sequence[str], n_all: int) -> str:
         return f"all {n_all}"
     # Two names tell as much as one and "1 more".
     return enumerate_names(names, most=2 if len(names) <= 2 else 1)
-
-
-def index(
-    sources: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="SOURCE",
-            help="Folders, searched to the bottom, files, patterns, URLs, and @LIST: a text file "
-            "with one of them a line.",
-        ),
-    ],
-    place: Annotated[
-        str | None,
-        typer.Option(
-            "--index",
-            metavar="PATH",
-            help="Folder to keep what was read in; by default in the cache.",
-        ),
-    ] = None,
-    features: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SET",
-            help="Features to keep: everyday-448 (the usual, for all searches), full-body-40 (the "
-            "published alone, in a quarter of the room: for keyframes, classes, labels and "
-            "--fast), or what a library is over, such as legs-14.",
-        ),
-    ] = None,
-    as_json: AsJson = False,
-    *,
-    work: WorkOptions,
-    reading: ReadOptions,
-) -> int:
-    """Read what is new or changed in folders, and say what could not be read.
-
-    `motionary search` does the same by itself. An interrupted run is taken up where it
-    ended. What could not be read is tried again when it has changed.
-
-    motionary index recordings/ --jobs 4
-    motionary index //server/recordings --index recordings-index
-    motionary index /archive @more.txt s3://bucket/takes --index /archive-index
-    motionary index /archive --index /archive-index --features full-body-40
-    motionary index /archive --index /archive-index --scheduler tcp://host:8786
-    """
-    from motionary.features import SEQUENCE_HZ, load_everyday_set
-    from motionary.retrieval.index import Index
-
-    if features is None:
-        opened = open_index(sources, load_everyday_set(), at=place, reading=reading)
-    else:
-        chosen = find_feature_set(features)
-        opened = Index.open(sources, at=place, reading=reading, feature_set=chosen)
-    changes = opened.changes()
-    with work.open() as workers:
-        is_stopped = update_index(opened, changes, jobs=workers)
-    failed = warn_of_all(list_missing(opened), opened.failures)
-    counts = {
-        "recordings": len(opened),
-        "words": opened.n_frames,
-        "read": opened.count_ready(changes.to_read),
-        "gone": len(changes.gone),
-        "failed": len(opened.failures),
-    }
-    if as_json:
-        screen.print_json({**counts, "place": str(opened.place)})
-    else:
-        hours = opened.n_frames / SEQUENCE_HZ / 3600
-        screen.say(
-            f"{len(opened)} recordings, {hours:.2f} hours; read {counts['read']}, "
-            f"{len(changes.gone)} gone, {len(opened.failures)} could not be read",
-            f"kept in {opened.place}",
-        )
-    if is_stopped:
-        return STOPPED_BY_KEYBOARD
-    return 1 if failed else 0

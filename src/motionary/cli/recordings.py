@@ -1,24 +1,22 @@
-"""Recordings that a command works on: found by path, read, or opened by the index of a folder."""
+"""Recordings that a command works on: found by path, read and measured, and by whom."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+import logging
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
-
-import typer
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from motionary.cli import screen
-from motionary.cli.options import flag, option
-from motionary.errors import NotAFile, NotAMotion, NotHuman, UnreadableFile, UnwritableFile
+from motionary.cli.options import LibraryDefault, option, wrong
+from motionary.errors import NotAFile, NotAMotion, NotHuman, UnreadableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.batch import Failure, Workers
     from motionary.features import FeatureSequence, FeatureSet, NamedFile
     from motionary.motion import Motion
-    from motionary.retrieval.index import Changes, Index
-    from motionary.retrieval.index import Collection as Features
 
 Result = TypeVar("Result")
 
@@ -175,207 +173,54 @@ def _paths_of(failure: "Failure[NamedFile]") -> tuple[Path, Path]:
     return path, file_of(path)
 
 
-# -- folders and their indexes ----------------------------------------------------------
+# -- who does the work ------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
-class IndexOptions:
-    """Where the features of a folder are kept."""
+class WorkOptions:
+    """How many processes, or whose."""
 
-    index: str | None = option(
-        "--index PATH",
-        "Folder that keeps what was read of the recordings; by default in the cache.",
+    jobs: int = option(
+        "--jobs --workers N",
+        "Processes that read files; the answer is the same.",
+        LibraryDefault("motionary.batch:map_ordered", "jobs"),
+        min=1,
     )
-    no_index: bool = flag("--no-index", "Read all recordings anew, and keep nothing.")
+    scheduler: str | None = option(
+        "--scheduler ADDRESS",
+        "Dask scheduler whose workers do it instead, as tcp://host:8786; they see files and index "
+        "under the same paths.",
+    )
 
-
-@dataclass(frozen=True)
-class Opened:
-    """Recordings that are ready to be searched.
-
-    Attributes
-    ----------
-    collection : their features
-    files : by name
-    is_complete : whether all that was asked for could be read
-    is_stopped : whether reading was stopped from the keyboard
-    """
-
-    collection: "Features"
-    files: Mapping[str, Path]
-    is_complete: bool
-    is_stopped: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Opener:
-    """How recordings are opened: what files do not say, and what is measured."""
-
-    reading: ReadOptions
-    feature_set: "FeatureSet"
-    jobs: "Workers"
-
-    def open(self, paths: Sequence[str], options: IndexOptions) -> Opened:
-        """Features of folders, files and patterns; reports what could not be read.
+    @contextmanager
+    def open(self) -> "Iterator[Workers]":
+        """What `map_ordered` takes; of a cluster only as long as it is needed.
 
         Raises
         ------
         BadParameter
-            If an index is named and refused.
+            If processes are asked for as well.
+        Unreachable
+            If the scheduler does not answer, or has no workers that can do it.
         """
-        from motionary.retrieval.index.sources import is_list, is_url
+        if self.scheduler is None:
+            yield self.jobs
+            return
+        if self.jobs > 1:
+            raise wrong("--scheduler", "its workers do the work; leave out --jobs")
+        from motionary.batch import Cluster
 
-        folders = [path for path in paths if Path(path).is_dir()]
-        needs_index = options.index is not None or any(is_url(p) or is_list(p) for p in paths)
-        if needs_index and options.no_index:
-            raise typer.BadParameter(
-                "goes without --index, URLs and lists", param_hint="--no-index"
-            )
-        if options.no_index or not (folders or needs_index):
-            return self._read(paths)
-        if len(paths) > 1 and not needs_index:
-            return self._open_several(paths, folders)
-        index, is_stopped = self._update(paths, options.index)
-        if index is None:
-            return self._read(paths)
-        collection = self._features_in(index)
-        failed = warn_of_all(list_missing(index), collection.failures, given=paths)
-        is_complete = not (failed or is_stopped)
-        return Opened(collection, _FilesOf(index, collection), is_complete, is_stopped)
+        # It reports by itself what is told in one line here.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        with Cluster(self.scheduler) as cluster:
+            yield cluster
 
-    def _update(self, paths: Sequence[str], at: str | None) -> "tuple[Index | None, bool]":
-        """The index of recordings, up to date; None where the cache cannot be written."""
-        index = open_index(paths, self.feature_set, at=at, reading=self.reading)
-        try:
-            return index, update_index(index, index.changes(), jobs=self.jobs)
-        except UnwritableFile as error:
-            if at is not None:
-                raise
-            screen.warn(f"nothing is kept for the next time: {error}")
-            return None, False
+    def searching(self, workers: "Workers") -> "Workers":
+        """Who searches: a cluster where there is one; processes start more slowly than they pay."""
+        return 1 if self.scheduler is None else workers
 
-    def _features_in(self, index: "Index") -> "Features":
-        """What an index holds, over the set that is asked for if it leads the index's own."""
-        collection = index.collection()
-        published = collection.published
-        return published if published.feature_set == self.feature_set else collection
-
-    def _read(self, paths: Sequence[str]) -> Opened:
-        found = find_files(paths, self.reading)
-        with screen.progress("reading", len(found.files)) as done:
-            collection = self._collect(found.files, on_done=done)
-        return Opened(collection, found.files, not found.warn(collection.failures))
-
-    def _collect(self, files: Mapping[str, Path], **on_done: Any) -> "Features":
-        from motionary.retrieval.index import read_collection
-
-        return read_collection(
-            files.items(), reading=self.reading, feature_set=self.feature_set, jobs=self.jobs,
-            **on_done,
-        )  # fmt: skip
-
-    def _open_several(self, paths: Sequence[str], folders: Sequence[str]) -> Opened:
-        """Folders, each by its index, and single files, under names that tell them apart."""
-        from motionary.retrieval.index import join_collections
-
-        found = find_files(paths, self.reading)
-        names = {path.absolute(): name for name, path in found.files.items()}
-        collections, renamed, is_stopped = [], [], False
-        for folder in folders:
-            if folder in found.missing or is_stopped:
-                continue
-            index, is_stopped = self._update([folder], None)
-            if index is None:
-                return self._read(paths)
-            collection = self._features_in(index)
-            inside = ((name, (index.folder / name).absolute()) for name in _names(collection))
-            collections.append(collection)
-            # Of a recording that lies in two of the folders only the first counts.
-            renamed.append({name: names.pop(path) for name, path in inside if path in names})
-        rest = {name: found.files[name] for name in names.values()}
-        if rest and not is_stopped:
-            collections.append(self._collect(rest))
-            renamed.append({name: name for name in rest})
-        if not collections:
-            return self._read(paths)
-        joined = join_collections(collections, renamed)
-        failed = found.warn(joined.failures)
-        return Opened(joined, found.files, not (failed or is_stopped), is_stopped)
-
-
-class _FilesOf(Mapping[str, Path]):
-    """Files of the recordings of an index, without making thousands of paths."""
-
-    def __init__(self, index: "Index", collection: "Features") -> None:
-        self._index = index
-        self._collection = collection
-
-    def __getitem__(self, name: str) -> Path:
-        return Path(self._index.address(name))
-
-    def __iter__(self) -> Iterator[str]:
-        return (sequence.source for sequence in self._collection.sequences)
-
-    def __len__(self) -> int:
-        return len(self._collection)
-
-
-def _names(collection: "Features") -> list[str]:
-    read = [name for part in collection.parts for name in part.shard.names] if collection else []
-    return read + [failure.item[0] for failure in collection.failures]
-
-
-def open_index(
-    paths: Sequence[str], feature_set: "FeatureSet", *, at: str | None, reading: ReadOptions
-) -> "Index":
-    """The index that answers over a feature set; warns of one that holds too few features."""
-    from motionary.retrieval.index import Index
-
-    chosen = Index.choose_set(paths, feature_set, at=at, reading=reading)
-    if len(chosen) < len(feature_set):
-        screen.warn(
-            f"{at}: an index of the {len(chosen)} published features, so examples are compared "
-            "as published; to compare them between people and styles, remove it or name another "
-            "place: it is then made anew"
-        )
-    return Index.open(paths, at=at, reading=reading, feature_set=chosen)
-
-
-def list_missing(index: "Index") -> list[UnreadableFile]:
-    """Why sources have no recordings, if they have none."""
-    if len(index) or index.failures:
-        return []
-    if len(index.sources) > 1 or index.sources[0].is_remote:
-        return [UnreadableFile("no recordings there", file=s.folder) for s in index.sources]
-    return list(find_files([str(index.folder)]).missing.values())
-
-
-def update_index(index: "Index", changes: "Changes", *, jobs: "Workers") -> bool:
-    """Read what changed; whether that was stopped from the keyboard.
-
-    Raises
-    ------
-    UnreadableFile
-        If nothing that the index holds is in the folder, and it was named, or the folder is empty.
-    """
-    if changes.leaves_nothing and (index.is_named or not changes.states):
-        raise UnreadableFile(
-            f"none of the {len(changes.gone)} recordings of the index in {index.place} is there; "
-            "name the folder that it was made of, or another place by --index; to have it made "
-            "anew, remove it",
-            file=index.folder,
-        )
-    for reason in (*index.damage, *changes.skipped):
-        screen.warn(reason)
-    try:
-        with screen.progress("reading", len(changes.to_read)) as done:
-            index.update(changes, jobs=jobs, on_done=done)
-    except KeyboardInterrupt:
-        if not len(index):
-            raise
-        screen.warn(
-            f"stopped: {len(index)} of {len(changes.states)} recordings are ready; the same "
-            "command reads the others"
-        )
-        return True
-    return False
+    def find(self, files: Mapping[str, Path]) -> Mapping[str, Path]:
+        """The files as those find them who do the work; a cluster's run in folders of their own."""
+        if self.scheduler is None:
+            return files
+        return {name: path.absolute() for name, path in files.items()}

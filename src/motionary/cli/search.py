@@ -11,6 +11,7 @@ import typer
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
 from motionary.cli.convert import cut_labels
+from motionary.cli.index import IndexOptions, Opened, Opener
 from motionary.cli.options import (
     LIBRARY_FILE,
     AsJson,
@@ -26,8 +27,7 @@ from motionary.cli.options import (
     refuse,
 )
 from motionary.cli.query import Query, QueryOptions, Ranks, read_query, read_ranks
-from motionary.cli.recordings import IndexOptions, Opened, Opener, read_recording
-from motionary.cli.workers import WorkOptions
+from motionary.cli.recordings import WorkOptions, read_recording
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
