@@ -16,6 +16,7 @@ import typer
 from motionary.cli import screen
 from motionary.cli.labels import RecordingsOf, select_labels
 from motionary.cli.options import (
+    REQUIRED,
     AsJson,
     Excel,
     Force,
@@ -30,10 +31,8 @@ from motionary.cli.recordings import (
     describe_failure,
     find_files,
     map_files,
-    measure_files,
+    measure_all,
     read_recording,
-    split_failures,
-    warn_of_all,
 )
 from motionary.errors import UnwritableFile
 from motionary.io.options import ReadOptions
@@ -49,23 +48,24 @@ _COLUMNS = ("recording", "written", ">joints", ">frames", ">rate_hz", "not kept"
 # -- convert ----------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, kw_only=True)
+class ConvertOptions:
+    """What recordings become."""
+
+    output: str = option(
+        "--output -o OUT", "A file with its suffix, or a folder with --to.", REQUIRED
+    )
+    to: str | None = option(
+        "--to SUFFIX", ".bvh, .amc, .c3d, .trc or .npz; .gz after it packs texts."
+    )
+    force: Force = False
+
+
 def convert(
     files: Annotated[
         list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to convert.")
     ],
-    output: Annotated[
-        str,
-        typer.Option(
-            "--output", "-o", metavar="OUT", help="A file with its suffix, or a folder with --to."
-        ),
-    ],
-    to: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SUFFIX", help=".bvh, .amc, .c3d, .trc or .npz; .gz after it packs texts."
-        ),
-    ] = None,
-    force: Force = False,
+    options: ConvertOptions,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
@@ -83,8 +83,7 @@ def convert(
     from motionary.batch import Failure
 
     found = find_files(files, reading)
-    targets = _targets(found.files, output, to, replace=force)
-    work = partial(convert_file, targets=targets, reading=reading)
+    work = partial(convert_file, targets=_targets(found.files, options), reading=reading)
     rows: list[dict[str, Any]] = []
     failures = []
     for done in map_files(work, found.files, "converting", jobs=jobs):
@@ -93,13 +92,12 @@ def convert(
             row = {"recording": done.item[0], "error": describe_failure(done)}
         else:
             row = done
-        rows.append(row)
+            rows.append(row)
         if as_json:
             screen.print_json(row)
-    if not as_json and len(rows) > len(failures):
-        screen.print_table(_COLUMNS, [_cells(row) for row in rows if "error" not in row])
-    failed = warn_of_all(found.missing.values(), failures, given=files)
-    return 1 if failed else 0
+    if rows and not as_json:
+        screen.print_table(_COLUMNS, list(map(_cells, rows)))
+    return found.warn(failures)
 
 
 def convert_file(
@@ -128,9 +126,7 @@ def convert_file(
     }
 
 
-def _targets(
-    files: Mapping[str, Path], output: str, to: str | None, *, replace: bool
-) -> dict[str, Path]:
+def _targets(files: Mapping[str, Path], options: ConvertOptions) -> dict[str, Path]:
     """Where each recording goes, before anything is read.
 
     Raises
@@ -140,12 +136,12 @@ def _targets(
     """
     from motionary.io import file_of
 
-    targets = _name_targets(list(files), output, to)
+    targets = _name_targets(list(files), options.output, options.to)
     sources = {_identity(file_of(path)) for path in files.values()} - {None}
     for target in targets.values():
         if _identity(target) in sources:
             raise UnwritableFile("would replace a recording; write to another folder", file=target)
-        check_target(str(target), replace=replace)
+        check_target(str(target), replace=options.force)
     return targets
 
 
@@ -208,6 +204,16 @@ def _cells(row: dict[str, Any]) -> list[str]:
 # -- cut --------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, kw_only=True)
+class CutOptions:
+    """Which labels are cut, and where clips go."""
+
+    output: str = option("--output -o FOLDER", "Folder to write clips to.", REQUIRED)
+    only: list[str] | None = option("--only LABEL", "Cut labels of this name; may be repeated.")
+    frames: InFrames = False
+    force: Force = False
+
+
 def cut(
     labels: Annotated[
         str, typer.Argument(metavar="LABELS", help="Hits or labels: a table, ELAN, ...")
@@ -216,15 +222,7 @@ def cut(
         list[str],
         typer.Argument(metavar="RECORDINGS", help="Folders, files or patterns they belong to."),
     ],
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write clips to.")
-    ],
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="LABEL", help="Cut labels of this name; may be repeated."),
-    ] = None,
-    frames: InFrames = False,
-    force: Force = False,
+    options: CutOptions,
     *,
     jobs: Jobs,
     reading: ReadOptions,
@@ -240,19 +238,18 @@ def cut(
     """
     from motionary.io import read_labels
 
-    check_target(output, is_folder=True)
+    check_target(options.output, is_folder=True)
     found = find_files(recordings, reading)
     tracks = read_labels(
-        labels,
-        rate_hz=reading.rate_hz,
-        in_frames=frames,
+        labels, rate_hz=reading.rate_hz, in_frames=options.frames,
         recordings=RecordingsOf(found.files, reading),
-    )
-    tracks = select_labels(tracks, only=only)
+    )  # fmt: skip
+    tracks = select_labels(tracks, only=options.only)
     code = found.warn()
     done = cut_labels(
-        tracks.values(), found.files, output, reading=reading, jobs=jobs, replace=force
-    )
+        tracks.values(), found.files, options.output,
+        reading=reading, jobs=jobs, replace=options.force,
+    )  # fmt: skip
     return code if done else 1
 
 
@@ -309,6 +306,8 @@ class People:
         from motionary.features.batches import SPLITS
 
         if not self.persons:
+            if self.split_by:
+                raise wrong("--split-by", "person needs --persons, which says who moves")
             return []
         found = match_names(names, self.persons, each="recording", has="person")
         people = sorted(set(found))
@@ -324,21 +323,33 @@ class People:
         return batch.split_by_person(seed=self.seed) if self.split_by else batch
 
 
+@dataclass(frozen=True, kw_only=True)
+class FeatureOptions:
+    """Where features are written and drawn."""
+
+    output: str = option("--output -o OUT", "Where to write; .npz, .parquet or .csv.", REQUIRED)
+    plot: str | None = option("--plot PNG", "Draw the features of one recording.")
+    excel: Excel = False
+    force: Force = False
+
+    def check(self) -> None:
+        """Refuse files of other kinds.
+
+        Raises
+        ------
+        BadParameter, UnwritableFile
+        """
+        if Path(self.output).suffix.lower() not in (".npz", ".parquet", ".csv"):
+            raise wrong("--output", f"must end in .npz, .parquet or .csv, got {self.output}")
+        check_target(self.output, replace=self.force)
+        check_picture("--plot", self.plot)
+
+
 def features(
     files: Annotated[
         list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to measure.")
     ],
-    output: Annotated[
-        str,
-        typer.Option(
-            "--output", "-o", metavar="OUT", help="Where to write; .npz, .parquet or .csv."
-        ),
-    ],
-    plot: Annotated[
-        str | None, typer.Option(metavar="PNG", help="Draw the features of one recording.")
-    ] = None,
-    excel: Excel = False,
-    force: Force = False,
+    options: FeatureOptions,
     *,
     jobs: Jobs,
     people: People,
@@ -357,29 +368,24 @@ def features(
     from motionary.features import FULL_BODY, FeatureBatch, write_features
     from motionary.tables import load_pyarrow
 
-    if Path(output).suffix.lower() not in (".npz", ".parquet", ".csv"):
-        raise wrong("--output", f"must end in .npz, .parquet or .csv, got {output}")
-    if people.split_by and not people.persons:
-        raise wrong("--split-by", "person needs --persons, which says who moves")
-    check_target(output, replace=force)
-    check_picture("--plot", plot)
+    options.check()
     found = find_files(files, reading)
-    if plot and len(found.files) > 1:
+    if options.plot and len(found.files) > 1:
         raise wrong("--plot", f"draws one recording, got {len(found.files)}")
     # Before hours of measuring.
     people.find(found.files)
-    if output.lower().endswith(".parquet"):
+    if options.output.lower().endswith(".parquet"):
         load_pyarrow()
-    measured = measure_files(
-        found.files, "measuring", reading=reading, feature_set=FULL_BODY, jobs=jobs
+    done, failures = measure_all(
+        found, "measuring", reading=reading, feature_set=FULL_BODY, jobs=jobs
     )
-    done, failures = split_failures(measured)
-    failed = warn_of_all(found.missing.values(), failures, given=files)
+    code = found.warn(failures)
     if not done:
         return 1
-    write_features(people.place(FeatureBatch(tuple(done))), output, excel=excel)
-    if plot:
+    batch = people.place(FeatureBatch(tuple(done)))
+    write_features(batch, options.output, excel=options.excel)
+    if options.plot:
         from motionary.plots import plot_features, save
 
-        save(plot_features(done[0]), plot)
-    return int(failed)
+        save(plot_features(done[0]), options.plot)
+    return code
