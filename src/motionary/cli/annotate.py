@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.index import IndexOptions, Opener
+from motionary.cli import screen
+from motionary.cli.index import IndexOptions, open_recordings
 from motionary.cli.options import (
     AsJson,
     LabelFile,
@@ -233,8 +233,10 @@ def _label_index(
 
     _check_set(files, library, options.index, reading)
     with work.open() as workers:
-        opener = Opener(reading=reading, feature_set=library.feature_set, jobs=workers)
-        opened = opener.open(files, IndexOptions(index=options.index))
+        opened, code = open_recordings(
+            files, IndexOptions(index=options.index),
+            reading=reading, feature_set=library.feature_set, jobs=workers,
+        )  # fmt: skip
         collection = opened.collection
         options.check_number(len(collection))
         tracks: Iterable[LabelTrack]
@@ -249,9 +251,7 @@ def _label_index(
             for track in tracks:
                 keep(track)
                 done(track)
-    if opened.is_stopped:
-        return STOPPED_BY_KEYBOARD
-    return 0 if opened.is_complete else 1
+    return code
 
 
 def _check_set(

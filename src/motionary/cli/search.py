@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from motionary.cli import STOPPED_BY_KEYBOARD, screen
+from motionary.cli import screen
 from motionary.cli.convert import cut_labels
-from motionary.cli.index import IndexOptions, Opened, Opener
+from motionary.cli.index import IndexOptions, open_recordings
 from motionary.cli.options import (
     LIBRARY_FILE,
     AsJson,
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from motionary.labels import LabelTrack
     from motionary.motion import Floats, Motion
     from motionary.retrieval.index import Collection
+    from motionary.retrieval.index.opening import Opened
     from motionary.retrieval.search import QueryExpansion, SearchResult
 
 _KEYS = ("start_s", "end_s", "start_frame", "end_frame", "cost", "known")
@@ -142,8 +143,9 @@ def search(
     ranks = read_ranks(options)
     query = _read_example(options, reading, fast=bool(which.fast))
     with work.open() as workers:
-        opener = Opener(reading=reading, feature_set=query.feature_set, jobs=workers)
-        opened = opener.open(folder, index)
+        opened, code = open_recordings(
+            folder, index, reading=reading, feature_set=query.feature_set, jobs=workers
+        )
         answer = _find(query, ranks, options, which, opened, jobs=work.searching(workers))
     given = given_options(options, which, index, reading, without=("relevant", "irrelevant"))
     answer.write(results, _command_of(folder, given), reading)
@@ -155,9 +157,7 @@ def search(
         answer.tracks, opened.files, results.cut,
         reading=reading, jobs=work.jobs, replace=results.force,
     )  # fmt: skip
-    if opened.is_stopped:
-        return STOPPED_BY_KEYBOARD
-    return 0 if opened.is_complete and is_cut and answer.result.hits else 1
+    return code or (0 if is_cut and answer.result.hits else 1)
 
 
 def _read_example(options: QueryOptions, reading: ReadOptions, *, fast: bool) -> Query:
@@ -184,7 +184,7 @@ def _find(
     ranks: Ranks,
     options: QueryOptions,
     which: HitOptions,
-    opened: Opened,
+    opened: "Opened",
     *,
     jobs: "Workers",
 ) -> "_Answer":
@@ -220,7 +220,7 @@ class _Answer:
     query: Query
     ranks: Ranks
     expansion: "QueryExpansion"
-    opened: Opened
+    opened: "Opened"
     first: "SearchResult"
     result: "SearchResult"
 
