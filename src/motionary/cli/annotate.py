@@ -109,12 +109,7 @@ class LabelOptions(TableOptions):
         return not self.count
 
     def check(self, *, as_json: bool) -> None:
-        """Refuse options that do not go together, and tables that cannot be written.
-
-        Raises
-        ------
-        BadParameter, UnwritableFile
-        """
+        """Refuse options that do not go together, and tables that cannot be written."""
         super().check(as_json=as_json)
         if self.at_most_false is None:
             return

@@ -333,12 +333,7 @@ class FeatureOptions:
     force: Force = False
 
     def check(self) -> None:
-        """Refuse files of other kinds.
-
-        Raises
-        ------
-        BadParameter, UnwritableFile
-        """
+        """Refuse files of other kinds."""
         if Path(self.output).suffix.lower() not in (".npz", ".parquet", ".csv"):
             raise wrong("--output", f"must end in .npz, .parquet or .csv, got {self.output}")
         check_target(self.output, replace=self.force)

@@ -78,12 +78,7 @@ class Changes:
     remove: bool = flag("--remove", "Take it out of the library.")
 
     def check(self) -> None:
-        """Refuse no change, and changes that do not go together.
-
-        Raises
-        ------
-        BadParameter
-        """
+        """Refuse no change, and changes that do not go together."""
         rest = (self.text, self.threshold, self.join, self.rename)
         if not (any(x is not None for x in rest) or self.remove or self.restrict):
             raise wrong("CLASS", "nothing to change; see --help")

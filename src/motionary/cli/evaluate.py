@@ -1,16 +1,15 @@
 """`motionary evaluate`: scores of labels against the truth."""
 
 import csv
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import AsJson, InFrames, wrong
+from motionary.cli.options import REQUIRED, AsJson, InFrames, flag, option, wrong
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.labels import LabelTrack
 from motionary.recording import Recording
@@ -26,38 +25,31 @@ _RENAME_COLUMNS = ["label", "new"]
 _MIDDLE_IOU = 0.5
 
 
+@dataclass(frozen=True, kw_only=True)
+class EvaluateOptions:
+    """What labels are scored against, and which of them."""
+
+    truth: str = option("--truth TRUTH", "The true labels, in any format of labels.", REQUIRED)
+    rename: list[str] | None = option(
+        "--rename NAME=NEW",
+        "Call a class otherwise, in both tables; or a CSV table with the columns label,new. "
+        "Repeatable.",
+    )
+    only: list[str] | None = option("--only CLASS", "Count labels of this class only. Repeatable.")
+    count_missing: bool = flag(
+        "--count-missing",
+        "Take recordings that only TRUTH has as if nothing was found in them; a recording without "
+        "labels has no row in LABELS.",
+    )
+    rate: float | None = option("--rate HZ", "Frames per second, where times are frames.")
+    frames: InFrames = False
+
+
 def evaluate(
     labels: Annotated[
         str, typer.Argument(metavar="LABELS", help="Labels, as `annotate -o` writes.")
     ],
-    truth: Annotated[
-        str, typer.Option(metavar="TRUTH", help="The true labels, in any format of labels.")
-    ],
-    rename: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=NEW",
-            help="Call a class otherwise, in both tables; or a CSV table with the columns "
-            "label,new. Repeatable.",
-        ),
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(metavar="CLASS", help="Count labels of this class only. Repeatable."),
-    ] = None,
-    count_missing: Annotated[
-        bool,
-        typer.Option(
-            "--count-missing",
-            help="Take recordings that only TRUTH has as if nothing was found in them; a "
-            "recording without labels has no row in LABELS.",
-        ),
-    ] = False,
-    rate: Annotated[
-        float | None,
-        typer.Option("--rate", metavar="HZ", help="Frames per second, where times are frames."),
-    ] = None,
-    frames: InFrames = False,
+    options: EvaluateOptions,
     as_json: AsJson = False,
 ) -> int:
     """Score labels against the truth.
@@ -71,9 +63,12 @@ def evaluate(
     from motionary.evaluation import evaluate as score
     from motionary.io import read_labels
 
-    names = _read_renames(rename or [])
-    tables = (read_labels(x, rate_hz=rate, in_frames=frames) for x in (labels, truth))
-    predicted, true = _match(*tables, count_missing=count_missing)
+    names, only = _read_renames(options.rename or []), options.only
+    tables = (
+        read_labels(path, rate_hz=options.rate, in_frames=options.frames)
+        for path in (labels, options.truth)
+    )
+    predicted, true = _match(*tables, count_missing=options.count_missing)
     predicted, true = _rename(predicted, names), _rename(true, names)
     if only:
         _check_only(only, predicted, true)
@@ -172,4 +167,4 @@ def _cells(measures: "Measures") -> list[str]:
 
 
 def _number(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.3f}"
+    return screen.cell(value, digits=3, unknown="–")

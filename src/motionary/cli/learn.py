@@ -136,12 +136,7 @@ class TrainingFlags:
     force: Force = False
 
     def check(self) -> None:
-        """Refuse options that do not go together.
-
-        Raises
-        ------
-        BadParameter
-        """
+        """Refuse options that do not go together."""
         if self.calibrate and self.threshold is not None:
             raise wrong("--threshold, --calibrate", "thresholds are given or chosen, not both")
         if self.negatives and not self.calibrate:

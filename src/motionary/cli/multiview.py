@@ -1,14 +1,22 @@
 """`motionary track` and `untangle`: a person in keypoints of several calibrated cameras."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from motionary.cli import screen
-from motionary.cli.options import REQUIRED, Excel, Force, check_page, check_target, flag, option
+from motionary.cli.options import (
+    REQUIRED,
+    Excel,
+    Force,
+    check_page,
+    check_target,
+    declare,
+    flag,
+    option,
+)
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
@@ -43,6 +51,10 @@ class ViewOptions:
         "--synchronise/--no-synchronise", "Move images of cameras that are late or early."
     )
 
+    def calibration(self) -> dict[str, Any]:
+        """What views are put together by, as the library takes it."""
+        return {"rate_hz": self.rate, "unit": self.unit, "synchronise": self.synchronise}
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrackOptions(ViewOptions):
@@ -63,12 +75,23 @@ class TrackOptions(ViewOptions):
         "--images FOLDER", "With --report: images behind the body, a folder for each camera."
     )
 
+    def check(self, *, replace: bool) -> None:
+        """Refuse what cannot be written or read, and options that do not go together."""
+        for target in (self.labels, self.confidence):
+            check_target(target, replace=replace)
+        check_page("--report", self.report, replace=replace)
+        if self.labels is not None and self.library is None:
+            raise InvalidInput("--labels needs --library: the classes to be recognised")
+        if self.images is not None and self.report is None:
+            raise InvalidInput("--images goes with --report HTML")
+        if self.images is not None and not Path(self.images).is_dir():
+            what = "no folder there; give the one with a folder of images of each camera"
+            raise UnreadableFile(what, file=self.images)
+
 
 def untangle(
     keypoints: Keypoints,
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="FOLDER", help="For the same files, put right.")
-    ],
+    output: Annotated[str, declare("--output -o FOLDER", "For the same files, put right.")],
     options: ViewOptions,
     excel: Excel = False,
     force: Force = False,
@@ -85,16 +108,14 @@ def untangle(
     from motionary.io.labels import write_labels
     from motionary.multiview import untangle as find
 
-    target, table = Path(output), Path(output).with_name(f"{Path(output).name}.exchanges.csv")
+    target = Path(output)
+    table = target.with_name(f"{target.name}.exchanges.csv")
     check_target(output, is_folder=True)
     check_target(str(table), replace=force)
     if target.is_dir() and any(target.iterdir()) and not force:
-        raise UnwritableFile("is a folder with files; --force writes over those", file=output)
+        raise UnwritableFile("is a folder with files; --force writes over those", file=target)
     views = read_keypoints(keypoints, layout=options.layout, person=options.person)
-    found = find(
-        views, options.cameras, rate_hz=options.rate, unit=options.unit,
-        synchronise=options.synchronise,
-    )  # fmt: skip
+    found = find(views, options.cameras, **options.calibration())
     changed = write_exchanged(views, found.sources, target)
     write_labels([found.track.renamed(target.name)], table, excel=excel)
     for one in found.exchanges:
@@ -111,10 +132,7 @@ def untangle(
 
 def track(
     keypoints: Keypoints,
-    output: Annotated[
-        str,
-        typer.Option("--output", "-o", metavar="FILE", help="The motion: .trc, .c3d, .bvh, .npz."),
-    ],
+    output: Annotated[str, declare("--output -o FILE", "The motion: .trc, .c3d, .bvh, .npz.")],
     options: TrackOptions,
     force: Force = False,
 ) -> int:
@@ -132,23 +150,12 @@ def track(
     from motionary.io.keypoints import read_keypoints
     from motionary.multiview import track as find
 
-    for target in (output, options.labels, options.confidence):
-        check_target(target, replace=force)
-    check_page("--report", options.report, replace=force)
-    if options.labels is not None and options.library is None:
-        raise InvalidInput("--labels needs --library: the classes to be recognised")
-    if options.images is not None and options.report is None:
-        raise InvalidInput("--images goes with --report HTML")
-    if options.images is not None and not Path(options.images).is_dir():
-        raise UnreadableFile(
-            "no folder there; give the one with a folder of images of each camera",
-            file=options.images,
-        )
+    check_target(output, replace=force)
+    options.check(replace=force)
     views = read_keypoints(keypoints, layout=options.layout, person=options.person)
     known, memory, named = _read_library(options.library)
     found = find(
-        views, options.cameras, rate_hz=options.rate, library=known, memory=memory, named=named,
-        unit=options.unit, synchronise=options.synchronise,
+        views, options.cameras, library=known, memory=memory, named=named, **options.calibration(),
     )  # fmt: skip
     name, is_rig = Path(output).stem, Path(output).suffix.lower() == ".bvh"
     write((found.rig if is_rig else found.motion).renamed(name), output)
@@ -230,9 +237,11 @@ def priors(
 
 
 def _show(found: "Tracking") -> None:
-    """The table before and after, and what was exchanged."""
+    """The table before and after, which priors were taken, and what was exchanged."""
     rows = [
-        (name, *(_number(factor * getattr(one, key)) for one in (found.before, found.after)))
+        # Nothing to measure, as of feet that never stand, is a dash.
+        (name, *(screen.cell(factor * float(getattr(one, key)), digits=1, unknown="–")
+                 for one in (found.before, found.after)))
         for name, key, factor in (
             ("sliding of planted feet, cm/s", "sliding", 100),
             ("frames below the floor, %", "below", 100), ("points not known, %", "gaps", 100),
@@ -240,17 +249,8 @@ def _show(found: "Tracking") -> None:
         )
     ]  # fmt: skip
     screen.print_table(("", ">triangulated", ">tracked"), rows)
-    frames = sum((label.end_s - label.start_s) for label in found.exchanges)
-    _show_priors(found.priors)
-    n = len(found.exchanges)
-    many = "segment" if n == 1 else "segments"
-    screen.say(f"{n} {many} of limbs exchanged or unsure, {frames:.1f} s")
-
-
-def _show_priors(priors: "Sequence[AllocatedPrior]") -> None:
-    """How often each was taken and not, and why not the last time."""
     by_name: dict[str, list[AllocatedPrior]] = {}
-    for prior in priors:
+    for prior in found.priors:
         by_name.setdefault(prior.name, []).append(prior)
     rows = []
     for name, every in by_name.items():
@@ -259,8 +259,6 @@ def _show_priors(priors: "Sequence[AllocatedPrior]") -> None:
         rows.append((name, str(len(every) - len(refused)), str(len(refused)), why))
     if rows:
         screen.print_table(("prior", ">taken", ">not taken", "why not"), rows)
-
-
-def _number(value: float) -> str:
-    """A dash where there is nothing to measure, as of feet that never stand."""
-    return "–" if value != value else f"{value:.1f}"
+    frames = sum(label.end_s - label.start_s for label in found.exchanges)
+    many = screen.count(len(found.exchanges), "segment")
+    screen.say(f"{many} of limbs exchanged or unsure, {frames:.1f} s")

@@ -140,12 +140,7 @@ class TableOptions:
         return self.output is not None and is_stdout(self.output)
 
     def check(self, *, as_json: bool) -> None:
-        """Fail before the work where there is no table, or it cannot be written.
-
-        Raises
-        ------
-        BadParameter, UnwritableFile
-        """
+        """Fail before the work where there is no table, or it cannot be written."""
         if as_json and self.takes_stdout:
             raise wrong("--json, --output", "both go to stdout; name a file for one of them")
         if self.excel and self.output is None:

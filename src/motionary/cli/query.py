@@ -75,12 +75,7 @@ def check_part(
 
 
 def parse_moment(text: str) -> Moment:
-    """The time that a person wrote: `1.5`, `0:01.5`, `1:02:03` or `45f`.
-
-    Raises
-    ------
-    BadParameter
-    """
+    """The time that a person wrote: `1.5`, `0:01.5`, `1:02:03` or `45f`."""
     if re.fullmatch(r"\d+f", text):
         return Moment(int(text[:-1]), is_frame=True)
     seconds = 0.0
@@ -158,12 +153,7 @@ class QueryOptions:
     )
 
     def check(self) -> None:
-        """Refuse options that contradict each other.
-
-        Raises
-        ------
-        BadParameter
-        """
+        """Refuse options that contradict each other."""
         if self.like is not None and self.class_name is not None:
             raise wrong("--like, --class", "say what is sought by one of them")
         if (self.like, self.class_name, self.query) == (None, None, None):
@@ -371,12 +361,7 @@ class Ranks(NamedTuple):
 
 
 def read_ranks(options: QueryOptions) -> Ranks:
-    """Which hits are right and which are wrong, by rank.
-
-    Raises
-    ------
-    BadParameter
-    """
+    """Which hits are right and which are wrong, by rank."""
     relevant = _ranks("--relevant", options.relevant)
     irrelevant = _ranks("--irrelevant", options.irrelevant)
     both = sorted(set(relevant) & set(irrelevant))

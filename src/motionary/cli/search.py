@@ -92,12 +92,7 @@ class ResultOptions(TableOptions):
         return True
 
     def check(self, *, as_json: bool) -> None:
-        """Fail before the work where something cannot be written.
-
-        Raises
-        ------
-        BadParameter, UnwritableFile
-        """
+        """Fail before the work where something cannot be written."""
         check_page("--report", self.report)
         check_picture("--sheet", self.sheet)
         check_picture("--template", self.template)
