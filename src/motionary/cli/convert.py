@@ -4,10 +4,10 @@ Convert writes whole recordings in another format, cut writes labels as clips, a
 writes what is measured of a recording.
 """
 
-import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain, count
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -24,6 +24,7 @@ from motionary.cli.options import (
     Jobs,
     check_picture,
     check_target,
+    declare,
     option,
     wrong,
 )
@@ -48,24 +49,18 @@ _COLUMNS = ("recording", "written", ">joints", ">frames", ">rate_hz", "not kept"
 # -- convert ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class ConvertOptions:
-    """What recordings become."""
-
-    output: str = option(
-        "--output -o OUT", "A file with its suffix, or a folder with --to.", REQUIRED
-    )
-    to: str | None = option(
-        "--to SUFFIX", ".bvh, .amc, .c3d, .trc or .npz; .gz after it packs texts."
-    )
-    force: Force = False
-
-
 def convert(
     files: Annotated[
         list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to convert.")
     ],
-    options: ConvertOptions,
+    output: Annotated[
+        str, declare("--output -o OUT", "A file with its suffix, or a folder with --to.")
+    ],
+    to: Annotated[
+        str | None,
+        declare("--to SUFFIX", ".bvh, .amc, .c3d, .trc or .npz; .gz after it packs texts."),
+    ] = None,
+    force: Force = False,
     as_json: AsJson = False,
     *,
     jobs: Jobs,
@@ -83,7 +78,9 @@ def convert(
     from motionary.batch import Failure
 
     found = find_files(files, reading)
-    work = partial(convert_file, targets=_targets(found.files, options), reading=reading)
+    work = partial(
+        convert_file, targets=_targets(found.files, output, to, replace=force), reading=reading
+    )
     rows: list[dict[str, Any]] = []
     failures = []
     for done in map_files(work, found.files, "converting", jobs=jobs):
@@ -103,13 +100,7 @@ def convert(
 def convert_file(
     file: "NamedFile", *, targets: dict[str, Path], reading: ReadOptions
 ) -> dict[str, Any]:
-    """Read and write a recording; what was written, for JSON.
-
-    Raises
-    ------
-    UnreadableFile, UnwritableFile, InvalidInput
-        If it cannot be read, written, or held by the format.
-    """
+    """Read and write a recording; what was written, for JSON."""
     from motionary.io import what_is_lost, write
 
     name, path = file
@@ -126,22 +117,18 @@ def convert_file(
     }
 
 
-def _targets(files: Mapping[str, Path], options: ConvertOptions) -> dict[str, Path]:
-    """Where each recording goes, before anything is read.
-
-    Raises
-    ------
-    UnwritableFile
-        If a target is one of the recordings, or there and must not be replaced.
-    """
+def _targets(
+    files: Mapping[str, Path], output: str, to: str | None, *, replace: bool
+) -> dict[str, Path]:
+    """Where each recording goes; no target is a recording, or there and must not be replaced."""
     from motionary.io import file_of
 
-    targets = _name_targets(list(files), options.output, options.to)
+    targets = _name_targets(list(files), output, to)
     sources = {_identity(file_of(path)) for path in files.values()} - {None}
     for target in targets.values():
         if _identity(target) in sources:
             raise UnwritableFile("would replace a recording; write to another folder", file=target)
-        check_target(str(target), replace=options.force)
+        check_target(str(target), replace=replace)
     return targets
 
 
@@ -178,40 +165,20 @@ def _name_targets(names: list[str], output: str, to: str | None) -> dict[str, Pa
         # What lies outside of the folder that was searched stays below the output all the same.
         inside = [part for part in PurePosixPath(name).parts if part not in ("..", "/")]
         place = PurePosixPath(*inside)
-        target = Path(output) / place.with_name(stem_of(place) + suffix)
-        if target in targets.values():
-            # Two formats of one take, side by side: both keep their names whole.
-            target = Path(output) / place.with_name(place.name + suffix)
-        for number in itertools.count(2):
-            if target not in targets.values():
-                break
-            target = Path(output) / place.with_name(f"{stem_of(place)}-{number}{suffix}")
-        targets[name] = target
+        stem = stem_of(place)
+        # Of two formats of one take, side by side, the second keeps its name whole.
+        stems = chain((stem, place.name), (f"{stem}-{number}" for number in count(2)))
+        possible = (Path(output) / place.with_name(stem + suffix) for stem in stems)
+        targets[name] = next(target for target in possible if target not in targets.values())
     return targets
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
-    return [
-        row["recording"],
-        row["written"],
-        str(row["joints"]),
-        str(row["frames"]),
-        f"{row['rate_hz']:g}",
-        ", ".join(row["not_kept"]),
-    ]
+    numbers = str(row["joints"]), str(row["frames"]), f"{row['rate_hz']:g}"
+    return [row["recording"], row["written"], *numbers, ", ".join(row["not_kept"])]
 
 
 # -- cut --------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class CutOptions:
-    """Which labels are cut, and where clips go."""
-
-    output: str = option("--output -o FOLDER", "Folder to write clips to.", REQUIRED)
-    only: list[str] | None = option("--only LABEL", "Cut labels of this name; may be repeated.")
-    frames: InFrames = False
-    force: Force = False
 
 
 def cut(
@@ -222,7 +189,12 @@ def cut(
         list[str],
         typer.Argument(metavar="RECORDINGS", help="Folders, files or patterns they belong to."),
     ],
-    options: CutOptions,
+    output: Annotated[str, declare("--output -o FOLDER", "Folder to write clips to.")],
+    only: Annotated[
+        list[str] | None, declare("--only LABEL", "Cut labels of this name; may be repeated.")
+    ] = None,
+    frames: InFrames = False,
+    force: Force = False,
     *,
     jobs: Jobs,
     reading: ReadOptions,
@@ -238,17 +210,17 @@ def cut(
     """
     from motionary.io import read_labels
 
-    check_target(options.output, is_folder=True)
+    check_target(output, is_folder=True)
     found = find_files(recordings, reading)
     tracks = read_labels(
-        labels, rate_hz=reading.rate_hz, in_frames=options.frames,
+        labels, rate_hz=reading.rate_hz, in_frames=frames,
         recordings=RecordingsOf(found.files, reading),
     )  # fmt: skip
-    tracks = select_labels(tracks, only=options.only)
+    tracks = select_labels(tracks, only=only)
     code = found.warn()
     done = cut_labels(
-        tracks.values(), found.files, options.output,
-        reading=reading, jobs=jobs, replace=options.force,
+        tracks.values(), found.files, output,
+        reading=reading, jobs=jobs, replace=force,
     )  # fmt: skip
     return code if done else 1
 

@@ -14,6 +14,7 @@ from motionary.cli.options import (
     LibraryDefault,
     check_picture,
     check_target,
+    declare,
     flag,
     option,
     wrong,
@@ -156,25 +157,21 @@ def _count(images: "Iterable[Floats]", done: Any) -> "Iterator[Floats]":
         done()
 
 
-@dataclass(frozen=True, kw_only=True)
-class DatabaseOptions:
-    """How far poses of a database differ, and where it goes."""
-
-    output: str = option("--output -o NPZ", "The database.", REQUIRED)
-    least_m: float = option(
-        "--apart METRES",
-        "Poses differ by more, joint by joint (8.1).",
-        LibraryDefault("motionary.depth:build_database", "least_m"),
-        min=0.001,
-    )
-    force: Force = False
-
-
 def database(
     recordings: Annotated[
         list[str], typer.Argument(metavar="RECORDINGS...", help="Recordings of people, folders.")
     ],
-    options: DatabaseOptions,
+    output: Annotated[str, declare("--output -o NPZ", "The database.")],
+    least_m: Annotated[
+        float,
+        declare(
+            "--apart METRES",
+            "Poses differ by more, joint by joint (8.1).",
+            min=0.001,
+            default_factory=LibraryDefault("motionary.depth:build_database", "least_m"),
+        ),
+    ],
+    force: Force = False,
     *,
     reading: ReadOptions,
 ) -> int:
@@ -184,8 +181,7 @@ def database(
     """
     from motionary.depth import build_database
 
-    output = options.output
-    check_target(output, replace=options.force)
+    check_target(output, replace=force)
     if Path(output).suffix != ".npz":
         raise InvalidInput(f"a database of poses is written as .npz, got {Path(output).name!r}")
     found = find_files(recordings, reading)
@@ -193,7 +189,7 @@ def database(
     code = found.warn(failures)
     made = build_database(
         motions,
-        least_m=options.least_m,
+        least_m=least_m,
         provenance={"recordings": sorted(one.source for one in motions)},
     )
     made.save(output)

@@ -14,7 +14,6 @@ from motionary.cli.learn import ScreenMonitor, draw_prototype, warn_of_unused
 from motionary.cli.multiview import read_marks
 from motionary.cli.options import (
     LIBRARY_FILE,
-    REQUIRED,
     FeatureSetName,
     Force,
     Jobs,
@@ -250,26 +249,21 @@ def _read_parts(
 # -- merge ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class MergeOptions:
-    """Where merged classes go, and how they are merged."""
-
-    output: str = option("--output -o LIB", "Folder to write to.", REQUIRED)
-    on_clash: Clashing = option(
-        "--on-clash",
-        "Where several have a class: refuse, take the first, or give the first the "
-        "templates of the others, too.",
-        Clashing.REFUSE,
-    )
-    force: Force = False
-    plot: PlotLibrary = None
-
-
 def merge(
     folders: Annotated[
         list[str], typer.Argument(metavar="LIB", help="Libraries, in the order of their classes.")
     ],
-    options: MergeOptions,
+    output: Annotated[str, declare("--output -o LIB", "Folder to write to.")],
+    on_clash: Annotated[
+        Clashing,
+        declare(
+            "--on-clash",
+            "Where several have a class: refuse, take the first, or give the first the templates "
+            "of the others, too.",
+        ),
+    ] = Clashing.REFUSE,
+    force: Force = False,
+    plot: PlotLibrary = None,
 ) -> None:
     """Put the classes of several libraries into one.
 
@@ -277,27 +271,23 @@ def merge(
     """
     from motionary.models.library import find_clashes, merge_libraries, open_library
 
-    check_picture("--plot", options.plot)
-    check_library(options.output, replace=options.force)
+    check_picture("--plot", plot)
+    check_library(output, replace=force)
     libraries = [open_library(folder) for folder in folders]
     clashing = find_clashes(libraries)
-    if clashing and options.on_clash is Clashing.REFUSE:
+    if clashing and on_clash is Clashing.REFUSE:
         raise InvalidInput(
             f"several of the libraries have {', '.join(map(repr, clashing))}; nothing was "
             "written: rename them, or say --on-clash first or both"
         )
-    merged = merge_libraries(libraries, clash=options.on_clash.value)
-    merged.save(options.output)
-    kept = (
-        "the first is kept"
-        if options.on_clash is Clashing.FIRST
-        else "the templates of all are kept"
-    )
+    merged = merge_libraries(libraries, clash=on_clash.value)
+    merged.save(output)
+    kept = "the first is kept" if on_clash is Clashing.FIRST else "the templates of all are kept"
     for clash in clashing:
         screen.warn(f"class {clash!r} is in several libraries: {kept}")
-    screen.say(describe_library(merged, options.output))
-    if options.plot and len(merged):
-        draw_library(options.plot, merged, options.output)
+    screen.say(describe_library(merged, output))
+    if plot and len(merged):
+        draw_library(plot, merged, output)
 
 
 # -- what is said and drawn of classes -----------------------------------------------------

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -143,12 +144,10 @@ def _targets(tracks: Tracks, options: ConvertOptions, form: "LabelFormat") -> di
     suffix = ".TextGrid" if form.name == "praat" else form.suffixes[0]
     targets: dict[str, Tracks] = {}
     for name, track in tracks.items():
-        stem, number = picture_path("", stem_of(name)).stem, 1
-        target = Path(options.output, stem + suffix)
-        while str(target) in targets:
-            number += 1
-            target = Path(options.output, f"{stem}-{number}{suffix}")
-        targets[str(target)] = {name: track}
+        stem = picture_path("", stem_of(name)).stem
+        stems = chain((stem,), (f"{stem}-{number}" for number in count(2)))
+        possible = (str(Path(options.output, stem + suffix)) for stem in stems)
+        targets[next(target for target in possible if target not in targets)] = {name: track}
     return targets
 
 

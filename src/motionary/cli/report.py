@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -131,10 +131,9 @@ def _name_tables(paths: Sequence[str]) -> dict[str, str]:
     """Tables by the names of their lanes; equal names are numbered."""
     tables: dict[str, str] = {}
     for path in paths:
-        name, number = Path(path).stem, 2
-        while name in tables:
-            name, number = f"{Path(path).stem} {number}", number + 1
-        tables[name] = path
+        stem = Path(path).stem
+        names = chain((stem,), (f"{stem} {number}" for number in count(2)))
+        tables[next(name for name in names if name not in tables)] = path
     return tables
 
 

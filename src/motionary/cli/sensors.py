@@ -38,6 +38,10 @@ Columns = Annotated[
     str | None,
     declare("--columns TOML", "Columns, units and rate of tables of no known layout."),
 ]
+Magnetic = Annotated[
+    bool,
+    declare("--magnetic/--no-magnetic", "Let magnetometers tell headings; floors disturb them."),
+]
 
 
 def imu() -> None:
@@ -63,9 +67,7 @@ class CheckOptions:
     fused: bool = flag(
         "--fused/--no-fused", "Take the orientations that the files bring, if they do."
     )
-    magnetic: bool = flag(
-        "--magnetic/--no-magnetic", "Let magnetometers tell headings; floors disturb them."
-    )
+    magnetic: Magnetic = False
     output: str | None = option("--output -o CSV", "Write the table of limbs, too.")
     labels: str | None = option(
         "--labels FILE", "Write the wrong segments as labels, in any format."
@@ -127,21 +129,12 @@ def check(
     return 0
 
 
-@dataclass(frozen=True, kw_only=True)
-class OrientOptions:
-    """How orientations are found, and where they go."""
-
-    output: str = option("--output -o STO", "Orientations, for OpenSense.", REQUIRED)
-    columns: Columns = None
-    magnetic: bool = flag(
-        "--magnetic/--no-magnetic", "Let magnetometers tell headings; floors disturb them."
-    )
-    force: Force = False
-
-
 def orient(
     source: Annotated[str, typer.Argument(metavar="PATH", help="A folder or file of sensors.")],
-    options: OrientOptions,
+    output: Annotated[str, declare("--output -o STO", "Orientations, for OpenSense.")],
+    columns: Columns = None,
+    magnetic: Magnetic = False,
+    force: Force = False,
 ) -> int:
     """Write orientations of sensors from their raw measurements.
 
@@ -150,11 +143,11 @@ def orient(
     from motionary.inertial import orient as orient_sensor
     from motionary.io.sensors import read_sensors, write_orientations
 
-    check_target(options.output, replace=options.force)
-    sensors = read_sensors(source, columns=options.columns)
-    found = {one.name: orient_sensor(one, magnetic=options.magnetic) for one in sensors}
-    write_orientations(options.output, found, sensors[0].rate_hz)
-    screen.say(f"{len(sensors)} sensors written to {options.output}")
+    check_target(output, replace=force)
+    sensors = read_sensors(source, columns=columns)
+    found = {one.name: orient_sensor(one, magnetic=magnetic) for one in sensors}
+    write_orientations(output, found, sensors[0].rate_hz)
+    screen.say(f"{len(sensors)} sensors written to {output}")
     return 0
 
 
@@ -243,17 +236,17 @@ def synth() -> None:
     """
 
 
-@dataclass(frozen=True, kw_only=True)
-class ImuOptions:
-    """Which sensors are simulated, and where they are written."""
-
-    output: Folder
-    limbs: list[str] | None = option("--limb LIMB", "Limbs that wear one; else all nine usual.")
-    seed: Seed = 0
-    force: Force = False
-
-
-def simulate_imu(recording: Recording, options: ImuOptions, *, reading: ReadOptions) -> int:
+def simulate_imu(
+    recording: Recording,
+    output: Folder,
+    limbs: Annotated[
+        list[str] | None, declare("--limb LIMB", "Limbs that wear one; else all nine usual.")
+    ] = None,
+    seed: Seed = 0,
+    force: Force = False,
+    *,
+    reading: ReadOptions,
+) -> int:
     """Write what inertial sensors on the limbs would have measured, as Xsens' text files.
 
     motionary synth imu take.bvh -o sensors --limb lthigh --limb lshank
@@ -262,13 +255,13 @@ def simulate_imu(recording: Recording, options: ImuOptions, *, reading: ReadOpti
     from motionary.inertial import simulate_sensors
     from motionary.io.sensors import write_mtw
 
-    _check_folder(options.output, replace=options.force)
+    _check_folder(output, replace=force)
     motion = read_recording(Path(recording), reading)
-    made = simulate_sensors(motion, options.limbs, seed=options.seed)
-    _empty_folder(options.output)
+    made = simulate_sensors(motion, limbs, seed=seed)
+    _empty_folder(output)
     for sensor in made:
-        write_mtw(Path(options.output) / f"{SYNTHETIC}{sensor.name}.txt", sensor)
-    screen.say(f"{len(made)} synthetic sensors written to {options.output}")
+        write_mtw(Path(output) / f"{SYNTHETIC}{sensor.name}.txt", sensor)
+    screen.say(f"{len(made)} synthetic sensors written to {output}")
     return 0
 
 
