@@ -218,9 +218,3 @@ class WorkOptions:
     def searching(self, workers: "Workers") -> "Workers":
         """Who searches: a cluster where there is one; processes start more slowly than they pay."""
         return 1 if self.scheduler is None else workers
-
-    def find(self, files: Mapping[str, Path]) -> Mapping[str, Path]:
-        """The files as those find them who do the work; a cluster's run in folders of their own."""
-        if self.scheduler is None:
-            return files
-        return {name: path.absolute() for name, path in files.items()}
