@@ -203,29 +203,6 @@ class LabelTrack(Tabular):
         return tuple(sorted({label.name for label in self.labels}))
 
 
-def sum_up(tracks: Mapping[str, LabelTrack]) -> list[dict[str, Any]]:
-    """Of the labels of each name how many there are, in how many recordings, and how long.
-
-    Parameters
-    ----------
-    tracks : by recording
-    """
-    durations: dict[str, list[float]] = {}
-    places: dict[str, set[str]] = {}
-    for recording, track in tracks.items():
-        for label in track:
-            durations.setdefault(label.name, []).append(label.end_s - label.start_s)
-            places.setdefault(label.name, set()).add(recording)
-    return [
-        {
-            "label": name, "number": len(lengths), "recordings": len(places[name]),
-            "total_s": float(sum(lengths)), "mean_s": float(sum(lengths)) / len(lengths),
-            "shortest_s": min(lengths), "longest_s": max(lengths),
-        }
-        for name, lengths in sorted(durations.items())
-    ]  # fmt: skip
-
-
 class Change(NamedTuple):
     """What became of a label.
 
@@ -238,15 +215,6 @@ class Change(NamedTuple):
     kind: Literal["kept", "moved", "renamed", "added", "removed"]
     before: Label | None
     after: Label | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Names and seconds before and after, in plain values; None where there is no label."""
-        row: dict[str, Any] = {"change": self.kind}
-        for prefix, label in (("", self.before), ("new_", self.after)):
-            row[f"{prefix}label"] = None if label is None else label.name
-            row[f"{prefix}start_s"] = None if label is None else label.start_s
-            row[f"{prefix}end_s"] = None if label is None else label.end_s
-        return row
 
 
 def compare_labels(

@@ -29,7 +29,7 @@ from motionary.tables import enumerate_names
 
 if TYPE_CHECKING:
     from motionary.io.labels import LabelFormat
-    from motionary.labels import Label, LabelTrack
+    from motionary.labels import Change, Label, LabelTrack
     from motionary.recording import Recording
 
 Tracks = dict[str, "LabelTrack"]
@@ -279,13 +279,21 @@ def diff(
         kept += sum(change.kind == "kept" for change in changes)
         for change in changes:
             if change.kind != "kept":
-                rows.append({"recording": name or partner, **change.as_dict()})
+                rows.append({"recording": name or partner, **_describe(change)})
     if as_json:
         screen.print_json(*rows)
         return
     _print(_DIFF, rows)
     counts = {kind: sum(row["change"] == kind for row in rows) for kind in _CHANGES}
     screen.say(", ".join([f"{kept} kept", *(f"{n} {kind}" for kind, n in counts.items() if n)]))
+
+
+def _describe(change: "Change") -> dict[str, Any]:
+    row: dict[str, Any] = {"change": change.kind}
+    for prefix, label in (("", change.before), ("new_", change.after)):
+        for key, name in (("label", "name"), ("start_s", "start_s"), ("end_s", "end_s")):
+            row[prefix + key] = None if label is None else getattr(label, name)
+    return row
 
 
 def _print(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
@@ -305,16 +313,31 @@ def stats(
     motionary labels stats labels.csv
     motionary labels stats elan/*.eaf
     """
-    from motionary.labels import sum_up
-
     tracks = _read_all(files, rate_hz=rate, in_frames=frames)
-    rows = sum_up(tracks)
+    rows = _sum_up(tracks)
     if as_json:
         screen.print_json(*rows)
         return
     _print(_STATS, rows)
     unassessed = sum(end - start for x in tracks.values() for start, end in x.unassessed)
     screen.say(f"{_count(tracks, 'in')}; {unassessed:.2f} s were not assessed")
+
+
+def _sum_up(tracks: Tracks) -> list[dict[str, Any]]:
+    durations: dict[str, list[float]] = {}
+    places: dict[str, set[str]] = {}
+    for recording, track in tracks.items():
+        for label in track:
+            durations.setdefault(label.name, []).append(label.end_s - label.start_s)
+            places.setdefault(label.name, set()).add(recording)
+    return [
+        {
+            "label": name, "number": len(lengths), "recordings": len(places[name]),
+            "total_s": float(sum(lengths)), "mean_s": float(sum(lengths)) / len(lengths),
+            "shortest_s": min(lengths), "longest_s": max(lengths),
+        }
+        for name, lengths in sorted(durations.items())
+    ]  # fmt: skip
 
 
 #: Commands of the group, in the sequence of its help.
