@@ -12,22 +12,32 @@ import typer
 from motionary.cli import screen
 from motionary.cli.index import IndexOptions, open_recordings
 from motionary.cli.options import (
+    PICTURES,
     AsJson,
     LabelFile,
     TableFile,
     TableOptions,
     check_target,
+    flag,
+    option,
     picture_path,
     wrong,
 )
-from motionary.cli.recordings import WorkOptions, find_files, measure_files, warn_of_all
-from motionary.cli.tracks import say_json, say_tracks, show_counts
+from motionary.cli.recordings import WorkOptions, find_files, measure_files
+from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
-    from motionary.labels import LabelTrack
+    from motionary.labels import Label, LabelTrack
     from motionary.models.library import ClassLibrary
+
+
+_COLUMNS = ("recording", "label", ">start_s", ">end_s", ">cost", ">known")
+_SCORE_COLUMNS = (">score", ">false/min", ">right")
+_COUNT_COLUMNS = (
+    "recording", "label", "side", ">number", ">mean_s", ">total_s", ">per_min", ">unassessed_s",
+)  # fmt: skip
 
 
 class AssignmentName(StrEnum):
@@ -42,66 +52,40 @@ class LabelOptions(TableOptions):
     """What counts as a label, and what is shown of it."""
 
     output: LabelFile = None
-    library: Annotated[
-        str,
-        typer.Option(
-            metavar="LIB",
-            help="A folder that `motionary learn` wrote; everyday is the library that ships, "
-            "none is none.",
-        ),
-    ] = "everyday"
-    threshold: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            metavar="NUMBER",
-            help="Largest cost of a match (published), by default each class's own; with "
-            "--assignment scores the least score, by default the library's.",
-        ),
-    ] = None
-    assignment: Annotated[
-        AssignmentName | None,
-        typer.Option(
-            help="Labels by what their frames tell for a class against motion in general "
-            "(scores), or by the cost of the match (published, 2009). By default scores, unless "
-            "the library has none, its thresholds of costs were chosen, or --threshold is given.",
-        ),
-    ] = None
-    at_most_false: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PER_MINUTE",
-            help="By scores, with the threshold at which so many false labels are expected in a "
-            "minute of motion without right ones; for the library that ships, and those that "
-            "were learned with --calibrate --negatives.",
-        ),
-    ] = None
-    plot: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Draw each recording's labels, with the distances that assigned them.",
-        ),
-    ] = None
-    thorough: Annotated[
-        bool,
-        typer.Option("--thorough", help="Match everywhere, also where a class has keyframes."),
-    ] = False
-    count: Annotated[
-        bool,
-        typer.Option("--count", help="Count labels by recording, class and side instead."),
-    ] = False
-    index: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PATH",
-            help="Index of the files, as `motionary index` makes it: what it has of them is not "
-            "read again, and --jobs and --scheduler label, too.",
-        ),
-    ] = None
-    explain: Annotated[
-        bool, typer.Option("--explain", help="Say of each label which features held and failed.")
-    ] = False
+    library: str = option(
+        "--library LIB",
+        "A folder that `motionary learn` wrote; everyday is the library that ships, none is none.",
+        "everyday",
+    )
+    threshold: float | None = option(
+        "--threshold NUMBER",
+        "Largest cost of a match (published), by default each class's own; with --assignment "
+        "scores the least score, by default the library's.",
+        min=0.0,
+    )
+    assignment: AssignmentName | None = option(
+        "--assignment",
+        "Labels by what their frames tell for a class against motion in general (scores), or by "
+        "the cost of the match (published, 2009). By default scores, unless the library has none, "
+        "its thresholds of costs were chosen, or --threshold is given.",
+    )
+    at_most_false: float | None = option(
+        "--at-most-false PER_MINUTE",
+        "By scores, with the threshold at which so many false labels are expected in a minute of "
+        "motion without right ones; for the library that ships, and those that were learned with "
+        "--calibrate --negatives.",
+    )
+    plot: str | None = option(
+        "--plot FOLDER", "Draw each recording's labels, with the distances that assigned them."
+    )
+    thorough: bool = flag("--thorough", "Match everywhere, also where a class has keyframes.")
+    count: bool = flag("--count", "Count labels by recording, class and side instead.")
+    index: str | None = option(
+        "--index PATH",
+        "Index of the files, as `motionary index` makes it: what it has of them is not read again, "
+        "and --jobs and --scheduler label, too.",
+    )
+    explain: bool = flag("--explain", "Say of each label which features held and failed.")
 
     @property
     def holds_labels(self) -> bool:
@@ -120,19 +104,14 @@ class LabelOptions(TableOptions):
         if self.at_most_false <= 0:
             raise wrong("--at-most-false", f"must be above 0, got {self.at_most_false:g}")
 
-    def assigns_by_scores(self, library: "ClassLibrary") -> bool:
-        """Whether labels of this library are assigned by scores."""
-        from motionary.retrieval.annotation import default_assignment
-
-        if self.at_most_false is not None or self.assignment is not None:
-            return self.assignment is not AssignmentName.PUBLISHED
-        given = self.threshold is not None or self.thorough
-        return not given and default_assignment(library) == "scores"
-
-    def assigning(self, library: "ClassLibrary") -> dict[str, Any]:
+    def assigning(self) -> dict[str, Any]:
         """How labels are assigned, as the library takes it."""
+        assignment = self.assignment
+        if self.thorough and assignment is None and self.at_most_false is None:
+            # Everywhere or around keyframes: only costs know the difference.
+            assignment = AssignmentName.PUBLISHED
         return {
-            "assignment": "scores" if self.assigns_by_scores(library) else "published",
+            "assignment": None if assignment is None else assignment.value,
             "threshold": self.threshold,
             "at_most_false_per_min": self.at_most_false,
             "preselect": not self.thorough,
@@ -174,16 +153,16 @@ def annotate(
     def keep(track: "LabelTrack") -> None:
         tracks.append(track)
         if as_json and not options.count:
-            say_json(track, explained=options.explain)
+            _say_json(track, explained=options.explain)
 
     label = _label_files if options.index is None else _label_index
     code = label(files, library, options, keep, work=work, reading=reading)
     if options.count:
-        show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
+        _show_counts(tracks, output=options.output, excel=options.excel, as_json=as_json)
     elif options.output:
         write_labels(tracks, options.output, excel=options.excel)
     if not (as_json or options.count or options.takes_stdout):
-        say_tracks(tracks, explained=options.explain)
+        _say_tracks(tracks, explained=options.explain)
     return code
 
 
@@ -211,7 +190,7 @@ def _label_files(
                 failures.append(sequence)
             else:
                 keep(_label(sequence, library, options))
-    return 1 if warn_of_all(found.missing.values(), failures, given=files) else 0
+    return found.warn(failures)
 
 
 def _label_index(
@@ -239,7 +218,7 @@ def _label_index(
             tracks = map(partial(_label, library=library, options=options), collection.sequences)
         else:
             tracks = annotate_collection(
-                collection, library, **options.assigning(library),
+                collection, library, **options.assigning(),
                 explainable=options.explain, jobs=workers,
             )  # fmt: skip
         with screen.progress("labelling", len(collection)) as done:
@@ -275,7 +254,7 @@ def _library(options: LabelOptions) -> "ClassLibrary":
             "needs a library of motion classes to look for; learn one from examples with "
             "`motionary learn EXAMPLES -o LIB`, then pass --library LIB; everyday ships",
         )
-    if Path(options.plot or "").suffix.lower() in (".png", ".svg", ".pdf"):
+    if Path(options.plot or "").suffix.lower() in PICTURES:
         raise wrong("--plot", f"needs a folder, for a picture a recording, got {options.plot}")
     check_target(options.plot, is_folder=True)
     return open_library(options.library)
@@ -288,17 +267,15 @@ def _label(
     from motionary.models.library import format_thresholds
     from motionary.retrieval.annotation import annotate_fully
 
-    track, found, _ = annotate_fully(sequence, library, **options.assigning(library))
+    track, found, _ = annotate_fully(sequence, library, **options.assigning())
     if options.plot:
         from motionary.plots import plot_annotation, save
 
-        note = ""
-        if options.assigns_by_scores(library):
-            least = format_thresholds(library, options.at_most_false, given=options.threshold)
-            note = f"least score {least}"
         distances = {name: distance.modified for name, distance in found.items()}
         # Scores have no distances, and a library may have many classes that do not occur.
-        classes = library.names if distances else None
+        classes, note = (library.names, "") if distances else (None, "least score ")
+        if not distances:
+            note += format_thresholds(library, options.at_most_false, given=options.threshold)
         figure = plot_annotation(track, distances=distances, classes=classes, note=note)
         save(figure, picture_path(options.plot, track.recording.name))
     return track
@@ -333,3 +310,91 @@ def count(
     motionary count training.c3d --library exercises -o counts.csv
     """
     return annotate(files, options, as_json, work=work, reading=reading)
+
+
+# -- labels and counts printed -----------------------------------------------------------
+
+
+def _say_json(track: "LabelTrack", *, explained: bool) -> None:
+    """Print the JSON object of a recording."""
+    from motionary.retrieval.explanation import explain
+
+    keys = (
+        "start_s", "end_s", "start_frame", "end_frame", "cost", "known", "score", "probability",
+        "false_per_min", "side",
+    )  # fmt: skip
+    labels = []
+    for label in track:
+        shown = {"label": label.name} | {key: getattr(label, key) for key in keys}
+        labels.append(shown | {"explanation": str(explain(label))} if explained else shown)
+    unassessed = [{"start_s": start, "end_s": end} for start, end in track.unassessed]
+    screen.print_json(
+        {
+            "recording": track.recording.name, "rate_hz": track.rate_hz, "labels": labels,
+            "unassessed": unassessed, "nearest": track.nearest or None,
+        }
+    )  # fmt: skip
+
+
+def _say_tracks(tracks: "Sequence[LabelTrack]", *, explained: bool) -> None:
+    """Print the labels of recordings, and what came nearest where there are none."""
+    from motionary.retrieval.explanation import explain
+
+    labels = [label for track in tracks for label in track]
+    columns: tuple[str, ...] = _COLUMNS
+    if any(label.score is not None for label in labels):
+        has_rates = any(label.false_per_min is not None for label in labels)
+        is_known = any(label.probability is not None for label in labels)
+        shown = 3 if is_known else 2 if has_rates else 1
+        columns = (*_COLUMNS, *_SCORE_COLUMNS[:shown])
+    rows: list[tuple[str, ...]] = []
+    below: dict[int, str] = {}
+    for track in tracks:
+        for label in track:
+            if explained:
+                below[len(rows)] = str(explain(label))
+            rows.append((track.recording.name, *_cells(label))[: len(columns)])
+        for start_s, end_s in track.unassessed:
+            times = (f"{start_s:.2f}", f"{end_s:.2f}")
+            rows.append((track.recording.name, "(too little seen)", *times))
+        if not len(track):
+            below[len(rows)] = track.nearest
+            rows.append((track.recording.name, "(none)"))
+    if rows:
+        screen.print_table(columns, rows, below=below)
+
+
+def _cells(label: "Label") -> tuple[str, ...]:
+    times = f"{label.start_s:.2f}", f"{label.end_s:.2f}"
+    cost, score = screen.cell(label.cost, digits=3), screen.cell(label.score, digits=1)
+    rate = "" if label.false_per_min is None else f"{label.false_per_min:.2g}"
+    known, right = screen.percent(label.known), screen.percent(label.probability)
+    return (label.name, *times, cost, known, score, rate, right)
+
+
+def _show_counts(
+    tracks: "Sequence[LabelTrack]", *, output: str | None, excel: bool, as_json: bool
+) -> None:
+    """Counts as a table or JSON, and as a file if one is named."""
+    from motionary.io.text import write_table
+    from motionary.labels import count as count_labels
+
+    counts = count_labels(tracks)
+    rows: list[Any] = list(counts.list_rows().rows)
+    columns = [name.lstrip(">") for name in _COUNT_COLUMNS]
+    if output:
+        write_table([columns, *rows], Path(output), excel=excel)
+    if output and is_stdout(output):
+        return
+    if as_json:
+        for one, row in zip(counts, rows, strict=True):
+            times = {"starts_s": list(one.starts_s), "durations_s": list(one.durations_s)}
+            screen.print_json(dict(zip(columns, row, strict=True)) | times)
+        return
+    shown = [tuple(screen.cell(cell, digits=2) for cell in row) for row in rows]
+    counted = {one.recording for one in counts}
+    for track in tracks:
+        if track.recording.name not in counted:
+            shown.append((track.recording.name, "(none)"))
+    if shown:
+        screen.print_table(_COUNT_COLUMNS, shown)

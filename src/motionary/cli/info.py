@@ -205,7 +205,7 @@ def _format(name: str) -> str:
 
 def _cells(row: dict[str, Any]) -> list[str]:
     if "error" in row:
-        return [row["recording"], "", "", "", "", "unreadable", "", ""]
+        return [row["recording"], "", "", "", "", "unreadable"]
     return [
         row["recording"],
         str(row["joints"]),

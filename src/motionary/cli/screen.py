@@ -76,10 +76,10 @@ def print_table(
     Parameters
     ----------
     columns : headings; one that starts with ">" is set to the right
-    rows : texts of the cells
+    rows : texts of the cells; those that are missing at its end are empty
     below : by row, a line that stands below it
     """
-    shown = [[printable(cell) for cell in row] for row in rows]
+    shown = [[*map(printable, row), *[""] * (len(columns) - len(row))] for row in rows]
     lines = {row: printable(line) for row, line in (below or {}).items()}
     if sys.stdout.isatty():
         _print_fitted(columns, shown, lines)
