@@ -17,6 +17,7 @@ from motionary.cli.options import (
     LabelFile,
     TableFile,
     TableOptions,
+    argument,
     check_target,
     flag,
     option,
@@ -126,9 +127,7 @@ class LabelOptions(TableOptions):
 
 
 def annotate(
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to label.")
-    ],
+    files: Annotated[list[str], argument("FILE", "Files, folders or patterns to label.")],
     options: LabelOptions,
     as_json: AsJson = False,
     *,
@@ -293,9 +292,7 @@ class CountOptions(LabelOptions):
 
 
 def count(
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to count in.")
-    ],
+    files: Annotated[list[str], argument("FILE", "Files, folders or patterns to count in.")],
     options: CountOptions,
     as_json: AsJson = False,
     *,

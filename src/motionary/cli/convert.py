@@ -11,8 +11,6 @@ from itertools import chain, count
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.labels import RecordingsOf, select_labels
 from motionary.cli.options import (
@@ -22,6 +20,7 @@ from motionary.cli.options import (
     Force,
     InFrames,
     Jobs,
+    argument,
     check_picture,
     check_target,
     declare,
@@ -50,9 +49,7 @@ _COLUMNS = ("recording", "written", ">joints", ">frames", ">rate_hz", "not kept"
 
 
 def convert(
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to convert.")
-    ],
+    files: Annotated[list[str], argument("FILE", "Files, folders or patterns to convert.")],
     output: Annotated[
         str, declare("--output -o OUT", "A file with its suffix, or a folder with --to.")
     ],
@@ -182,12 +179,9 @@ def _cells(row: dict[str, Any]) -> list[str]:
 
 
 def cut(
-    labels: Annotated[
-        str, typer.Argument(metavar="LABELS", help="Hits or labels: a table, ELAN, ...")
-    ],
+    labels: Annotated[str, argument("LABELS", "Hits or labels: a table, ELAN, ...")],
     recordings: Annotated[
-        list[str],
-        typer.Argument(metavar="RECORDINGS", help="Folders, files or patterns they belong to."),
+        list[str], argument("RECORDINGS", "Folders, files or patterns they belong to.")
     ],
     output: Annotated[str, declare("--output -o FOLDER", "Folder to write clips to.")],
     only: Annotated[
@@ -313,9 +307,7 @@ class FeatureOptions:
 
 
 def features(
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns to measure.")
-    ],
+    files: Annotated[list[str], argument("FILE", "Files, folders or patterns to measure.")],
     options: FeatureOptions,
     *,
     jobs: Jobs,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motionary.cli import screen
+from motionary.cli.options import declare
 from motionary.cli.search import cut_frames
 
 if TYPE_CHECKING:
@@ -56,10 +57,10 @@ _SCORES = ("", ">P1", ">R1", ">F1", ">P2", ">R2", ">F2")
 
 
 def demo(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder for labels and pictures.")
-    ] = Path("demo-output"),
-    jobs: Annotated[int, typer.Option(help="Processes that read.")] = 2,
+    output: Annotated[Path, declare("--output -o", "Folder for labels and pictures.")] = Path(
+        "demo-output"
+    ),
+    jobs: Annotated[int, declare("--jobs", "Processes that read.")] = 2,
 ) -> None:
     """Label without training, search, train classes, label unseen recordings, score.
 
@@ -292,9 +293,7 @@ def _title(hit: "Hit") -> str:
 
 
 def _write_results(
-    tracks: "Mapping[str, LabelTrack]",
-    truth: "Mapping[str, Sequence[Label]]",
-    folder: Path,
+    tracks: "Mapping[str, LabelTrack]", truth: "Mapping[str, Sequence[Label]]", folder: Path
 ) -> Iterator[str]:
     """Labels as a table, and a picture of each recording's labels against the truth."""
     from motionary.io import write_labels

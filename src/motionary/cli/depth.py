@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.options import (
     REQUIRED,
     AsJson,
     Force,
     LibraryDefault,
+    argument,
     check_picture,
     check_target,
     declare,
@@ -78,10 +77,7 @@ class TrackOptions:
 
 
 def track(
-    source: Annotated[
-        str,
-        typer.Argument(metavar="IMAGES", help="A folder of 16-bit PNG, npz, mat, bag, mkv."),
-    ],
+    source: Annotated[str, argument("IMAGES", "A folder of 16-bit PNG, npz, mat, bag, mkv.")],
     options: TrackOptions,
     as_json: AsJson = False,
 ) -> int:
@@ -158,9 +154,7 @@ def _count(images: "Iterable[Floats]", done: Any) -> "Iterator[Floats]":
 
 
 def database(
-    recordings: Annotated[
-        list[str], typer.Argument(metavar="RECORDINGS...", help="Recordings of people, folders.")
-    ],
+    recordings: Annotated[list[str], argument("RECORDINGS...", "Recordings of people, folders.")],
     output: Annotated[str, declare("--output -o NPZ", "The database.")],
     least_m: Annotated[
         float,
@@ -188,9 +182,7 @@ def database(
     motions, failures = split_failures(read_motions(found.files, reading))
     code = found.warn(failures)
     made = build_database(
-        motions,
-        least_m=least_m,
-        provenance={"recordings": sorted(one.source for one in motions)},
+        motions, least_m=least_m, provenance={"recordings": sorted(one.source for one in motions)}
     )
     made.save(output)
     screen.say(

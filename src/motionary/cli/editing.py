@@ -7,8 +7,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.learn import ScreenMonitor, draw_prototype, warn_of_unused
 from motionary.cli.multiview import read_marks
@@ -17,6 +15,7 @@ from motionary.cli.options import (
     FeatureSetName,
     Force,
     Jobs,
+    argument,
     check_library,
     check_picture,
     check_target,
@@ -35,10 +34,8 @@ if TYPE_CHECKING:
     from motionary.features import FeatureSequence
     from motionary.models.library import ClassEdit, ClassLibrary
 
-LibraryFolder = Annotated[
-    str, typer.Argument(metavar="LIB", help="A folder that `motionary learn` wrote.")
-]
-ClassName = Annotated[str, typer.Argument(metavar="CLASS", help="One of its classes.")]
+LibraryFolder = Annotated[str, argument("LIB", "A folder that `motionary learn` wrote.")]
+ClassName = Annotated[str, argument("CLASS", "One of its classes.")]
 TemplateName = Annotated[
     str | None, declare("--template NAME", "Which template, of a class of several.")
 ]
@@ -164,8 +161,8 @@ class AddOptions:
 
     recordings: list[str] | None = option(
         "--recordings PATH",
-        "The recordings of labels: each FILE is then a file of labels, and those called "
-        "CLASS are the examples.",
+        "The recordings of labels: each FILE is then a file of labels, and those called CLASS are "
+        "the examples.",
     )
     template: TemplateName = None
     plot: PlotTemplate = None
@@ -174,9 +171,7 @@ class AddOptions:
 def add(
     folder: LibraryFolder,
     name: ClassName,
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns: examples.")
-    ],
+    files: Annotated[list[str], argument("FILE", "Files, folders or patterns: examples.")],
     options: AddOptions,
     *,
     jobs: Jobs,
@@ -250,9 +245,7 @@ def _read_parts(
 
 
 def merge(
-    folders: Annotated[
-        list[str], typer.Argument(metavar="LIB", help="Libraries, in the order of their classes.")
-    ],
+    folders: Annotated[list[str], argument("LIB", "Libraries, in the order of their classes.")],
     output: Annotated[str, declare("--output -o LIB", "Folder to write to.")],
     on_clash: Annotated[
         Clashing,

@@ -6,10 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from motionary.cli import screen
-from motionary.cli.options import REQUIRED, AsJson, InFrames, flag, option, wrong
+from motionary.cli.options import REQUIRED, AsJson, InFrames, argument, flag, option, wrong
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.labels import LabelTrack
 from motionary.recording import Recording
@@ -46,9 +44,7 @@ class EvaluateOptions:
 
 
 def evaluate(
-    labels: Annotated[
-        str, typer.Argument(metavar="LABELS", help="Labels, as `annotate -o` writes.")
-    ],
+    labels: Annotated[str, argument("LABELS", "Labels, as `annotate -o` writes.")],
     options: EvaluateOptions,
     as_json: AsJson = False,
 ) -> int:

@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.options import AsJson, LibraryDefault, declare, flag, option, wrong
+from motionary.cli.options import AsJson, LibraryDefault, argument, declare, flag, option, wrong
 from motionary.cli.recordings import WorkOptions, read_recording, warn_of_all
 from motionary.io.options import ReadOptions
 
@@ -66,10 +64,10 @@ def open_recordings(
 def index(
     sources: Annotated[
         list[str],
-        typer.Argument(
-            metavar="SOURCE",
-            help="Folders, searched to the bottom, files, URLs, and @LIST: a text file with one of "
-            "them a line.",
+        argument(
+            "SOURCE",
+            "Folders, searched to the bottom, files, URLs, and @LIST: a text file with one of them "
+            "a line.",
         ),
     ],
     place: Annotated[
@@ -122,10 +120,9 @@ def index(
 
 
 def duplicates(
-    folder: Annotated[str, typer.Argument(metavar="A", help="Folder or file of recordings.")],
+    folder: Annotated[str, argument("A", "Folder or file of recordings.")],
     other: Annotated[
-        str | None,
-        typer.Argument(metavar="B", help="Recordings to compare with; those of A if left out."),
+        str | None, argument("B", "Recordings to compare with; those of A if left out.")
     ] = None,
     as_json: AsJson = False,
     *,

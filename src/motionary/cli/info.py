@@ -7,10 +7,16 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from motionary.cli import screen
-from motionary.cli.options import AsJson, Jobs, TableOptions, check_picture, check_target, option
+from motionary.cli.options import (
+    AsJson,
+    Jobs,
+    TableOptions,
+    argument,
+    check_picture,
+    check_target,
+    option,
+)
 from motionary.cli.recordings import (
     describe_failure,
     find_files,
@@ -48,7 +54,7 @@ class InfoOptions(TableOptions):
 
 
 def info(
-    files: Annotated[list[str], typer.Argument(metavar="FILE", help="Files, folders or patterns.")],
+    files: Annotated[list[str], argument("FILE", "Files, folders or patterns.")],
     options: InfoOptions,
     as_json: AsJson = False,
     *,

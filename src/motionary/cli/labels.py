@@ -6,8 +6,6 @@ from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.options import (
     REQUIRED,
@@ -15,6 +13,7 @@ from motionary.cli.options import (
     Excel,
     Force,
     InFrames,
+    argument,
     check_target,
     declare,
     option,
@@ -40,9 +39,7 @@ _STATS = ("label", ">number", ">recordings", ">total_s", ">mean_s", ">shortest_s
 
 _CHANGES = ("moved", "renamed", "added", "removed")
 
-LabelFiles = Annotated[
-    list[str], typer.Argument(metavar="LABELS", help="Files of labels, or patterns.")
-]
+LabelFiles = Annotated[list[str], argument("LABELS", "Files of labels, or patterns.")]
 Rate = Annotated[
     float | None, declare("--rate HZ", "Frames per second, where the files do not say it.")
 ]
@@ -78,10 +75,7 @@ class ConvertOptions:
 
 
 def convert(
-    files: LabelFiles,
-    options: ConvertOptions,
-    rate: Rate = None,
-    frames: InFrames = False,
+    files: LabelFiles, options: ConvertOptions, rate: Rate = None, frames: InFrames = False
 ) -> int:
     """Write labels in the format of another program, or of another program as a table.
 
@@ -252,8 +246,8 @@ def _say_lost(form: "LabelFormat", tracks: Tracks) -> None:
 
 
 def diff(
-    before: Annotated[str, typer.Argument(metavar="BEFORE", help="A file of labels.")],
-    after: Annotated[str, typer.Argument(metavar="AFTER", help="Another one.")],
+    before: Annotated[str, argument("BEFORE", "A file of labels.")],
+    after: Annotated[str, argument("AFTER", "Another one.")],
     rate: Rate = None,
     frames: InFrames = False,
     as_json: AsJson = False,

@@ -7,8 +7,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.options import (
     AsJson,
@@ -16,6 +14,7 @@ from motionary.cli.options import (
     Force,
     Jobs,
     LibraryDefault,
+    argument,
     check_library,
     check_target,
     find_feature_set,
@@ -170,10 +169,10 @@ def learn(
     options: TrainingFlags,
     examples: Annotated[
         str | None,
-        typer.Argument(
-            metavar="EXAMPLES",
-            help="A folder with one folder per class; or labels of recordings, in any format of "
-            "labels (.csv, .xlsx, .eaf, .TextGrid, .c3d ...).",
+        argument(
+            "EXAMPLES",
+            "A folder with one folder per class; or labels of recordings, in any format of labels "
+            "(.csv, .xlsx, .eaf, .TextGrid, .c3d ...).",
         ),
     ] = None,
     as_json: AsJson = False,

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.editing import (
     LibraryFolder,
@@ -20,7 +18,7 @@ from motionary.cli.editing import (
 )
 from motionary.cli.learn import show_library
 from motionary.cli.multiview import priors
-from motionary.cli.options import AsJson, check_page, check_picture, option, wrong
+from motionary.cli.options import AsJson, argument, check_page, check_picture, option, wrong
 from motionary.cli.recordings import find_files, read_motions, split_failures
 from motionary.io.options import ReadOptions
 
@@ -79,9 +77,7 @@ class ShowOptions:
 def show(
     folder: LibraryFolder,
     options: ShowOptions,
-    name: Annotated[
-        str | None, typer.Argument(metavar="CLASS", help="One of its classes; a page has all.")
-    ] = None,
+    name: Annotated[str | None, argument("CLASS", "One of its classes; a page has all.")] = None,
     *,
     reading: ReadOptions,
 ) -> int:

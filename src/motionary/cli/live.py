@@ -11,10 +11,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
-import typer
-
 from motionary.cli import screen
-from motionary.cli.options import flag, option, wrong
+from motionary.cli.options import argument, declare, flag, option, wrong
 from motionary.cli.recordings import read_recording
 from motionary.errors import InvalidInput, UnwritableFile
 from motionary.io.options import ReadOptions
@@ -154,17 +152,15 @@ def _osc_sender(place: str, option: str) -> "OscSender":
 
 
 def replay(
-    recording: Annotated[str, typer.Argument(metavar="RECORDING", help="The recording to play.")],
+    recording: Annotated[str, argument("RECORDING", "The recording to play.")],
     speed: Annotated[
-        float, typer.Option(min=0.0, metavar="TIMES", help="How fast; 0 is as fast as possible.")
+        float, declare("--speed TIMES", "How fast; 0 is as fast as possible.", min=0.0)
     ] = 1.0,
     to: Annotated[
-        ReplayTo,
-        typer.Option(help="Lines of JSON to stdout, or messages of VMC by OSC."),
+        ReplayTo, declare("--to", "Lines of JSON to stdout, or messages of VMC by OSC.")
     ] = ReplayTo.LINES,
     port: Annotated[
-        str | None,
-        typer.Option(metavar="[IP:]N", help="Where OSC is taken; 39539 of this computer."),
+        str | None, declare("--port [IP:]N", "Where OSC is taken; 39539 of this computer.")
     ] = None,
     *,
     reading: ReadOptions,

@@ -4,13 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.options import (
     REQUIRED,
     Excel,
     Force,
+    argument,
     check_page,
     check_target,
     declare,
@@ -25,8 +24,7 @@ if TYPE_CHECKING:
     from motionary.multiview.priors import AllocatedPrior, PriorTable
 
 Keypoints = Annotated[
-    str,
-    typer.Argument(metavar="POSE_FOLDER", help="A folder for each camera, a JSON for each image."),
+    str, argument("POSE_FOLDER", "A folder for each camera, a JSON for each image.")
 ]
 
 
@@ -210,9 +208,7 @@ def read_marks(folder: str, library: "ClassLibrary") -> "PriorTable | None":
 
 
 def priors(
-    folder: Annotated[
-        str, typer.Argument(metavar="LIB", help="A folder that `motionary learn` wrote.")
-    ],
+    folder: Annotated[str, argument("LIB", "A folder that `motionary learn` wrote.")],
     force: Force = False,
 ) -> int:
     """Write what templates tell tracks into LIB/priors.toml, to be edited.

@@ -69,6 +69,11 @@ def declare(usage: str, text: str, **limits: Any) -> Any:
     return typer.Option(*flags, metavar=metavar, help=text, **limits)
 
 
+def argument(metavar: str, text: str) -> Any:
+    """What `Annotated` takes for a value without an option, and its help."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
 def option(usage: str, text: str, default: Any = None, **limits: Any) -> Any:
     """A field of a group that is an option, as `declare` has it.
 

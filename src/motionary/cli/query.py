@@ -96,9 +96,7 @@ def parse_moment(text: str) -> Moment:
 Start = Annotated[
     Moment | None,
     declare(
-        "--from TIME",
-        "Where to start: seconds, 0:01.5, or a frame as in 45f.",
-        parser=parse_moment,
+        "--from TIME", "Where to start: seconds, 0:01.5, or a frame as in 45f.", parser=parse_moment
     ),
 ]
 Stop = Annotated[Moment | None, declare("--to TIME", "Where to end.", parser=parse_moment)]

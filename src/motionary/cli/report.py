@@ -7,8 +7,6 @@ from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.labels import RecordingsOf
 from motionary.cli.options import (
@@ -16,6 +14,7 @@ from motionary.cli.options import (
     Force,
     InFrames,
     LibraryDefault,
+    argument,
     check_page,
     check_target,
     flag,
@@ -62,9 +61,7 @@ class PageOptions:
 
 
 def report(
-    files: Annotated[
-        list[str], typer.Argument(metavar="RECORDING", help="Files, folders or patterns to show.")
-    ],
+    files: Annotated[list[str], argument("RECORDING", "Files, folders or patterns to show.")],
     options: PageOptions,
     *,
     reading: ReadOptions,
@@ -167,7 +164,7 @@ class RenderOptions:
 
 
 def render(
-    file: Annotated[str, typer.Argument(metavar="RECORDING", help="The recording to draw.")],
+    file: Annotated[str, argument("RECORDING", "The recording to draw.")],
     options: RenderOptions,
     *,
     reading: ReadOptions,

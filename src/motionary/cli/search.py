@@ -7,8 +7,6 @@ from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.convert import cut_labels
 from motionary.cli.index import IndexOptions, open_recordings
@@ -18,6 +16,7 @@ from motionary.cli.options import (
     LabelFile,
     LibraryDefault,
     TableOptions,
+    argument,
     check_library,
     check_page,
     check_picture,
@@ -104,9 +103,7 @@ class ResultOptions(TableOptions):
 
 
 def search(
-    folder: Annotated[
-        list[str], typer.Argument(metavar="FOLDER", help="Folders, files or patterns to search.")
-    ],
+    folder: Annotated[list[str], argument("FOLDER", "Folders, files or patterns to search.")],
     options: QueryOptions,
     which: HitOptions,
     results: ResultOptions,

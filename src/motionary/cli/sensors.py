@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from motionary.cli import screen
 from motionary.cli.options import (
     REQUIRED,
@@ -13,6 +11,7 @@ from motionary.cli.options import (
     Excel,
     Force,
     LibraryDefault,
+    argument,
     check_picture,
     check_target,
     declare,
@@ -35,8 +34,7 @@ _LIMBS = {
 }  # fmt: skip
 
 Columns = Annotated[
-    str | None,
-    declare("--columns TOML", "Columns, units and rate of tables of no known layout."),
+    str | None, declare("--columns TOML", "Columns, units and rate of tables of no known layout.")
 ]
 Magnetic = Annotated[
     bool,
@@ -78,7 +76,7 @@ class CheckOptions:
 
 
 def check(
-    motion: Annotated[str, typer.Argument(metavar="RECORDING", help="The motion as tracked.")],
+    motion: Annotated[str, argument("RECORDING", "The motion as tracked.")],
     options: CheckOptions,
     as_json: AsJson = False,
     *,
@@ -130,7 +128,7 @@ def check(
 
 
 def orient(
-    source: Annotated[str, typer.Argument(metavar="PATH", help="A folder or file of sensors.")],
+    source: Annotated[str, argument("PATH", "A folder or file of sensors.")],
     output: Annotated[str, declare("--output -o STO", "Orientations, for OpenSense.")],
     columns: Columns = None,
     magnetic: Magnetic = False,
@@ -219,9 +217,7 @@ def _show(found: "TrackingCheck", rows: list[dict[str, Any]]) -> None:
 # -- simulated ----------------------------------------------------------------------------
 
 
-Recording = Annotated[
-    str, typer.Argument(metavar="RECORDING", help="The motion to be recorded again.")
-]
+Recording = Annotated[str, argument("RECORDING", "The motion to be recorded again.")]
 Folder = Annotated[str, declare("--output -o FOLDER", "The folder to write into.")]
 Seed = Annotated[int, declare("--seed N", "Of everything that is drawn at random.", min=0)]
 
