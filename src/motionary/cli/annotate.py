@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -41,13 +40,6 @@ _COUNT_COLUMNS = (
 )  # fmt: skip
 
 
-class AssignmentName(StrEnum):
-    """How labels are assigned."""
-
-    SCORES = "scores"
-    PUBLISHED = "published"
-
-
 @dataclass(frozen=True, kw_only=True)
 class LabelOptions(TableOptions):
     """What counts as a label, and what is shown of it."""
@@ -64,7 +56,7 @@ class LabelOptions(TableOptions):
         "scores the least score, by default the library's.",
         min=0.0,
     )
-    assignment: AssignmentName | None = option(
+    assignment: Literal["scores", "published"] | None = option(
         "--assignment",
         "Labels by what their frames tell for a class against motion in general (scores), or by "
         "the cost of the match (published, 2009). By default scores, unless the library has none, "
@@ -100,7 +92,7 @@ class LabelOptions(TableOptions):
             return
         if self.threshold is not None:
             raise wrong("--threshold, --at-most-false", "give one, not both")
-        if self.assignment is AssignmentName.PUBLISHED:
+        if self.assignment == "published":
             raise wrong("--at-most-false", "goes with --assignment scores")
         if self.at_most_false <= 0:
             raise wrong("--at-most-false", f"must be above 0, got {self.at_most_false:g}")
@@ -110,9 +102,9 @@ class LabelOptions(TableOptions):
         assignment = self.assignment
         if self.thorough and assignment is None and self.at_most_false is None:
             # Everywhere or around keyframes: only costs know the difference.
-            assignment = AssignmentName.PUBLISHED
+            assignment = "published"
         return {
-            "assignment": None if assignment is None else assignment.value,
+            "assignment": assignment,
             "threshold": self.threshold,
             "at_most_false_per_min": self.at_most_false,
             "preselect": not self.thorough,

@@ -3,9 +3,8 @@
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from motionary.cli import screen
 from motionary.cli.learn import ScreenMonitor, draw_prototype, warn_of_unused
@@ -43,14 +42,6 @@ PlotTemplate = Annotated[
     str | None, declare("--plot PICTURE", "Draw the template: png, svg or pdf.")
 ]
 PlotLibrary = Annotated[str | None, declare("--plot PICTURE", "Draw the classes: png, svg or pdf.")]
-
-
-class Clashing(StrEnum):
-    """What becomes of a class whose name an earlier library has, too."""
-
-    REFUSE = "refuse"
-    FIRST = "first"
-    BOTH = "both"
 
 
 # -- edit -------------------------------------------------------------------------------
@@ -248,13 +239,13 @@ def merge(
     folders: Annotated[list[str], argument("LIB", "Libraries, in the order of their classes.")],
     output: Annotated[str, declare("--output -o LIB", "Folder to write to.")],
     on_clash: Annotated[
-        Clashing,
+        Literal["refuse", "first", "both"],
         declare(
             "--on-clash",
             "Where several have a class: refuse, take the first, or give the first the templates "
             "of the others, too.",
         ),
-    ] = Clashing.REFUSE,
+    ] = "refuse",
     force: Force = False,
     plot: PlotLibrary = None,
 ) -> None:
@@ -268,14 +259,14 @@ def merge(
     check_library(output, replace=force)
     libraries = [open_library(folder) for folder in folders]
     clashing = find_clashes(libraries)
-    if clashing and on_clash is Clashing.REFUSE:
+    if clashing and on_clash == "refuse":
         raise InvalidInput(
             f"several of the libraries have {', '.join(map(repr, clashing))}; nothing was "
             "written: rename them, or say --on-clash first or both"
         )
-    merged = merge_libraries(libraries, clash=on_clash.value)
+    merged = merge_libraries(libraries, clash=on_clash)
     merged.save(output)
-    kept = "the first is kept" if on_clash is Clashing.FIRST else "the templates of all are kept"
+    kept = "the first is kept" if on_clash == "first" else "the templates of all are kept"
     for clash in clashing:
         screen.warn(f"class {clash!r} is in several libraries: {kept}")
     screen.say(describe_library(merged, output))

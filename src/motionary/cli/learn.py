@@ -3,9 +3,8 @@
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from motionary.cli import screen
 from motionary.cli.options import (
@@ -49,14 +48,6 @@ _COLUMNS = {
 _TRAINING = "motionary.models.library:TrainingOptions"
 
 
-class Queries(StrEnum):
-    """Where the keyframe queries of a class come from."""
-
-    NONE = "none"
-    LEARNED = "learned"
-    CHOSEN = "chosen"
-
-
 @dataclass(frozen=True, kw_only=True)
 class TrainingFlags:
     """How classes are learned, and below which cost a match is believed."""
@@ -92,12 +83,12 @@ class TrainingFlags:
         min=0.0,
         max=0.5,
     )
-    queries: Queries = option(
+    queries: Literal["none", "learned", "chosen"] = option(
         "--queries",
         "Keyframe queries from the examples, so that a class is looked for around their hits only: "
         "several that vote are learned by a genetic algorithm (learned), or one of two to five "
         "keyframes is chosen (chosen).",
-        Queries.NONE,
+        "none",
     )
     query_runs: int = option(
         "--query-runs",
@@ -144,7 +135,7 @@ class TrainingFlags:
             raise wrong("--groups", "goes with --calibrate or --per-group")
         if self.per_group and not self.groups:
             raise wrong("--per-group", "needs --groups")
-        if self.per_group and (self.keep_examples or self.queries is not Queries.NONE):
+        if self.per_group and (self.keep_examples or self.queries != "none"):
             raise wrong("--per-group", "goes neither with --keep-examples nor with --queries")
 
     def training(self) -> "TrainingOptions":
@@ -158,7 +149,7 @@ class TrainingFlags:
             keep_examples=self.keep_examples,
             calibrate=self.calibrate,
             groups=self.groups,
-            queries=self.queries.value,
+            queries=self.queries,
             query_runs=self.query_runs,
             per_group=self.per_group,
         )

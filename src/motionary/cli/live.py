@@ -7,9 +7,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from motionary.cli import screen
 from motionary.cli.options import argument, declare, flag, option, wrong
@@ -27,13 +26,6 @@ _LOOPBACK = "127.0.0.1"
 _SAVED_EACH_S = 60.0
 
 Sent = TypeVar("Sent")
-
-
-class ReplayTo(StrEnum):
-    """Ways in which `motionary replay` sends poses."""
-
-    LINES = "lines"
-    OSC = "osc"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,8 +149,9 @@ def replay(
         float, declare("--speed TIMES", "How fast; 0 is as fast as possible.", min=0.0)
     ] = 1.0,
     to: Annotated[
-        ReplayTo, declare("--to", "Lines of JSON to stdout, or messages of VMC by OSC.")
-    ] = ReplayTo.LINES,
+        Literal["lines", "osc"],
+        declare("--to", "Lines of JSON to stdout, or messages of VMC by OSC."),
+    ] = "lines",
     port: Annotated[
         str | None, declare("--port [IP:]N", "Where OSC is taken; 39539 of this computer.")
     ] = None,
@@ -172,12 +165,12 @@ def replay(
     """
     from motionary.live import VMC_PORT, write_lines, write_messages
 
-    if to is ReplayTo.LINES and port is not None:
+    if to == "lines" and port is not None:
         raise wrong("--port", "goes with --to osc: lines are written to stdout")
-    if to is ReplayTo.OSC and not speed:
+    if to == "osc" and not speed:
         raise wrong("--speed", "OSC takes no more than arrives in time; give one above 0")
     motion = read_recording(Path(recording), reading)
-    if to is ReplayTo.LINES:
+    if to == "lines":
         # The first line says what all poses have in common.
         for line in _paced(write_lines(motion), motion.rate_hz * speed, n_before=1):
             sys.stdout.write(line + "\n")
