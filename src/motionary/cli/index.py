@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from motionary.batch import Workers
     from motionary.features import FeatureSet
     from motionary.retrieval.duplicates import DuplicateResult, Occurrence
+    from motionary.retrieval.index import Changes, Index
     from motionary.retrieval.index.opening import Opened
 
 _COLUMNS = (
@@ -89,7 +90,7 @@ def index(
     motionary index /archive @more.txt s3://bucket/takes --index /archive-index
     motionary index /archive --index /archive-index --scheduler tcp://host:8786
     """
-    from motionary.features import SEQUENCE_HZ, load_everyday_set
+    from motionary.features import load_everyday_set
     from motionary.retrieval.index.opening import Opener
 
     with work.open() as workers:
@@ -100,23 +101,35 @@ def index(
         changes = opened.changes()
         is_stopped = opener.update_index(opened, changes)
     failed = warn_of_all(opener.missing_of(opened), opened.failures)
-    counts = {
-        "recordings": len(opened),
-        "words": opened.n_frames,
-        "read": opened.count_ready(changes.to_read),
-        "gone": len(changes.gone),
-        "failed": len(opened.failures),
-    }
-    if as_json:
-        screen.print_json({**counts, "place": str(opened.place)})
-    else:
-        hours = opened.n_frames / SEQUENCE_HZ / 3600
-        screen.say(
-            f"{len(opened)} recordings, {hours:.2f} hours; read {counts['read']}, "
-            f"{len(changes.gone)} gone, {len(opened.failures)} could not be read",
-            f"kept in {opened.place}",
-        )
+    _say_kept(opened, changes, as_json=as_json)
     return STOPPED_BY_KEYBOARD if is_stopped else int(failed)
+
+
+def _say_kept(index: "Index", changes: "Changes", *, as_json: bool) -> None:
+    """Say what an index holds, and what has become of it."""
+    from motionary.features import SEQUENCE_HZ
+
+    n, gone, failed = len(index), len(changes.gone), len(index.failures)
+    read, hours = index.count_ready(changes.to_read), index.n_frames / SEQUENCE_HZ / 3600
+    if as_json:
+        counts = {"recordings": n, "words": index.n_frames, "read": read, "gone": gone}
+        screen.print_json({**counts, "failed": failed, "place": str(index.place)})
+        return
+    screen.say(
+        f"{n} recordings, {hours:.2f} hours; read {read}, {gone} gone, {failed} could not be read",
+        f"kept in {index.place}",
+    )
+
+
+LeastBits = Annotated[
+    float,
+    declare(
+        "--bits BITS",
+        "Least self-information of what two recordings have in common.",
+        min=0.0,
+        default_factory=LibraryDefault("motionary.retrieval.duplicates:Comparing", "least_bits"),
+    ),
+]
 
 
 def duplicates(
@@ -126,17 +139,7 @@ def duplicates(
     ] = None,
     as_json: AsJson = False,
     *,
-    least_bits: Annotated[
-        float,
-        declare(
-            "--bits BITS",
-            "Least self-information of what two recordings have in common.",
-            min=0.0,
-            default_factory=LibraryDefault(
-                "motionary.retrieval.duplicates:Comparing", "least_bits"
-            ),
-        ),
-    ],
+    least_bits: LeastBits,
     index: IndexOptions,
     work: WorkOptions,
     reading: ReadOptions,
