@@ -227,7 +227,7 @@ def test_the_files_that_pages_speak_of_are_laid_out(place):
 @pytest.fixture(scope="module")
 def demonstration(data, tmp_path_factory):
     """What `make demo` prints on real recordings."""
-    from motionary.cli.demo import run_on_recordings as demonstrate
+    from motionary.demo import run_on_recordings as demonstrate
 
     return list(demonstrate(data, tmp_path_factory.mktemp("demo"), jobs=1))
 

@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -18,7 +19,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from motionary import __version__
 from motionary.cli import STOPPED_BY_KEYBOARD
-from motionary.cli.options import expand_groups
+from motionary.cli.options import declare, expand_groups
 from motionary.cli.screen import prepare_streams, shorten, warn
 from motionary.errors import MotionaryError
 from motionary.tables import printable
@@ -47,7 +48,7 @@ COMMANDS = {
     "synth": "sensors",
     "live": "live",
     "replay": "live",
-    "demo": "demo",
+    "demo": "app",
 }
 #: Shells that complete a command line set it.
 _COMPLETION = "_MOTIONARY_COMPLETE"
@@ -185,6 +186,25 @@ def _start(
     motionary learn examples/ -o my-classes
     motionary annotate long.amc --library my-classes
     """
+
+
+def demo(
+    output: Annotated[Path, declare("--output -o", "Folder for labels and pictures.")] = Path(
+        "demo-output"
+    ),
+    jobs: Annotated[int, declare("--jobs", "Processes that read.")] = 2,
+) -> None:
+    """Label without training, search, train classes, label unseen recordings, score.
+
+    With real recordings in the folder that MOTIONARY_DATA names; without them on
+    synthetic motions.
+
+    Example: motionary demo --output demo-output
+    """
+    from motionary.demo import demonstrate
+
+    for line in demonstrate(output, jobs=jobs):
+        typer.echo(line)
 
 
 def _help_of(command: Callable[..., Any]) -> str:

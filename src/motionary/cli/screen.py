@@ -12,20 +12,14 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 from motionary.tables import printable
+from motionary.text_tables import BETWEEN, align, print_fitted
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-_BETWEEN = "  "
 _LONGEST = 420
 _CUT = " ... "
 _SILENT_S = 30.0
-# A text in a narrower column is not read.
-_LEAST_WIDTH = 10
 
 
 def prepare_streams() -> None:
@@ -82,105 +76,10 @@ def print_table(
     shown = [[*map(printable, row), *[""] * (len(columns) - len(row))] for row in rows]
     lines = {row: printable(line) for row, line in (below or {}).items()}
     if sys.stdout.isatty():
-        _print_fitted(columns, shown, lines)
-    else:
-        for number, line in enumerate(align(columns, shown), start=-1):
-            sys.stdout.write(line + "\n")
-            if number in lines:
-                sys.stdout.write(f"{_BETWEEN}{lines[number]}\n")
-
-
-def align(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Lines of a table, the headings first; columns as in `print_table`."""
-    from rich.cells import cell_len
-
-    widths = _natural_widths(columns, rows)
-    heads = [column.removeprefix(">") for column in columns]
-    for row in (heads, *rows):
-        cells = []
-        for cell, column, width in zip(row, columns, widths, strict=True):
-            space = " " * (width - cell_len(cell))
-            cells.append(space + cell if column.startswith(">") else cell + space)
-        yield _BETWEEN.join(cells).rstrip()
-
-
-def _print_fitted(
-    columns: Sequence[str], rows: Sequence[Sequence[str]], below: Mapping[int, str]
-) -> None:
-    """A table on a terminal: long texts are folded, numbers and short texts keep their width."""
-    from rich.console import Console
-    from rich.padding import Padding
-    from rich.text import Text
-
-    console = Console(highlight=False)
-    widths = _fit(columns, _natural_widths(columns, rows), console.width)
-    if widths is None:
-        _print_blocks(console, columns, rows, below)
+        print_fitted(columns, shown, lines)
         return
-    table = _fitted_table(columns, widths, has_header=True)
-    for number, row in enumerate(rows):
-        table.add_row(*map(Text, row))
-        if number in below:
-            console.print(table, Padding(Text(below[number]), (0, 0, 0, len(_BETWEEN))), sep="")
-            table = _fitted_table(columns, widths, has_header=False)
-    if table.rows or not rows:
-        console.print(table)
-
-
-def _fit(columns: Sequence[str], widths: Sequence[int], most: int) -> list[int] | None:
-    """Widths that a terminal holds, the longest texts made narrower; None if it is too narrow."""
-    left = most - len(_BETWEEN) * (len(widths) - 1)
-    is_text = [not column.startswith(">") for column in columns]
-    for longest in range(max(widths, default=0), _LEAST_WIDTH - 1, -1):
-        fitted = [
-            min(width, longest) if text else width
-            for width, text in zip(widths, is_text, strict=True)
-        ]
-        if sum(fitted) <= left:
-            return fitted
-    return None
-
-
-def _print_blocks(
-    console: "Console",
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    below: Mapping[int, str],
-) -> None:
-    """Each row as a few lines, where a table would not fit."""
-    from rich.padding import Padding
-    from rich.text import Text
-
-    heads = [column.removeprefix(">") for column in columns]
-    for number, row in enumerate(rows):
-        cells = [f"{head} {cell}" for head, cell in zip(heads, row, strict=True) if cell]
-        console.print(Text(cells[0]) if cells else "")
-        rest = [", ".join(cells[1:]), below.get(number, "")]
-        for line in filter(None, rest):
-            console.print(Padding(Text(line), (0, 0, 0, len(_BETWEEN))))
-
-
-def _fitted_table(columns: Sequence[str], widths: Sequence[int], *, has_header: bool) -> "Table":
-    """A table without rows, its columns as wide as in every other part of the same table."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(
-        box=None, show_header=has_header, pad_edge=False, padding=(0, len(_BETWEEN), 0, 0)
-    )
-    for column, width in zip(columns, widths, strict=True):
-        justify: Literal["left", "right"] = "right" if column.startswith(">") else "left"
-        title = Text(column.removeprefix(">"))
-        table.add_column(title, justify=justify, overflow="fold", width=width)
-    return table
-
-
-def _natural_widths(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
-    """Columns of a terminal that the widest cell of each column takes."""
-    from rich.cells import cell_len
-
-    heads = [column.removeprefix(">") for column in columns]
-    return [max(map(cell_len, cells)) for cells in zip(heads, *rows, strict=True)]
+    for number, line in enumerate(align(columns, shown), start=-1):
+        say(line, *[f"{BETWEEN}{lines[number]}"] * (number in lines))
 
 
 def shorten(text: str) -> str:

@@ -32,7 +32,6 @@ from motionary.io.options import ReadOptions
 if TYPE_CHECKING:
     from motionary.batch import Workers
     from motionary.labels import LabelTrack
-    from motionary.motion import Floats, Motion
     from motionary.retrieval.index import Collection
     from motionary.retrieval.index.opening import Opened
     from motionary.retrieval.search import QueryExpansion, SearchResult
@@ -338,6 +337,7 @@ class _Answer:
     def _draw_sheet(self, path: str, reading: ReadOptions) -> None:
         """Stick figures of an example and its hits; without an example the best hit leads."""
         from motionary.plots import plot_sheets, save_pages
+        from motionary.retrieval.search import cut_frames
 
         read = cache(lambda name: read_recording(self.opened.files[name], reading))
         rows = []
@@ -368,12 +368,3 @@ class _Answer:
             query=example, judging=judging, title=self.query.name,
         )  # fmt: skip
         screen.say_size(path)
-
-
-def cut_frames(motion: "Motion", first: int, last: int) -> "tuple[Floats, Floats]":
-    """Generic joints of frames as the file numbers them, both ends included, and their times."""
-    import numpy as np
-
-    start = max(first - motion.first_frame, 0)
-    stop = min(max(last + 1 - motion.first_frame, start + 1), motion.n_frames)
-    return motion.cut(start, stop).generic_positions(), np.arange(start, stop) / motion.rate_hz

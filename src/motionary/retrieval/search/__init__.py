@@ -2,7 +2,7 @@
 
 from motionary.retrieval.search.expansion import QueryExpansion, RelevanceFeedback
 from motionary.retrieval.search.keyframes import Deriving, derive_queries, suggest_queries
-from motionary.retrieval.search.ranking import Hit, SearchResult
+from motionary.retrieval.search.ranking import Hit, SearchResult, cut_frames
 from motionary.retrieval.search.searching import class_of_result, search
 from motionary.retrieval.search.similar import WindowSettings
 
@@ -14,6 +14,7 @@ __all__ = [
     "SearchResult",
     "WindowSettings",
     "class_of_result",
+    "cut_frames",
     "derive_queries",
     "search",
     "suggest_queries",

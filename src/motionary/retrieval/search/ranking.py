@@ -21,6 +21,7 @@ from motionary.features import FeatureSequence, NamedFile
 from motionary.matching import Alignment, Corpus, Pattern, align, corpus_distance, find_hits
 from motionary.models.keyframes import HitRanges, KeyframeQuery, PostingIndex, select_in_index
 from motionary.models.templates import MotionTemplate, QuantisedTemplate
+from motionary.motion import Floats, Motion
 from motionary.packing import PackedFeatures
 from motionary.recording import Recording
 from motionary.retrieval.explanation import Comparison, Evidence
@@ -343,3 +344,10 @@ def _repeats(match: Alignment, other: Alignment) -> bool:
     """Whether more than half of a match lies within another."""
     shared = min(match.end, other.end) - max(match.start, other.start) + 1
     return 2 * shared > match.end - match.start + 1
+
+
+def cut_frames(motion: Motion, first: int, last: int) -> tuple[Floats, Floats]:
+    """Generic joints of frames as the file numbers them, both ends included, and their times."""
+    start = max(first - motion.first_frame, 0)
+    stop = min(max(last + 1 - motion.first_frame, start + 1), motion.n_frames)
+    return motion.cut(start, stop).generic_positions(), np.arange(start, stop) / motion.rate_hz

@@ -1,4 +1,4 @@
-"""`motionary demo`: the main job, once through, on real recordings where they are at hand.
+"""The main job, once through, on real recordings where they are at hand.
 
 With recordings, clips of HDM05 train classes and other takes are labelled. Without, all motions
 are synthetic, and every line says so.
@@ -9,21 +9,17 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from motionary.cli import screen
-from motionary.cli.options import declare
-from motionary.cli.search import cut_frames
+from motionary.text_tables import align
 
 if TYPE_CHECKING:
     from motionary.features import FeatureSequence
     from motionary.labels import Label, LabelTrack
     from motionary.models.library import ClassLibrary
-    from motionary.motion import Floats, Motion
+    from motionary.motion import Motion
     from motionary.retrieval.index import Collection
-    from motionary.retrieval.search import Hit, SearchResult
+    from motionary.retrieval.search import SearchResult
 
 DATA = "MOTIONARY_DATA"
 EXAMPLE = "squat1Reps/HDM_mm_squat1Reps_037_120.amc"
@@ -56,26 +52,12 @@ NAMES = {
 _SCORES = ("", ">P1", ">R1", ">F1", ">P2", ">R2", ">F2")
 
 
-def demo(
-    output: Annotated[Path, declare("--output -o", "Folder for labels and pictures.")] = Path(
-        "demo-output"
-    ),
-    jobs: Annotated[int, declare("--jobs", "Processes that read.")] = 2,
-) -> None:
-    """Label without training, search, train classes, label unseen recordings, score.
-
-    With real recordings in the folder that MOTIONARY_DATA names; without them on
-    synthetic motions.
-
-    Example: motionary demo --output demo-output
-    """
+def demonstrate(output: Path, *, jobs: int) -> Iterator[str]:
+    """Lines that say what happens, while it happens: on recordings if there are some."""
     folder = os.environ.get(DATA, "")
     if folder and Path(folder, "hdm05").is_dir():
-        lines = run_on_recordings(Path(folder), output, jobs)
-    else:
-        lines = (f"[synthetic] {line}" if line else "" for line in run_on_synthetic(output))
-    for line in lines:
-        typer.echo(line)
+        return run_on_recordings(Path(folder), output, jobs)
+    return (f"[synthetic] {line}" if line else "" for line in run_on_synthetic(output))
 
 
 # -- on real recordings -----------------------------------------------------------------
@@ -266,7 +248,7 @@ def _show_hits(
 ) -> Iterator[str]:
     """The hits as a table, and pictures of them and of the learned template."""
     from motionary.plots import plot_sheet, plot_template, save
-    from motionary.retrieval.search import QueryExpansion
+    from motionary.retrieval.search import QueryExpansion, cut_frames
 
     rows = [
         (str(rank), hit.recording.name, f"{hit.start_s:.1f}", f"{hit.end_s:.1f}", f"{hit.cost:.3f}")
@@ -275,21 +257,18 @@ def _show_hits(
     yield from _indent((">rank", "recording", ">start_s", ">end_s", ">cost"), rows)
     title, motion = query
     others = [hit for hit in result if hit.recording.name != motion.source]
-    strips = [(_title(hit), *_frames_of(hit, motions)) for hit in others[:5]]
+    strips = []
+    for hit in others[:5]:
+        place = f"{hit.recording.name}  {hit.start_s:.1f}–{hit.end_s:.1f} s"
+        motion_of_hit = motions[hit.recording.name]
+        frames = cut_frames(motion_of_hit, hit.start_frame, hit.end_frame)
+        strips.append((f"{place}  cost {hit.cost:.3f}", *frames))
     last = motion.first_frame + motion.n_frames - 1
     example = (title, *cut_frames(motion, motion.first_frame, last))
     save(plot_sheet(example, strips), folder / "hits.png")
     template = result.templates[0]
     save(plot_template(template, tolerance=QueryExpansion().tolerance), folder / "template.png")
     yield f"  pictures: {folder / 'hits.png'}, {folder / 'template.png'}"
-
-
-def _frames_of(hit: "Hit", motions: "Mapping[str, Motion]") -> "tuple[Floats, Floats]":
-    return cut_frames(motions[hit.recording.name], hit.start_frame, hit.end_frame)
-
-
-def _title(hit: "Hit") -> str:
-    return f"{hit.recording.name}  {hit.start_s:.1f}–{hit.end_s:.1f} s  cost {hit.cost:.3f}"
 
 
 def _write_results(
@@ -346,4 +325,4 @@ def _explain_two(tracks: "Mapping[str, LabelTrack]") -> Iterator[str]:
 
 def _indent(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Lines of a table, indented."""
-    return (f"  {line}" for line in screen.align(columns, rows))
+    return (f"  {line}" for line in align(columns, rows))
