@@ -2,10 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 from motionary.cli import STOPPED_BY_KEYBOARD, screen
-from motionary.cli.options import AsJson, LibraryDefault, argument, declare, flag, option, wrong
+from motionary.cli.options import (
+    AsJson,
+    LibraryDefault,
+    argument,
+    declare,
+    find_feature_set,
+    flag,
+    option,
+    wrong,
+)
 from motionary.cli.recordings import WorkOptions, read_recording, warn_of_all
 from motionary.io.options import ReadOptions
 
@@ -62,19 +72,31 @@ def open_recordings(
 # -- commands ---------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, kw_only=True)
+class KeptOptions:
+    """What is kept of recordings, and where."""
+
+    place: str | None = option(
+        "--index PATH", "Folder to keep what was read in; by default in the cache."
+    )
+    features: str | None = option(
+        "--features SET",
+        "Features to keep: everyday-448 (the usual, for all searches), full-body-40 (the published "
+        "alone, in a quarter of the room: for keyframes, classes, labels and --fast), or what a "
+        "library is over, such as legs-14.",
+    )
+
+
 def index(
     sources: Annotated[
         list[str],
         argument(
             "SOURCE",
-            "Folders, searched to the bottom, files, URLs, and @LIST: a text file with one of them "
-            "a line.",
+            "Folders, searched to the bottom, files, patterns, URLs, and @LIST: a text file with "
+            "one of them a line.",
         ),
     ],
-    place: Annotated[
-        str | None,
-        declare("--index PATH", "Folder to keep what was read in; by default in the cache."),
-    ] = None,
+    options: KeptOptions,
     as_json: AsJson = False,
     *,
     work: WorkOptions,
@@ -88,16 +110,20 @@ def index(
     motionary index recordings/ --jobs 4
     motionary index //server/recordings --index recordings-index
     motionary index /archive @more.txt s3://bucket/takes --index /archive-index
+    motionary index /archive --index /archive-index --features full-body-40
     motionary index /archive --index /archive-index --scheduler tcp://host:8786
     """
     from motionary.features import load_everyday_set
+    from motionary.retrieval.index import Index
     from motionary.retrieval.index.opening import Opener
 
+    chosen = load_everyday_set() if options.features is None else find_feature_set(options.features)
     with work.open() as workers:
-        opener = Opener(
-            reading=reading, feature_set=load_everyday_set(), jobs=workers, follower=screen
-        )
-        opened = opener.open_index(sources, place)
+        opener = Opener(reading=reading, feature_set=chosen, jobs=workers, follower=screen)
+        if options.features is None:
+            opened = opener.open_index(sources, options.place)
+        else:
+            opened = Index.open(sources, at=options.place, reading=reading, feature_set=chosen)
         changes = opened.changes()
         is_stopped = opener.update_index(opened, changes)
     failed = warn_of_all(opener.missing_of(opened), opened.failures)
@@ -162,14 +188,16 @@ def duplicates(
             for side in (folder, other)
             if side is not None
         ]
-    (left, _), (right, _) = sides[0], sides[-1]
-    result = find_duplicates(
-        left.collection,
-        right.collection if other else None,
-        read=lambda name: read_recording(left.files[name], reading),
-        read_right=lambda name: read_recording(right.files[name], reading),
-        comparing=Comparing(least_bits=least_bits),
-    )
+        (left, _), (right, _) = sides[0], sides[-1]
+        result = find_duplicates(
+            left.collection, right.collection if other else None,
+            # Workers of a cluster run in other folders.
+            read=partial(read_recording, reading=reading.absolute()),
+            comparing=Comparing(least_bits=least_bits),
+            locate=lambda name: left.files[name].absolute(),
+            locate_right=(lambda name: right.files[name].absolute()) if other else None,
+            jobs=workers,
+        )  # fmt: skip
     if as_json:
         _say_json(result)
     else:
