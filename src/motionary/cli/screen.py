@@ -79,7 +79,9 @@ def print_table(
         print_fitted(columns, shown, lines)
         return
     for number, line in enumerate(align(columns, shown), start=-1):
-        say(line, *[f"{BETWEEN}{lines[number]}"] * (number in lines))
+        say(line)
+        if number in lines:
+            say(BETWEEN + lines[number])
 
 
 def shorten(text: str) -> str:
