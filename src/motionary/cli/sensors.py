@@ -1,5 +1,6 @@
 """`motionary imu` and `synth`: motion held against inertial sensors, and sensors simulated."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,6 +25,9 @@ from motionary.errors import InvalidInput, UnwritableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from motionary.body.rendering import Floats
     from motionary.inertial import LimbCheck, TrackingCheck
 
 #: Headings of a limb's row, and its keys.
@@ -217,6 +221,8 @@ def _show(found: "TrackingCheck", rows: list[dict[str, Any]]) -> None:
 # -- simulated ----------------------------------------------------------------------------
 
 
+# How names of synthetic files begin, and what describes the camera of images.
+_SYNTHETIC, _CAMERA = "synthetic-", "camera.json"
 Recording = Annotated[str, argument("RECORDING", "The motion to be recorded again.")]
 Folder = Annotated[str, declare("--output -o FOLDER", "The folder to write into.")]
 Seed = Annotated[int, declare("--seed N", "Of everything that is drawn at random.", min=0)]
@@ -247,7 +253,6 @@ def simulate_imu(
 
     motionary synth imu take.bvh -o sensors --limb lthigh --limb lshank
     """
-    from motionary.body.depth_cameras import SYNTHETIC
     from motionary.inertial import simulate_sensors
     from motionary.io.sensors import write_mtw
 
@@ -256,7 +261,7 @@ def simulate_imu(
     made = simulate_sensors(motion, limbs, seed=seed)
     _empty_folder(output)
     for sensor in made:
-        write_mtw(Path(output) / f"{SYNTHETIC}{sensor.name}.txt", sensor)
+        write_mtw(Path(output) / f"{_SYNTHETIC}{sensor.name}.txt", sensor)
     screen.say(f"{len(made)} synthetic sensors written to {output}")
     return 0
 
@@ -278,9 +283,7 @@ def _empty_folder(output: str) -> None:
 
 
 def _of_former_runs(output: str) -> list[Path]:
-    from motionary.body.depth_cameras import DESCRIPTION, SYNTHETIC
-
-    own = [*Path(output).glob(f"{SYNTHETIC}*"), Path(output, DESCRIPTION)]
+    own = [*Path(output).glob(f"{_SYNTHETIC}*"), Path(output, _CAMERA)]
     return [path for path in own if path.is_file()]
 
 
@@ -317,7 +320,6 @@ def simulate_depth(recording: Recording, options: DepthOptions, *, reading: Read
     motionary synth depth take.bvh -o images --noise tof --distance 2.5
     """
     from motionary.body import DepthSettings, load_body, record_depth
-    from motionary.body.depth_cameras import write_depth
 
     settings = DepthSettings(options.noise, options.distance_m, options.images_hz)
     _check_folder(options.output, replace=options.force)
@@ -328,7 +330,15 @@ def simulate_depth(recording: Recording, options: DepthOptions, *, reading: Read
     body = load_body(fine=options.fine)
     camera, images = record_depth(body, motion, settings, seed=options.seed)
     _empty_folder(options.output)
-    written, n_cut = write_depth(options.output, camera, images, settings, seed=options.seed)
+    written, n_cut = _write_images(Path(options.output), images)
+    description = {
+        "synthetic": True, "noise": options.noise, "seed": options.seed,
+        "rate_hz": options.images_hz, "unit": "mm", "width": camera.width,
+        "height": camera.height, "focal": camera.focal, "centre": camera.centre,
+        "world_from_camera": camera.world_from_camera.tolist(),
+        "position": camera.position.tolist(),
+    }  # fmt: skip
+    Path(options.output, _CAMERA).write_text(json.dumps(description, indent=1) + "\n", "utf-8")
     screen.say(f"{written} synthetic depth images written to {options.output}")
     if n_cut:
         screen.warn(
@@ -336,6 +346,23 @@ def simulate_depth(recording: Recording, options: DepthOptions, *, reading: Read
             "by --from and --to, or a larger --distance"
         )
     return 0
+
+
+def _write_images(folder: Path, images: "Iterable[Floats]") -> tuple[int, int]:
+    """Write images as 16-bit PNG in millimetres, 0 where nothing is.
+
+    How many there were, and in how many the person reaches the edge or is out of sight.
+    """
+    import numpy as np
+    from PIL import Image
+
+    count = n_cut = 0
+    for count, image in enumerate(images, start=1):
+        millimetres = np.nan_to_num(np.clip(image * 1000, 0, 65535)).astype(np.uint16)
+        inner = int(np.count_nonzero(millimetres[1:-1, 1:-1]))
+        n_cut += inner == 0 or inner < int(np.count_nonzero(millimetres))
+        Image.fromarray(millimetres).save(folder / f"{_SYNTHETIC}{count - 1:06d}.png")
+    return count, n_cut
 
 
 #: Commands of the groups, in the sequence of their helps.
