@@ -21,6 +21,9 @@ from hypothesis import HealthCheck, settings
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
+# A process that tests start, a worker too, else compiles again what it imports: half a second.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 VARIABLE = "MOTIONARY_DATA"
 RECORDING_FIXTURES = {"data", "golden", "hdm05"}
 MARK = "recordings"
@@ -36,7 +39,7 @@ settings.register_profile(
     "motionary",
     derandomize=True,
     deadline=None,
-    max_examples=25,
+    max_examples=15,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
 )
@@ -77,6 +80,31 @@ def hdm05(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
         beside.write_bytes(pickle.dumps(clips))
         beside.replace(shared)
     return clips
+
+
+@pytest.fixture(scope="session")
+def _started() -> Iterator[Any]:
+    from motionary.batch import _make_pool
+
+    with _make_pool(2) as pool:
+        yield pool
+
+
+@pytest.fixture
+def two_processes(_started: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work of two processes is done by those of the tests before: starting them takes longest."""
+
+    class Kept:
+        submit = staticmethod(_started.submit)
+
+        def shutdown(self) -> None:
+            """They go on for the next test."""
+
+    def keep(jobs: int) -> Kept:
+        assert jobs == 2
+        return Kept()
+
+    monkeypatch.setattr("motionary.batch._make_pool", keep)
 
 
 @pytest.fixture

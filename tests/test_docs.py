@@ -22,7 +22,8 @@ import pytest
 
 import motionary
 from cli_cases import run
-from motionary.retrieval.index import CACHE_VARIABLE
+from motionary.retrieval import index
+from motionary.retrieval.index import CACHE_VARIABLE, Collection
 from motionary.samples import synthetic_motion, synthetic_stream
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -225,11 +226,16 @@ def test_the_files_that_pages_speak_of_are_laid_out(place):
 
 
 @pytest.fixture(scope="module")
-def demonstration(data, tmp_path_factory):
+def demonstration(data, hdm05, tmp_path_factory):
     """What `make demo` prints on real recordings."""
     from motionary.demo import run_on_recordings as demonstrate
 
-    return list(demonstrate(data, tmp_path_factory.mktemp("demo"), jobs=1))
+    paths = sorted((data / "hdm05").rglob("*.[aA][mM][cC]"))
+    clips = [hdm05[path.stem].renamed(f"{path.parent.name}/{path.name}") for path in paths]
+    with pytest.MonkeyPatch.context() as patch:
+        # Read by an earlier test.
+        patch.setattr(index, "collect", lambda folder, jobs: Collection(tuple(clips)))
+        return list(demonstrate(data, tmp_path_factory.mktemp("demo"), jobs=1))
 
 
 def numbers_in(line: str) -> list[float]:

@@ -81,6 +81,7 @@ def test_labels_of_an_index_are_those_of_the_files(
     assert ("squat.bvh", "squat") in [(row["recording"], row["label"]) for row in rows]
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_whoever_labels_a_collection_labels_it_alike(libraries, index, archive, monkeypatch):
     monkeypatch.setattr(collection, "_PORTION_FRAMES", 100)
     library = ClassLibrary.load(libraries["published"])

@@ -69,6 +69,7 @@ def test_wrong_use_is_told_before_anything_is_read(motionary, takes, monkeypatch
     assert ran.out == ""
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_results_do_not_depend_on_processes(motionary, takes):
     outputs = []
     for jobs in (1, 2):

@@ -320,6 +320,7 @@ def test_the_help_loads_nothing_heavy():
     assert ran.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_two_processes_give_what_one_gives(motionary, world):
     for command in (
         ("annotate", world / "examples" / "squat", "--library", world / "library", "--json"),

@@ -113,6 +113,7 @@ def test_files_read_together_are_those_alone_and_one_that_fails_is_alone(array, 
         assert published[i].source == files[i][0]
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_results_do_not_depend_on_processes(array, batch, tmp_path, monkeypatch):
     monkeypatch.setattr("motionary.features.batches._CHUNK", 2)
     done = compute_batch(array, rate_hz=20, names=KINDS, persons=batch.persons, jobs=2)

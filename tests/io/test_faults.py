@@ -357,6 +357,7 @@ def test_wide_tree_is_read_in_linear_time(data: Path) -> None:
 
 @pytest.mark.parametrize("name", ["amass_shapes.npz", "event_times.c3d", "two_dots.bvh"])
 @pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.usefixtures("two_processes")
 def test_one_hostile_file_does_not_end_a_batch(
     data: Path, tmp_path: Path, motionary: Command, name: str, jobs: str
 ) -> None:

@@ -364,6 +364,7 @@ def test_every_clip_has_a_name_of_its_own(tmp_path):
     ]  # fmt: skip
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_a_batch_of_clips_finishes(bvh, amc, tmp_path):
     files = {"take.bvh": bvh, "body_walk.amc": amc, "x.c3d": tmp_path / "x.c3d"}
     tracks = [

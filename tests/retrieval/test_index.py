@@ -61,6 +61,7 @@ def test_every_file_is_reported_as_it_is_done(folder):
     assert [name for name, _ in done] == ["a.bvh", "b.bvh", "broken.bvh", "deep/er/a.bvh"]
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_two_processes_read_the_same(folder):
     one, two = collect(folder), collect(folder, jobs=2)
     assert names(one) == names(two)

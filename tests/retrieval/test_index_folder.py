@@ -138,6 +138,7 @@ def test_many_small_additions_are_joined(folder, place, tmp_path):
     assert_fresh(index, folder, tmp_path)
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_several_processes_give_the_same(folder, place, tmp_path):
     index = Index.open(folder, at=place)
     index.update(jobs=2)

@@ -196,6 +196,7 @@ def test_the_order_of_files_on_disk_does_not_count(folder, tmp_path):
     assert contents(learn(again)) == contents(learn(folder))
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_two_processes_learn_the_same(folder):
     assert contents(learn(folder, jobs=2)) == contents(learn(folder))
 

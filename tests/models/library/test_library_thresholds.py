@@ -257,6 +257,7 @@ def test_negatives_that_look_alike_lower_the_threshold():
     assert calibrate_thresholds(examples, negatives=alike)["class1"].threshold < without
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_the_same_seed_gives_the_same_thresholds_in_any_number_of_processes():
     examples = made_examples(4)
     first = calibrate_thresholds(examples, negatives=[noise(1)], seed=3)

@@ -86,6 +86,7 @@ def test_same_seed_same_queries_and_another_seed_others(positives, negatives, le
     assert not same(other.runs, learned.runs)
 
 
+@pytest.mark.usefixtures("two_processes")
 def test_two_processes_learn_the_same(positives, negatives, learned):
     done = []
     both = learn_query(
