@@ -66,13 +66,14 @@ def test_a_replayed_recording_is_labelled_as_annotate_labels_it(
 
 def test_lines_that_are_no_poses_are_told_and_the_others_count(capsys, monkeypatch, lines, library):
     wrong = [
-        "garbage", "[1, 2]", '{"positions": 3}', '{"positions": [[1, 2]]}', '{"what": 1}',
-        '{"positions": [[1, 2, 3]]}', '{"rate_hz": "fast"}', "",
+        "garbage", '{"positions": [[1, 2, 3]]}', "[1, 2]", '{"positions": 3}',
+        '{"positions": [[1, 2]]}', '{"what": 1}', '{"rate_hz": "fast"}', "",
     ]  # fmt: skip
     feed(monkeypatch, "\n".join([lines[0], *wrong, *lines[1:]]) + "\n")
     ran = run(capsys, monkeypatch, "live", "--final", "--library", library)
     assert ran.code == 1
-    assert "a line must be one JSON object, got 'garbage" in ran.err
+    assert "line 2: a line must be one JSON object, got 'garbage" in ran.err
+    assert "line 3: the first line has 24 joints, got 1 positions; a first line with" in ran.err
     assert "7 lines were of no use" in ran.err
     feed(monkeypatch, "\n".join(lines) + "\n")
     assert ran.out == run(capsys, monkeypatch, "live", "--final", "--library", library).out

@@ -87,6 +87,7 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
         (("learn", "{world}/examples"), "--output"),
         (("count", "{world}/take.bvh", "-o", "x.eaf"), "written as .csv, .tsv, .txt"),
         (("features", "{world}/take.bvh", "-o", "x.xls"), ".npz, .parquet or .csv"),
+        (("features", "{world}/take.bvh", "-o", "-"), "a file, not stdout"),
         (("evaluate", "x.csv", "--truth", "y.csv", "--rename", "=b"), "NAME=NEW"),
         (("serch", "{world}"), "serch"),
     ],

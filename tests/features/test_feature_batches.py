@@ -223,6 +223,11 @@ def test_the_step_keeps_the_conventions_of_scikit_learn(array):
 def test_bad_input_is_told(array, batch):
     with pytest.raises(InvalidInput, match=r"shape \(motions, frames, joints, 3\), got \(24"):
         compute_batch(array[0], rate_hz=20)
+    some = [*array[:2], array[2][:, :5]]
+    with pytest.raises(InvalidInput, match="motion 3: without skeleton= there must be 24 joints"):
+        compute_batch(some, rate_hz=20)
+    with pytest.raises(InvalidInput, match="c: without skeleton="):
+        compute_batch(some, rate_hz=20, names=["a", "b", "c"])
     with pytest.raises(WrongKind, match="or a list of motions"):
         compute_batch(iter(array), rate_hz=20)
     with pytest.raises(InvalidInput, match="5 motions need as many names, got 1"):

@@ -54,8 +54,10 @@ def test_images_come_in_the_sequence_of_their_numbers_or_times(tmp_path):
 
 def test_intrinsics_may_have_other_names_and_come_with_the_call(tmp_path):
     folder = write_folder(tmp_path / "a", ramp(), told=None)
-    with pytest.raises(InvalidInput, match="intrinsics are missing"):
+    with pytest.raises(InvalidInput, match=r"intrinsics are missing: focal .* and centre \(cx"):
         read_depth(folder)
+    with pytest.raises(InvalidInput, match=r"missing: centre \(cx, cy\) of the depth camera"):
+        read_depth(folder, intrinsics={"focal": [40, 41]})
     other = {"fx": 40, "fy": 41, "ppx": 16, "ppy": 12, "depth_scale": 0.0005}
     recording = read_depth(folder, intrinsics=other)
     assert recording.centre == (16.0, 12.0)

@@ -292,6 +292,11 @@ def test_events_by_osc_and_a_recording_played_by_the_command(
         [(_, message)] = OscPacket(listener.recv(10_000)).messages
         assert message.address == "/motionary/final"
         assert message.params == ["Übung", 3, 1, 1.5, 1.5, -1.0, "", "a"]
+    if sys.platform == "linux":
+        # Others do not tell that nobody listens.
+        ran = run(capsys, monkeypatch, "replay", path, "--to", "osc", "--port", port)
+        assert ran.code == 1
+        assert f"nobody takes OSC at 127.0.0.1:{port}" in ran.err
     for options, what in (
         (("--port", "9000"), "goes with --to osc"),
         (("--to", "osc", "--port", "x:y"), "a port from 1 to 65535"),

@@ -35,6 +35,7 @@ from motionary.cli.recordings import (
     read_recording,
 )
 from motionary.errors import UnwritableFile
+from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 from motionary.tables import enumerate_names
 
@@ -301,7 +302,9 @@ class FeatureOptions:
     def check(self) -> None:
         """Refuse files of other kinds."""
         if Path(self.output).suffix.lower() not in (".npz", ".parquet", ".csv"):
-            raise wrong("--output", f"must end in .npz, .parquet or .csv, got {self.output}")
+            what = "a file, not stdout, whose name" if is_stdout(self.output) else "a name that"
+            problem = f"needs {what} ends in .npz, .parquet or .csv, got {self.output}"
+            raise wrong("--output", problem)
         check_target(self.output, replace=self.force)
         check_picture("--plot", self.plot)
 
@@ -343,6 +346,11 @@ def features(
         return 1
     batch = people.place(FeatureBatch(tuple(done)))
     write_features(batch, options.output, excel=options.excel)
+    seconds = sum(one.duration_s for one in done)
+    screen.say(
+        f"features of {len(done)} recording{'s' * (len(done) != 1)}, {seconds:.1f} s, written to "
+        f"{options.output}"
+    )
     if options.plot:
         from motionary.plots import plot_features, save
 

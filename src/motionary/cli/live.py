@@ -157,7 +157,7 @@ def replay(
     ] = None,
     *,
     reading: ReadOptions,
-) -> None:
+) -> int:
     """Send a recording as poses, at its own speed, as `motionary live` takes them.
 
     motionary replay take.bvh | motionary live
@@ -175,11 +175,12 @@ def replay(
         for line in _paced(write_lines(motion), motion.rate_hz * speed, n_before=1):
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
-        return
+        return 0
     sender = _osc_sender(port or str(VMC_PORT), "--port")
     for messages in _paced(write_messages(motion), motion.rate_hz * speed):
         sender.send(messages)
     sender.close()
+    return 1 if sender.is_refused else 0
 
 
 def _paced(things: "Iterable[Sent]", hz: float, *, n_before: int = 0) -> "Iterator[Sent]":
@@ -259,6 +260,7 @@ class _Labelling:
         self._people, self._source, self._listeners = people, source, listeners
         self._page, self._final_only, self._state = page, final_only, state
         self._saved_s = time.monotonic()
+        self._lines: Counter[str] = Counter()
         self._wrong: Counter[str] = Counter()
         self._n_wrong = 0
 
@@ -305,7 +307,9 @@ class _Labelling:
         if line is None:
             self._give(self._people.leave(sender))
             self._wrong.pop(sender, None)
+            self._lines.pop(sender, None)
             return
+        self._lines[sender] += 1
         try:
             events = self._people.push(line, sender=sender)
             if self._page is not None and self._people.pose is not None:
@@ -315,7 +319,8 @@ class _Labelling:
             self._n_wrong += 1
             self._wrong[sender] += 1
             if self._wrong[sender] <= _MOST_TOLD:
-                screen.warn(f"{f'sender {sender}' if sender else 'a line'}: {error}")
+                place = f"line {self._lines[sender]}"
+                screen.warn(f"{f'sender {sender}, {place}' if sender else place}: {error}")
 
     def _give(self, events: "list[PersonEvent]") -> None:
         for event in events:

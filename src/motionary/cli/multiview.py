@@ -225,7 +225,9 @@ def priors(
     library, path = open_library(folder), Path(folder, PRIORS_FILE)
     if not path.parent.is_dir():
         raise InvalidInput("priors are written beside a library of your own, not one that ships")
-    check_target(str(path), replace=force)
+    if path.exists() and not force:
+        raise UnwritableFile("exists, and may be edited; say --force to replace it", file=path)
+    check_target(str(path))
     found = derive_priors(library)
     write_priors(found, path)
     screen.say(f"{sum(map(len, found.values()))} priors written to {path}")

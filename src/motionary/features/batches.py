@@ -264,9 +264,13 @@ def compute_batch(
     digits = max(_FEWEST_DIGITS, len(str(count)))
     for done in map_ordered(work, chunks, jobs=jobs):
         if isinstance(done, Failure):
+            for number, motion in enumerate(done.item, start=len(sequences)):
+                alone = next(map_ordered(work, [[motion]]))
+                if isinstance(alone, Failure):
+                    alone.error.file = names[number] if names else f"motion {number + 1}"
+                    raise alone.error
             raise done.error
-        for packed, known, own in done:
-            number = len(sequences)
+        for number, (packed, known, own) in enumerate(done, start=len(sequences)):
             name = own.name or f"{number + 1:0{digits}}" if names is None else names[number]
             person = own.person if persons is None else persons[number]
             recording = replace(own, name=name, person=person)

@@ -198,10 +198,12 @@ def _describe(
     """The recording of images and of what is told of them."""
     focal = _pair(told, "focal", ("fx", "fy"))
     centre = _pair(told, "centre", ("cx", "cy"), ("ppx", "ppy"), ("center",))
-    if focal is None or centre is None:
+    wanted = (("focal (fx, fy)", focal), ("centre (cx, cy)", centre))
+    lacking = [what for what, given in wanted if given is None]
+    if lacking:
         raise InvalidInput(
-            "intrinsics are missing: write focal (fx, fy) and centre (cx, cy) of the "
-            "depth camera, in pixels, into camera.json beside the images, or give --intrinsics",
+            f"intrinsics are missing: {' and '.join(lacking)} of the depth camera, in pixels; "
+            "write it into camera.json beside the images, or give --intrinsics",
             file=name,
         )
     for side, given in (("width", first.shape[1]), ("height", first.shape[0])):

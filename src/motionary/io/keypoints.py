@@ -173,8 +173,9 @@ def _find_cameras(folder: Path) -> list[tuple[str, list[Path]]]:
         cameras = [(path.stem, [path]) for path in files_of(folder)]
     if len(cameras) < 2:
         raise InvalidInput(
-            f"holds keypoints of {len(cameras)} cameras, and two are needed; expected a "
-            "folder for each camera with a .json for each image, or a .json for each camera",
+            f"holds keypoints of {'one camera' if cameras else 'no camera'}, and two are needed; "
+            "expected a folder for each camera with a .json for each image, or a .json for each "
+            "camera",
             file=folder,
         )
     return cameras

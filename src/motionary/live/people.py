@@ -13,6 +13,8 @@ from motionary.live.annotator import LiveAnnotator, LiveEvent
 from motionary.live.assignment import Arrays, read_state, save_state
 from motionary.live.poses import Pose, PoseLines
 from motionary.models.library import ClassLibrary, load_everyday
+from motionary.motion import GENERIC_JOINTS
+from motionary.skeletons import named_mapping
 
 # Of a clock that goes back by more, what follows is another recording.
 _RESTART_S = 1.0
@@ -235,6 +237,7 @@ class LivePeople:
         pose = own.reader.read(line)
         if pose is None:
             return
+        _check_joints(pose)
         key = sender, pose.person
         person = self._people.get(key)
         if person is not None and _starts_anew(pose, person):
@@ -291,6 +294,19 @@ class LivePeople:
     def _take(self) -> list[PersonEvent]:
         events, self._due = self._due, []
         return events
+
+
+def _check_joints(pose: Pose) -> None:
+    """Refuse positions that are not as many as the joints that they are of."""
+    joints = GENERIC_JOINTS if pose.joints is None else pose.joints
+    whose = "a pose without names" if pose.joints is None else "the first line"
+    if isinstance(joints, str):
+        joints, whose = named_mapping(joints).order, f"skeleton {joints!r}"
+    if len(pose.positions) != len(joints):
+        raise InvalidInput(
+            f"{whose} has {len(joints) or 'no usual order of'} joints, got {len(pose.positions)} "
+            'positions; a first line with "joints" names them, in the order of the positions'
+        )
 
 
 def _as_joints(joints: Any) -> str | tuple[str, ...] | None:

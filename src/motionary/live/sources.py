@@ -251,6 +251,10 @@ class OscSender:
     port, address : where they listen
     tell : is given that nobody takes them, once
 
+    Attributes
+    ----------
+    is_refused : whether it is known that nobody took some of them
+
     Raises
     ------
     InvalidInput
@@ -270,7 +274,7 @@ class OscSender:
                 f"OSC cannot be sent to {self._place} ({error.strerror or error}); give an "
                 "address and port of a program that takes it"
             ) from error
-        self._is_refused = False
+        self.is_refused = False
 
     def send(self, messages: Sequence[Message]) -> None:
         """Send messages, as bundles where there are several."""
@@ -278,8 +282,8 @@ class OscSender:
             try:
                 self._socket.send(_build(messages[start : start + _IN_BUNDLE]))
             except OSError as error:
-                if not self._is_refused:
-                    self._is_refused = True
+                if not self.is_refused:
+                    self.is_refused = True
                     self._tell(
                         f"nobody takes OSC at {self._place} ({error.strerror or error}); is the "
                         "port right, and the program running?"
