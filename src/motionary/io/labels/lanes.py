@@ -130,13 +130,12 @@ class Found:
             If it makes no sense; `where` it stands is said.
         """
         try:
-            label = Label(UNASSESSED if name is None else name, *segment, extra=with_track(track))
+            if name is None:
+                self.add_unassessed(recording, segment)
+            else:
+                self.add_label(recording, Label(name, *segment, extra=with_track(track)))
         except InvalidInput as error:
             raise UnreadableFile(str(error), **where) from error
-        if name is None:
-            self.add_unassessed(recording, segment)
-        else:
-            self.add_label(recording, label)
 
     def add_line(self, recording: str, text: str, segment: Segment, where: Where) -> None:
         """Add what a line says: `walk`, `[left hand] walk`, or `[unassessed]`."""
@@ -149,7 +148,8 @@ class Found:
         self._labels.setdefault(recording, []).append(label)
 
     def add_unassessed(self, recording: str, segment: Segment) -> None:
-        """Add a segment that was not assessed."""
+        """Add a segment that was not assessed; its times are checked as those of labels."""
+        Label(UNASSESSED, *segment)
         self._unassessed.setdefault(recording, []).append(segment)
 
     def tracks(self) -> dict[str, LabelTrack]:

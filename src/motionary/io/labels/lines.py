@@ -77,7 +77,7 @@ def read_subtitles(path: Path) -> dict[str, LabelTrack]:
             continue
         note = _NOTE.fullmatch(lines[0])
         if note and note[1] == UNASSESSED:
-            found.add_unassessed(name, _segment(note[2], where))
+            found.add(name, None, _segment(note[2], where), where=where)
         elif not (note or number == 1 or re.match(r"NOTE|STYLE|REGION", lines[0])):
             _read_cue(found, name, lines, where, is_vtt=True)
     return found.tracks()

@@ -118,7 +118,7 @@ def _collect(
             found.add_label(name, _to_label(row, where, frames))
         else:
             times = (_time(row, column, where, frames) for column in _TIMES)
-            found.add_unassessed(name, Segment(*times))
+            found.add(name, None, Segment(*times), where=where)
     return found.tracks()
 
 

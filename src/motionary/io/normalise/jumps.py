@@ -157,11 +157,7 @@ def find_jumps(track: Track, partners: Indices) -> list[str]:
 
 
 def _times(track: Track, frames: Sequence[int]) -> str:
-    said = ", ".join(
-        f"{(t + 1) / track.rate_hz:.2f} s (frame {t + 1})" for t in frames[:MOST_PLACES]
-    )
-    more = len(frames) - MOST_PLACES
-    return said + (f" and {more} times more" if more > 0 else "")
+    return list_places([f"{(t + 1) / track.rate_hz:.2f} s (frame {t + 1})" for t in frames])
 
 
 def _jumping(track: Track) -> Mask:
@@ -250,6 +246,12 @@ def _leaves_neighbours(track: Track, t: int, point: int) -> bool:
     order = np.argsort(np.where(np.isnan(change), np.inf, apart), kind="stable")[:2]
     changes = change[order]
     return bool(len(changes) > 0 and (changes > _APART * track.steps[t, point]).all())
+
+
+def list_places(places: Sequence[str]) -> str:
+    """The first of some places or times, and how many more there are."""
+    more = len(places) - MOST_PLACES
+    return ", ".join(places[:MOST_PLACES]) + (f" and {more} times more" if more > 0 else "")
 
 
 def name_few(found: list[str], what: str) -> list[str]:

@@ -22,6 +22,7 @@ from motionary.io.normalise.jumps import (
     Track,
     find_jumps,
     find_partners,
+    list_places,
     name_few,
     track_points,
 )
@@ -219,10 +220,10 @@ def _find_bones_without_length(body: Floats) -> list[str]:
     ----------
     body : array, shape (frames, 24, 3), some frames of the generic joints
     """
-    index = {joint: i for i, joint in enumerate(GENERIC_JOINTS)}
     gone = []
     for a, b in _BONES:
-        lengths = np.linalg.norm(body[:, index[a]] - body[:, index[b]], axis=1)
+        one, other = (body[:, GENERIC_JOINTS.index(joint)] for joint in (a, b))
+        lengths = np.linalg.norm(one - other, axis=1)
         lengths = lengths[np.isfinite(lengths)]
         if len(lengths) and np.median(lengths) < 1e-3:
             gone.append(f"{a} to {b}")
@@ -274,9 +275,7 @@ def _find_frozen(track: Track) -> tuple[Mask, list[str]]:
 
 
 def _say(what: str, track: Track, runs: Sequence[tuple[int, int]]) -> str:
-    places = ", ".join(track.at(*run) for run in runs[:MOST_PLACES])
-    more = f" and {len(runs) - MOST_PLACES} times more" if len(runs) > MOST_PLACES else ""
-    return f"{what} from {places}{more}"
+    return f"{what} from {list_places([track.at(*run) for run in runs])}"
 
 
 def _find_held(track: Track, still: Mask, partners: Indices) -> list[str]:
