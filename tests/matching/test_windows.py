@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from motionary.matching import concatenate
-from motionary.matching.windows import (
+from motionary.matching.corpus import (
     FeatureWindow,
     thin,
     window_distance,
@@ -86,5 +86,5 @@ def test_a_path_costs_what_its_end_says(seed):
 def test_long_corpora_are_matched_as_short_ones(monkeypatch):
     *_, window, corpus = case(5, with_gaps=True)
     whole = window_distance(window, corpus)
-    monkeypatch.setattr("motionary.matching.windows._TILE", 4)
+    monkeypatch.setattr("motionary.matching.corpus._TILE", 4)
     assert np.array_equal(window_distance(window, corpus), whole)

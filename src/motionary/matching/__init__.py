@@ -1,6 +1,5 @@
 """Masked subsequence DTW on packed features, hits and label assignment."""
 
-from motionary.matching.alignment import Alignment, align
 from motionary.matching.corpus import (
     PADDING,
     Corpus,
@@ -10,7 +9,6 @@ from motionary.matching.corpus import (
     self_information,
 )
 from motionary.matching.distance import (
-    SKIP_WEIGHT,
     Engine,
     MatchState,
     corpus_distance,
@@ -37,7 +35,7 @@ from motionary.matching.path_scores import (
     minima_ends,
     score_patterns,
 )
-from motionary.matching.pattern import Pattern, cell_costs
+from motionary.matching.pattern import SKIP_WEIGHT, Alignment, Pattern, align, cell_costs
 from motionary.matching.scheduling import (
     WHOLE_BODY,
     Intervals,

@@ -114,10 +114,7 @@ def _sum_in_blocks(observed: "Observed", frames: Integers, weights: SumWeights) 
 
 
 class Observed:
-    """Features of a recording in the form in which they are summed along paths.
-
-    Parameters as of `NumpyKernels`.
-    """
+    """Features of a recording, as of `NumpyKernels`, in the form that is summed along paths."""
 
     def __init__(
         self, packed: PackedFeatures, known: PackedFeatures | None, n_features: int
@@ -137,12 +134,7 @@ class Observed:
             self._n_partial = np.cumsum(self._unknown.any(axis=1))
 
     def sum_features(self, frames: Integers, weights: SumWeights) -> Sums:
-        """Whole numbers: what each feature tells along paths, shape (paths, features).
-
-        Parameters
-        ----------
-        frames : array, shape (columns, paths), frames or -1
-        """
+        """Whole numbers: what each feature tells along paths (columns, paths) of frames or -1."""
         return self._sum(frames, weights, _exact_type(weights))
 
     def sum_enough(
@@ -192,13 +184,7 @@ def _sum_along(table: Single, rows: Integers, weights: Sums) -> Sums:
 
 
 class StepTable:
-    """Steps of the paths of some patterns after others in one recording.
-
-    Parameters
-    ----------
-    packed, known, blocked : as of `NumpyKernels`
-    engine : which twin of the distance function computes
-    """
+    """Steps of the paths of some patterns after others in one recording, by either twin."""
 
     def __init__(
         self,
@@ -226,13 +212,7 @@ class StepTable:
 
 
 def trace(steps: Steps, patterns: Abreast, ends: Sequence[Indices]) -> list[Integers]:
-    """Frame that each column of each pattern's paths meets, or -1, (columns, paths).
-
-    Parameters
-    ----------
-    steps : array, shape (columns, longest patterns, frames)
-    ends : last frames of each pattern's paths
-    """
+    """Frame that each column of each pattern's paths meets, or -1, (columns, paths)."""
     lengths = np.array([len(pattern) for pattern in patterns.patterns])
     # The longest first: of the others nothing is left when these go on.
     order = np.argsort(-lengths, kind="stable").tolist()

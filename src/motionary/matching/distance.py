@@ -32,14 +32,11 @@ from motionary.matching._numpy import (
     stack,
 )
 from motionary.matching.corpus import Corpus
-from motionary.matching.pattern import Pattern, check_sequence, check_skip_weight
+from motionary.matching.pattern import SKIP_WEIGHT, Pattern, check_sequence, check_skip_weight
 from motionary.packing import PackedFeatures
 
 Engine = Literal["auto", "numpy", "compiled"]
 Single = NDArray[np.float32]
-
-#: The authors' programs count the cell after a (2, 1) step twice, for the column left out.
-SKIP_WEIGHT = 2.0
 
 #: From so many cells on the compiled twin is worth the half second that loading it takes:
 #: NumPy needs 30 ms for them, and a pattern seldom comes alone.

@@ -19,9 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.errors import InvalidInput
-from motionary.matching.alignment import Alignment, align
-from motionary.matching.distance import SKIP_WEIGHT
-from motionary.matching.pattern import Pattern
+from motionary.matching.pattern import SKIP_WEIGHT, Alignment, Pattern, align
 from motionary.packing import PackedFeatures
 from motionary.recording import FrameRange, split_runs
 

@@ -169,7 +169,11 @@ def cell_ratios(
     n_telling = tells.sum(axis=0)
     posture = np.where(n_telling > 0, (p * tells).sum(axis=0) / np.maximum(n_telling, 1), q)
     if_one, if_zero = (
-        np.where(tells, np.log(x) - _blend(np.log(y), np.log(z), settings.posture), 0.0)
+        np.where(
+            tells,
+            np.log(x) - ((1 - settings.posture) * np.log(y) + settings.posture * np.log(z)),
+            0.0,
+        )
         for x, y, z in ((p, q, posture), (1 - p, 1 - q, 1 - posture))
     )
     return CellRatios(*(np.rint(r / GRAIN).astype(np.int32) for r in (if_one, if_zero)))
@@ -317,10 +321,6 @@ def minima_ends(distance: Single, *, threshold: float, every: int = DEFAULTS.eve
     return np.asarray(np.minimum(ends, np.repeat(last, n_ends)), dtype=np.intp)
 
 
-def _blend(a: Floats, b: Floats, fraction: float) -> Floats:
-    return (1 - fraction) * a + fraction * b
-
-
 def sum_weights(ratios: CellRatios, settings: PathScoreSettings) -> SumWeights:
     """What is summed along the paths of a template, and the least sum that counts."""
     unit = ratios.scale / GRAIN
@@ -355,11 +355,4 @@ def check_ratios(patterns: Sequence[Pattern], ratios: Sequence[CellRatios]) -> i
 def _join(found: Sequence[ScoredPaths]) -> ScoredPaths:
     nothing = np.empty(0, dtype=np.intp)
     none = ScoredPaths(nothing, nothing, nothing, np.empty(0), np.empty(0, dtype=np.float32))
-    patterns, starts, stops, scores, costs = zip(none, *found, strict=True)
-    return ScoredPaths(
-        np.concatenate(patterns),
-        np.concatenate(starts),
-        np.concatenate(stops),
-        np.concatenate(scores),
-        np.concatenate(costs),
-    )
+    return ScoredPaths(*map(np.concatenate, zip(none, *found, strict=True)))

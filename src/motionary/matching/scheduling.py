@@ -125,9 +125,7 @@ def choose_intervals(candidates: Intervals, *, shrink: float = DEFAULTS.shrink) 
     InvalidInput
         If `shrink` lies outside [0, 0.5).
     """
-    chosen = best_of(sorted(_items(candidates, shrink)))
-    by_end = sorted(chosen, key=lambda item: (item.end, item.place))
-    return np.array([item.place for item in by_end], dtype=np.intp)
+    return _places(best_of(sorted(_items(candidates, shrink))))
 
 
 def choose_causally(
@@ -143,12 +141,8 @@ def choose_causally(
     shrink : as in `choose_intervals`
     """
     order = np.argsort(candidates.ends, kind="stable")
-    arriving = Intervals(
-        candidates.starts[order],
-        candidates.ends[order],
-        candidates.values[order],
-        candidates.parts[order],
-    )
+    starts, ends, values, parts = candidates
+    arriving = Intervals(starts[order], ends[order], values[order], parts[order])
     chosen, _ = advance(ScheduleState(), arriving, now=np.inf, look_ahead=look_ahead, shrink=shrink)
     return np.asarray(order[chosen], dtype=np.intp)
 
@@ -209,19 +203,20 @@ def advance(
     return indices, ScheduleState(now, rest, tuple(waiting), tuple(chosen))
 
 
-def foresee(
-    state: ScheduleState, further: Intervals, *, shrink: float = DEFAULTS.shrink
-) -> Indices:
+def foresee(state: ScheduleState, further: Intervals) -> Indices:
     """Indices that would be chosen if nothing more came, by end; nothing is decided.
 
     Parameters
     ----------
     further : intervals beside those that wait; their indices follow those that were seen
     """
-    items = _items(further, shrink, first=state.n_seen)
+    items = _items(further, DEFAULTS.shrink, first=state.n_seen)
     fitting = [item for item in items if fits(item, state.chosen)]
-    best = best_of(sorted([*state.waiting, *fitting]))
-    by_end = sorted(best, key=lambda item: (item.end, item.place))
+    return _places(best_of(sorted([*state.waiting, *fitting])))
+
+
+def _places(chosen: list[Item]) -> Indices:
+    by_end = sorted(chosen, key=lambda item: (item.end, item.place))
     return np.array([item.place for item in by_end], dtype=np.intp)
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.matching._numpy import prepare, prepare_weighed
-from motionary.matching.distance import SKIP_WEIGHT
 from motionary.matching.path_scores import (
     DEFAULTS,
     GRAIN,
@@ -24,7 +23,7 @@ from motionary.matching.path_scores import (
     check_ratios,
     sum_weights,
 )
-from motionary.matching.pattern import Pattern
+from motionary.matching.pattern import SKIP_WEIGHT, Pattern
 from motionary.packing import PackedFeatures, unpack
 
 Single = NDArray[np.float32]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FULL_BODY, FeatureSequence, FeatureSet, load_everyday_set
 from motionary.matching import PADDING, Corpus, concatenate
-from motionary.matching.windows import ThinCorpus, thin
+from motionary.matching.corpus import ThinCorpus, thin
 from motionary.models.keyframes import HitRanges, PostingIndex, index_packed
 from motionary.packing import PackedFeatures, full_mask
 from motionary.recording import Recording, split_runs

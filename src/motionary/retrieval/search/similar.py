@@ -9,7 +9,7 @@ the published features, which know no direction, for little. Recordings in which
 anywhere in the collection fit well are put further off (hubs). Settings were chosen on
 recordings that docs/evidence/styles.md does not report.
 
-Conventions: windows are compared at 10 Hz (`matching.windows`), hits are given at 30 Hz.
+Conventions: windows are compared at 10 Hz (`matching.corpus`), hits are given at 30 Hz.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ from motionary.batch import Failure, Workers, map_ordered
 from motionary.features import SEQUENCE_HZ, FeatureSequence, load_everyday_set
 from motionary.features.everyday import TRAVEL
 from motionary.matching import Alignment, Pattern, align, distance_function
-from motionary.matching.windows import (
+from motionary.matching.corpus import (
     LONGEST_STEP,
     THINNING,
     FeatureWindow,
