@@ -12,27 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.body import Body, Camera, load_body
-from motionary.depth import lookup, poses
+from motionary.depth import fitting, lookup, poses
 from motionary.depth.clouds import N_EXTREMA, Cloud, build_graph, find_extrema, prepare
-from motionary.depth.fitting import (
-    N_IMAGES,
-    PUBLISHED_VERTICES,
-    Comparison,
-    PersonShape,
-    State,
-    Surface,
-    View,
-    compare_images,
-    fit_person,
-    fit_pose,
-    fit_published,
-    make_surface,
-    place_surface,
-    place_vertices,
-    shrink,
-    spread,
-    thin,
-)
+from motionary.depth.fitting import State
 from motionary.depth.judging import (
     LEAST_POINTS,
     UNSURE_M,
@@ -92,8 +74,8 @@ class DepthTracker:
         self.database = database or poses.load_database()
         scale = stature_m / MEAN_STATURE_M
         #: The person's shape, once it is known.
-        self.person: PersonShape | None = None
-        self._views: list[View] = []
+        self.person: fitting.PersonShape | None = None
+        self._views: list[fitting.View] = []
         self._images = 0
         self._wear(body or poses.scale_body(load_body(), scale), scale)
         self.forget()
@@ -147,10 +129,10 @@ class DepthTracker:
     def _look(self, cloud: Cloud) -> Seen:
         """What is seen, and every few images what the lookup needs."""
         with self._timed("lookup"):
-            small, eye = shrink(cloud.depth, self.camera, self.settings.pixels)
+            small, eye = fitting.shrink(cloud.depth, self.camera, self.settings.pixels)
         self._since += 1
         due = self._state is None or self._since >= self.settings.every
-        points = thin(cloud.points, self.settings.surface.points)
+        points = fitting.thin(cloud.points, self.settings.surface.points)
         return Seen(cloud, points, small, eye, self._search(cloud) if due else None)
 
     def _search(self, cloud: Cloud) -> Ends:
@@ -229,7 +211,7 @@ class DepthTracker:
             groups = [one.first_states(self.lookup, ranked) for one in sets]
             groups[0] += more
             vertices = [self._vertices(state) for group in groups for state in group]
-            costs = compare_images(
+            costs = fitting.compare_images(
                 np.stack(vertices), self.body.faces, seen.small, seen.eye, engine=self.engine
             ).costs
             # The best of each viewing direction: at the start both are followed.
@@ -250,20 +232,20 @@ class DepthTracker:
             if self.settings.published:
                 assert seen.ends is not None
                 points = seen.ends.graph.points
-                state = fit_published(self.surface, start, points, steps=settings.steps)
+                state = fitting.fit_published(self.surface, start, points, steps=settings.steps)
             else:
-                state, visible = fit_pose(
+                state, visible = fitting.fit_pose(
                     self.surface, start, seen.points, seen.cloud.depth, self.camera,
                     settings=settings, engine=self.engine,
                 )  # fmt: skip
         with self._timed("voting"):
             return Found(name, state, visible, self._compare(state, seen))
 
-    def _compare(self, state: State, seen: Seen) -> Comparison:
+    def _compare(self, state: State, seen: Seen) -> fitting.Comparison:
         """How far a pose is from the image: by rendering it, or by (8.7) and (8.8)."""
         vertices = self._vertices(state)
         if not self.settings.published:
-            return compare_images(
+            return fitting.compare_images(
                 vertices[None], self.body.faces, seen.small, seen.eye, engine=self.engine
             )
         from scipy.spatial import cKDTree
@@ -271,7 +253,9 @@ class DepthTracker:
         assert seen.ends is not None
         to_points = cKDTree(seen.ends.graph.points).query(vertices[self._fixed])[0].mean()
         to_model = cKDTree(vertices).query(seen.ends.extrema)[0].mean()
-        return Comparison(np.array([to_points + to_model]), np.full_like(seen.small, np.nan))
+        return fitting.Comparison(
+            np.array([to_points + to_model]), np.full_like(seen.small, np.nan)
+        )
 
     def _vote(self, found: list[Found], seen: Seen) -> Found:
         """The hypothesis nearest to the image (8.9); the lookup must be nearer by some."""
@@ -319,7 +303,7 @@ class DepthTracker:
         return bool(self._duel[1] >= _CLEAR * self._duel[0])
 
     def _heading_of(self, state: State) -> float:
-        turned = place_surface(self.surface, state, engine=self.engine)[0]
+        turned = fitting.place_surface(self.surface, state, engine=self.engine)[0]
         return float(poses.heading_of(turned[None], self.body)[0])
 
     def _remember(self, seen: Seen, result: TrackedPose) -> None:
@@ -330,12 +314,12 @@ class DepthTracker:
         self._images += 1
         if result.status == "none" or self._state is None:
             return
-        if self._images % max(after // N_IMAGES, 1) == 0:
-            self._views.append(View(seen.points, seen.cloud.depth, self._state))
-        if self._images >= after and len(self._views) >= N_IMAGES // 2:
+        if self._images % max(after // fitting.N_IMAGES, 1) == 0:
+            self._views.append(fitting.View(seen.points, seen.cloud.depth, self._state))
+        if self._images >= after and len(self._views) >= fitting.N_IMAGES // 2:
             with self._timed("shape"):
-                self.person, states = fit_person(
-                    self._views[-N_IMAGES:], self.camera, self.database, scale=self._scale,
+                self.person, states = fitting.fit_person(
+                    self._views[-fitting.N_IMAGES:], self.camera, self.database, scale=self._scale,
                     settings=self.settings.surface, engine=self.engine,
                 )  # fmt: skip
                 self._wear(self.person.body, self.person.scale)
@@ -345,15 +329,17 @@ class DepthTracker:
     def _wear(self, body: Body, scale: float) -> None:
         """Take a body, and place the database in it."""
         self.body, self._scale = body, scale
-        self.surface: Surface = make_surface(body, self.database, self.settings.surface)
+        self.surface: fitting.Surface = fitting.make_surface(
+            body, self.database, self.settings.surface
+        )
         self.lookup: lookup.Lookup = lookup.make_lookup(body, self.database, scale=scale)
-        self._fixed = spread(body.vertices, PUBLISHED_VERTICES)
+        self._fixed = fitting.spread(body.vertices, fitting.PUBLISHED_VERTICES)
 
     def _vertices(self, state: State) -> Floats:
-        return place_vertices(self.surface, state, engine=self.engine)
+        return fitting.place_vertices(self.surface, state, engine=self.engine)
 
     def _joints(self, state: State) -> Floats:
-        return place_surface(self.surface, state, engine=self.engine)[1]
+        return fitting.place_surface(self.surface, state, engine=self.engine)[1]
 
     def _finish(self, seen: Seen, best: Found) -> TrackedPose:
         vertices, joints = self._vertices(best.state), self._joints(best.state)

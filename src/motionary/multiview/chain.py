@@ -177,13 +177,11 @@ def measure_chain(names: tuple[str, ...], points: Floats) -> Chain:
         wide = _median_distance(at, [("LHip", "RHip")])
         offsets[f"{side}hip"] = np.array([sign * (wide / 2 if wide else 0.09), 0, 0])
         offsets[f"{side}clavicle"] = offsets["neck"].copy()
-        both = [(f"{s}Shoulder", "Neck") for s in "LR"]
-        scale(offsets, f"{side}shoulder", both)
+        scale(offsets, f"{side}shoulder", [(f"{s}Shoulder", "Neck") for s in "LR"])
         for joint, one, other in (
             ("elbow", "Shoulder", "Elbow"), ("knee", "Hip", "Knee"), ("ankle", "Knee", "Ankle"),
         ):  # fmt: skip
-            if f"{side}{joint}" in offsets:
-                scale(offsets, f"{side}{joint}", [(f"{s}{one}", f"{s}{other}") for s in "LR"])
+            scale(offsets, f"{side}{joint}", [(f"{s}{one}", f"{s}{other}") for s in "LR"])
         wrist = f"{side.upper()}Wrist"
         if wrist in places:
             scale(places, wrist, [(f"{s}Elbow", f"{s}Wrist") for s in "LR"])
@@ -204,17 +202,14 @@ def _tables(names: tuple[str, ...]) -> tuple[list[_Row], list[_Row]]:
     fixed: list[_Row] = [row for row in _MIDDLE_POINTS if row[0] in (*names, "Hip", "Neck")]
     joints: list[_Row] = list(_TRUNK)
     central = {name for name, _, _ in _TRUNK}
+    holders = {*central, *(name for name, _, _ in _SIDE)}
     for side, sign in (("L", 1), ("R", -1)):
-
-        def own(name: str, side: str = side) -> str:
-            return name if name in central or not name else f"{side.lower()}{name}"
-
-        for name, parent, where in _SIDE:
-            joints.append((own(name), own(parent), (sign * where[0], *where[1:])))
-        for name, holder, where in _SIDE_POINTS:
+        own = {name: name if name in central else f"{side.lower()}{name}" for name in holders}
+        for name, parent, (x, y, z) in _SIDE:
+            joints.append((own[name], own[parent], (sign * x, y, z)))
+        for name, holder, (x, y, z) in _SIDE_POINTS:
             if f"{side}{name}" in names:
-                place = (sign * where[0], *where[1:])
-                fixed.append((f"{side}{name}", own(holder), place))
+                fixed.append((f"{side}{name}", own[holder], (sign * x, y, z)))
     return joints, fixed
 
 

@@ -171,14 +171,11 @@ def _solve_with(
 
 def of_chain(sight: Sight, chain: Chain) -> Sight:
     """Rays of the chain's points, in its sequence; without weight where none is detected."""
-    n_cameras, n_frames = sight.weights.shape[:2]
-    directions = np.zeros((n_cameras, n_frames, len(chain.points), 3))
-    weights = np.zeros((n_cameras, n_frames, len(chain.points)))
-    for k, name in enumerate(chain.points):
-        if name in sight.names:
-            directions[:, :, k] = sight.directions[:, :, sight.names.index(name)]
-            weights[:, :, k] = sight.weights[:, :, sight.names.index(name)]
-    return sight._replace(directions=directions, weights=weights, names=chain.points)
+    where = [sight.names.index(name) if name in sight.names else -1 for name in chain.points]
+    result = sight.of_points(where)
+    lost = np.array(where) < 0
+    result.directions[:, :, lost] = result.weights[:, :, lost] = 0.0
+    return result._replace(names=chain.points)
 
 
 def estimate_noise(sight: Sight, found: Triangulated) -> float:
