@@ -262,7 +262,10 @@ def triangulate(sight: Sight, *, limit_px: float | None = LIMIT_PX) -> Triangula
         if not poor.any():
             break
         best = errors[poor], points[poor], used[:, poor]
-        part = _pick(sight, poor)
+        # Rays of these points, as those of one frame.
+        part = sight._replace(
+            directions=sight.directions[:, poor][:, None], weights=sight.weights[:, poor][:, None]
+        )
         for absent in _subsets(part, best[1], used[:, poor], left_out):
             kept = used[:, poor] & ~absent
             found, missed = _from_cameras(part, kept[:, None])
@@ -276,13 +279,6 @@ def triangulate(sight: Sight, *, limit_px: float | None = LIMIT_PX) -> Triangula
     lost = ~(errors <= limit_px)
     points[lost] = np.nan
     return Triangulated(points, np.where(lost, np.nan, errors), used & ~lost)
-
-
-def _pick(sight: Sight, poor: NDArray[np.bool_]) -> Sight:
-    """Rays of some points, as those of one frame."""
-    return sight._replace(
-        directions=sight.directions[:, poor][:, None], weights=sight.weights[:, poor][:, None]
-    )
 
 
 def _subsets(

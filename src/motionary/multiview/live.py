@@ -199,13 +199,18 @@ class ViewTracker:
         else:
             last = len(sight.weights[0]) - 1
             guess = _predict(chain, before)
-            start, held = _join(before, guess, last), min(2, last)
+            pairs = zip(before, guess, strict=True)
+            start = ChainPose(*(np.concatenate([old[-last:], new]) for old, new in pairs))
+            held = min(2, last)
         near = in_sequence_of(sight.names, chain.points, points_of(chain, start))
         right, _ = right_sides(sight, near=near)
         rays = of_chain(right, chain)
         anew = before is None or self._restart(chain, right, rays, start)
         scales = _START_SCALES if anew else _SCALES
-        pull = _hold(points_of(chain, start), held)
+        # The first frames stay where they are: they were told already.
+        places = points_of(chain, start)
+        pull = Pull(np.zeros((*places.shape, 3)), places)
+        pull.matrices[:held] = _HELD * np.eye(3)
         pose = solve_chain(
             chain, start, rays, scales_m=scales, rate_hz=self.rate_hz, settings=known.settings,
             pull=pull,
@@ -242,21 +247,6 @@ def _predict(chain: Chain, pose: ChainPose) -> ChainPose:
     roots = pose.centres[:, 0]
     root = 2 * roots[-1] - roots[-2 if len(roots) > 1 else -1]
     return place(chain, pose.turns[-1:], root[None])
-
-
-def _join(before: ChainPose, guess: ChainPose, n_before: int) -> ChainPose:
-    """The last poses of the window before, and the next one."""
-    return ChainPose(
-        np.concatenate([before.turns[-n_before:], guess.turns]),
-        np.concatenate([before.centres[-n_before:], guess.centres]),
-    )
-
-
-def _hold(points: Floats, held: int) -> Pull:
-    """Pull that keeps the first frames where they are: they were told already."""
-    matrices = np.zeros((*points.shape, 3))
-    matrices[:held] = _HELD * np.eye(3)
-    return Pull(matrices, points)
 
 
 def _with_hips(names: tuple[str, ...], points: Floats) -> Floats:
