@@ -29,10 +29,16 @@ def fill(folder, names=NAMES, *, seed=0):
         write_bvh(synthetic_motion("squat", seed=i, rate_hz=30), folder / name)
 
 
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("filled")
+    fill(folder)
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path):
-    fill(tmp_path / "recordings")
-    return tmp_path / "recordings"
+def folder(filled, tmp_path):
+    return shutil.copytree(filled, tmp_path / "recordings")
 
 
 @pytest.fixture
