@@ -18,7 +18,7 @@ def cell_cost(column, frame, *, weight, entries=None):
     return np.float32(wrong) * np.float32(factor / n) if n else np.float32(0)
 
 
-def best_path(cost, end, blocked=()):
+def best_path(cost, end):
     """Cost and frames of the cheapest path to a frame; -1 for a column left out.
 
     `cost` is a float32 array (columns, frames); sums are single precision, and of steps
@@ -27,7 +27,7 @@ def best_path(cost, end, blocked=()):
     known = {}
 
     def cheapest(k, n):
-        if n < 0 or k < 0 or n in blocked:
+        if n < 0 or k < 0:
             return np.float32(np.inf), None
         if k == 0:
             return cost[0, n], None

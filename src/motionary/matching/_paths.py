@@ -72,7 +72,6 @@ class NumpyKernels:
     Parameters
     ----------
     packed, known : arrays, shape (frames, n_integers); known may be None
-    blocked : frames that no path meets
     n_features : number of features
     """
 
@@ -80,12 +79,11 @@ class NumpyKernels:
         self,
         packed: PackedFeatures,
         known: PackedFeatures | None,
-        blocked: Indices,
         n_features: int,
     ) -> None:
         self._packed, self._known, self._n_features = packed, known, n_features
         self._observed: Observed | None = None
-        self._steps = StepTable(packed, known, blocked, "numpy")
+        self._steps = StepTable(packed, known, "numpy")
 
     def march(self, patterns: Abreast) -> Single:
         """Distance functions, shape (patterns, frames); the steps into their cells are kept."""
@@ -190,10 +188,9 @@ class StepTable:
         self,
         packed: PackedFeatures,
         known: PackedFeatures | None,
-        blocked: Indices,
         engine: Engine,
     ) -> None:
-        self._packed, self._known, self._blocked = packed, known, blocked
+        self._packed, self._known = packed, known
         self._engine: Engine = engine
         self._room = np.empty(0, dtype=np.uint8)
         self.table: Steps = self._room.reshape(0, 0, 0)
@@ -206,9 +203,7 @@ class StepTable:
             self._room = np.empty(n_cells, dtype=np.uint8)
         shape = len(patterns.longest[0]), len(patterns.longest), len(self._packed)
         self.table, self.patterns = self._room[:n_cells].reshape(shape), patterns
-        return march_abreast(
-            patterns, self._packed, self._known, self._blocked, self._engine, self.table
-        )
+        return march_abreast(patterns, self._packed, self._known, self._engine, self.table)
 
 
 def trace(steps: Steps, patterns: Abreast, ends: Sequence[Indices]) -> list[Integers]:

@@ -28,10 +28,9 @@ class CompiledKernels:
         self,
         packed: PackedFeatures,
         known: PackedFeatures | None,
-        blocked: Indices,
         n_features: int,
     ) -> None:
-        self._steps = StepTable(packed, known, blocked, "compiled")
+        self._steps = StepTable(packed, known, "compiled")
         # Minus one where it holds: all bits set.
         self._set = _as_masks(packed if known is None else packed & known, n_features)
         self._seen = self._set if known is None else _as_masks(known, n_features)

@@ -190,16 +190,14 @@ def march_abreast(
     patterns: Abreast,
     packed: PackedFeatures,
     known: PackedFeatures | None,
-    blocked: NDArray[np.intp],
     engine: Engine,
     steps: Steps,
 ) -> Single:
     """Distance functions, shape (patterns, frames), with the steps into all cells.
 
-    Parameters
-    ----------
-    steps : array, shape (columns, longest patterns, frames)
+    These are of shape (columns, longest patterns, frames).
     """
+    blocked = np.empty(0, dtype=np.intp)
     if len(patterns.patterns) == 1:
         (pattern,) = patterns.patterns
         state = MatchState.fresh(pattern)

@@ -45,7 +45,6 @@ SETTLED = 15
 COMPILED_PAYS_AT = 80_000_000
 
 _COMPILED = "motionary.matching._paths_compiled"
-_NOTHING = np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +183,6 @@ def find_paths(
     packed: PackedFeatures,
     known: PackedFeatures | None = None,
     *,
-    blocked: Indices = _NOTHING,
     settings: PathScoreSettings = DEFAULTS,
 ) -> Paths:
     """Paths that end in local minima of the distance function, in order of their ends.
@@ -192,10 +190,9 @@ def find_paths(
     Parameters
     ----------
     packed, known : arrays, shape (frames, n_integers); all is known without `known`
-    blocked : frames that no path meets: the padding of a `Corpus`
     """
     check_sequence(pattern, packed, known)
-    kernels = NumpyKernels(packed, known, blocked, 0)
+    kernels = NumpyKernels(packed, known, 0)
     (distance,) = kernels.march(alone(pattern))
     ends = minima_ends(distance, threshold=settings.most_cost, every=settings.every)
     (frames,) = kernels.trace([ends])
@@ -221,7 +218,7 @@ def find_paths_to(
         # No path is longer than two frames a step.
         first = max(0, end - 2 * len(pattern) + 2)
         part = slice(first, end + 1)
-        kernels = NumpyKernels(packed[part], None if known is None else known[part], _NOTHING, 0)
+        kernels = NumpyKernels(packed[part], None if known is None else known[part], 0)
         costs[i] = kernels.march(alone(pattern))[0, -1] if end < len(packed) else np.inf
         if not np.isfinite(costs[i]):
             raise InvalidInput(f"no path of {len(pattern)} columns ends at frame {end}")
@@ -252,7 +249,6 @@ def score_patterns(
     packed: PackedFeatures,
     known: PackedFeatures | None = None,
     *,
-    blocked: Indices = _NOTHING,
     settings: PathScoreSettings = DEFAULTS,
     engine: Engine = "auto",
 ) -> ScoredPaths:
@@ -262,7 +258,6 @@ def score_patterns(
     ----------
     patterns, ratios : of the same templates, in one order
     packed, known : arrays, shape (frames, n_integers); all is known without `known`
-    blocked : frames that no path meets: the padding of a `Corpus`
     engine : which twin computes; "auto" takes the compiled one where it pays
 
     Raises
@@ -279,10 +274,10 @@ def score_patterns(
     twin = load_twin(_COMPILED, engine, pays=n_cells >= COMPILED_PAYS_AT)
     kernels: PathKernels
     if twin is None:
-        kernels = NumpyKernels(packed, known, blocked, n_features)
+        kernels = NumpyKernels(packed, known, n_features)
         planned = plan_abreast(patterns, n_frames=len(packed))
     else:
-        kernels = twin.CompiledKernels(packed, known, blocked, n_features)
+        kernels = twin.CompiledKernels(packed, known, n_features)
         planned = [((i,), alone(pattern)) for i, pattern in enumerate(patterns)]
     found: dict[int, ScoredPaths] = {}
     for indices, abreast in planned:
@@ -307,7 +302,7 @@ def minima_ends(distance: Single, *, threshold: float, every: int = DEFAULTS.eve
     and leaves out columns; its last frame and each so many frames between are ends as well.
     """
     if len(distance) == 0:
-        return _NOTHING
+        return np.empty(0, dtype=np.intp)
     first = np.concatenate([[0], np.flatnonzero(distance[1:] != distance[:-1]) + 1])
     last = np.append(first[1:], len(distance)) - 1
     level = distance[first]
