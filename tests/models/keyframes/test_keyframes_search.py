@@ -20,7 +20,7 @@ from motionary.models.keyframes import (
     search_query,
     single_hits,
 )
-from motionary.models.keyframes.posting_lists import mark, spread, spread_back
+from motionary.models.keyframes.posting_lists import count_runs, reach
 from motionary.packing import pack
 from oracles import keyframes as oracle
 from oracles.keyframe_search import (
@@ -319,22 +319,43 @@ def test_runs_that_end_with_a_block(start, stop):
 
 @pytest.mark.parametrize(
     ("least", "most"),
-    [(0, 0), (3, 40), (16, 16), (100, 700), (64, None), (0, None), (290, 310), (2000, 3000)],
+    [(0, 0), (0, 1), (3, 40), (16, 16), (64, 64), (63, 129), (100, 700), (290, 310), (2000, 3000)],
 )
-@pytest.mark.parametrize("look", [spread, spread_back])
-def test_marks_spread_to_whatever_is_within_reach(look, least, most):
-    # Stretches are 16 frames long; the kernel may know longer ones on other machines.
-    marks_per_block = len(mark(np.zeros(4, dtype=np.uint64))) // 4
-    frames_per_mark = 64 // marks_per_block
-    marks = np.random.default_rng(0).random(80) < 0.05
-    sign = 1 if look is spread else -1
-    expected = np.zeros(80, dtype=bool)
-    for a in np.flatnonzero(marks):
-        for b in range(80):
-            nearest = (sign * (b - a) - 1) * frames_per_mark + 1
-            farthest = (sign * (b - a) + 1) * frames_per_mark - 1
-            expected[b] |= farthest >= least and (most is None or nearest <= most)
-    assert look(marks, least, most).tolist() == expected.tolist()
+@pytest.mark.parametrize("back", [False, True])
+def test_what_is_within_a_gap_is_reached_and_nothing_else(back, least, most):
+    bits = np.random.default_rng(0).random(20 * 64) < 0.01
+    expected = np.zeros(len(bits), dtype=bool)
+    for frame in np.flatnonzero(bits):
+        first, last = (frame - most, frame - least) if back else (frame + least, frame + most)
+        expected[max(first, 0) : max(last + 1, 0)] = True
+    reached = reach(bitmap_of(bits), Gap(least, most), back=back)
+    assert bits_of(reached).tolist() == expected.tolist()
+
+
+def test_a_gap_without_a_bound_reaches_everything_on_one_side():
+    bits = np.zeros(10 * 64, dtype=bool)
+    bits[[200, 300]] = True
+    after = bits_of(reach(bitmap_of(bits), Gap(5, None)))
+    before = bits_of(reach(bitmap_of(bits), Gap(5, None), back=True))
+    assert after[205:].all()
+    assert before[:296].all()
+    assert not after[:128].any()
+    assert not before[384:].any()
+    assert not reach(np.zeros(4, dtype=np.uint64), Gap(5, None)).any()
+
+
+def test_where_a_keyframe_comes_and_goes_often_the_steps_are_those_of_frames():
+    often, seldom = "01" * 400, "0" * 700 + "1" * 100
+    index = index_packed([stream(often, seldom)], feature_set=ids_of(2)[0], feature_ids=ids_of(2))
+    assert count_runs(index.planes, [3]) < 0.3 < count_runs(index.planes, [1])
+
+
+def bitmap_of(bits):
+    return np.packbits(bits, bitorder="little").view("<u8").astype(np.uint64)
+
+
+def bits_of(bitmap):
+    return np.unpackbits(bitmap.astype("<u8").view(np.uint8), bitorder="little").astype(bool)
 
 
 # Refused.

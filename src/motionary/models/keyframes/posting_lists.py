@@ -1,11 +1,10 @@
 """Posting lists of keyframes as bitmaps and intervals: read, cut and joined by NumPy.
 
 The posting list of a keyframe holds the frames that show it (Baak, Müller and Seidel 2008,
-eqs 3 and 4). As a bitmap it is the AND of bitmaps of features over time. Blocks of 16
-frames without a frame of one keyframe rule out blocks of its neighbours, before any single
-frame is looked at: `marks` are the blocks that are left. What is left is joined as
-intervals: two arrays, starts and stops, half-open, ascending, neither overlapping nor
-touching.
+eqs 3 and 4). As a bitmap it is the AND of bitmaps of features over time. Shifted bitmaps
+tell, for 64 frames at a time, which lie within a gap of a frame of the keyframe beside. What
+is left is joined as intervals: two arrays, starts and stops, half-open, ascending, neither
+overlapping nor touching.
 
 The join of a query: a frame of the last keyframe is valid; a frame of an earlier one is,
 if a valid frame of its successor lies within the gap. Every valid frame of the first
@@ -18,7 +17,6 @@ empty. Positions run through all sequences; `Layout` has where each begins and e
 Kernels: arrays and numbers, nothing is checked.
 """
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -39,16 +37,11 @@ FAR = 1 << 48
 #: Reading single integers beats reading all when at most one in so many is wanted.
 _SPARSE = 16
 
+#: Runs are counted in one integer of so many.
+_SAMPLED = 16
+
 #: Below so many integers the bits are unpacked rather than peeled off one by one.
 _FEW = 64
-
-#: Marks are spread by shifting up to so many times, by counting beyond.
-_MOST_SHIFTS = 16
-
-#: Frames per mark. Parts of an integer are in the order of time on little-endian machines only.
-_GRAIN = 16 if sys.byteorder == "little" else BITS
-_PART = np.dtype(f"uint{_GRAIN}")
-_MARKS_OF_INTEGER = np.dtype(f"uint{8 * BITS // _GRAIN}")
 
 _ONE = np.uint64(1)
 _TOP = np.uint64(BITS - 1)
@@ -147,10 +140,18 @@ def reading_order(n_frames: Sequence[int]) -> list[int]:
     return order
 
 
+def count_runs(planes: PackedFeatures, rows: list[int]) -> float:
+    """Runs of frames that all rows hold, for an integer of a bitmap, from a sample."""
+    bits = np.bitwise_and.reduce(planes[rows, ::_SAMPLED])
+    return float(np.bitwise_count(bits & ~(bits << _ONE)).mean())
+
+
 def read_posting_lists(
     planes: PackedFeatures, rows: list[list[int]], order: list[int], gaps: list[Gap]
 ) -> list[Intervals] | None:
-    """Frames of each keyframe, without blocks that hold no hit; None if nothing is left.
+    """Frames of each keyframe that may belong to a hit; None if nothing is left.
+
+    Borders of sequences do not count here: what is left may lie across one.
 
     Parameters
     ----------
@@ -159,26 +160,18 @@ def read_posting_lists(
     order : of reading; each keyframe but the first is beside one read before
     gaps : between neighbouring keyframes
     """
-    n = len(rows)
-    bitmaps = np.empty((n, planes.shape[1]), dtype=np.uint64)
-    marks: list[Bits] = [np.empty(0, dtype=np.bool_)] * n
+    bitmaps = np.empty((len(rows), planes.shape[1]), dtype=np.uint64)
     first, *others = order
     _conjunction(planes, rows[first], None, bitmaps[first])
-    marks[first] = mark(bitmaps[first])
     for k in others:
-        back = k < first
-        near = spread_back(marks[k + 1], *gaps[k]) if back else spread(marks[k - 1], *gaps[k - 1])
+        if k > first:
+            near = reach(bitmaps[k - 1], gaps[k - 1])
+        else:
+            near = reach(bitmaps[k + 1], gaps[k], back=True)
         _conjunction(planes, rows[k], near, bitmaps[k])
-        marks[k] = near & mark(bitmaps[k])
-        if not marks[k].any():
+        bitmaps[k] &= near
+        if not bitmaps[k].any():
             return None
-    for k in range(n - 1):
-        marks[k + 1] &= spread(marks[k], *gaps[k])
-    for k in reversed(range(n - 1)):
-        marks[k] &= spread_back(marks[k + 1], *gaps[k])
-    for bitmap, left_over in zip(bitmaps, marks, strict=True):
-        parts = bitmap.view(_PART)
-        np.multiply(parts, left_over, out=parts)
     return _runs_of_bits(bitmaps)
 
 
@@ -215,57 +208,47 @@ def merge_touching(
     return np.concatenate([[True], apart]), np.concatenate([apart, [True]])
 
 
-def mark(bitmap: PackedFeatures) -> Bits:
-    """Blocks with a set bit."""
-    return np.asarray(bitmap.view(_PART) != 0)
-
-
-def spread(marks: Bits, least: int, most: int | None) -> Bits:
-    """Blocks with a frame from `least` to `most` frames after one of a marked block.
-
-    Negative numbers look back; `most` None looks ahead without end.
-    """
-    n = len(marks)
-    first = least // _GRAIN
-    if most is None:
-        return _shift(np.logical_or.accumulate(marks), first)
-    last = (most + _GRAIN - 1) // _GRAIN
-    if last - first < _MOST_SHIFTS:
-        result = _shift(marks, first)
-        for offset in range(first + 1, last + 1):
-            if offset >= 0:
-                result[offset:] |= marks[: max(n - offset, 0)]
-            else:
-                result[:offset] |= marks[-offset:]
+def reach(bitmap: PackedFeatures, gap: Gap, *, back: bool = False) -> PackedFeatures:
+    """Positions within the gap after a set one, or before one; without a bound at least those."""
+    if gap.most is None:
+        result = np.zeros_like(bitmap)
+        at = np.flatnonzero(bitmap)
+        if len(at):
+            result[slice(at[-1] + 1) if back else slice(at[0], None)] = ~np.uint64(0)
         return result
-    before = np.concatenate([[0], np.cumsum(marks)])
-    block = np.arange(n)
-    upto = before[np.clip(block - first + 1, 0, n)]
-    return np.asarray(upto > before[np.clip(block - last, 0, n)])
+    result, covered, width = bitmap.copy(), 1, gap.most - gap.least + 1
+    while covered < width:
+        step = min(covered, width - covered)
+        result |= _shift(result, -step if back else step)
+        covered += step
+    return _shift(result, -gap.least if back else gap.least)
 
 
-def spread_back(marks: Bits, least: int, most: int | None) -> Bits:
-    """Blocks with a frame from `least` to `most` frames before one of a marked block."""
-    if most is None:
-        return np.ascontiguousarray(spread(marks[::-1], least, None)[::-1])
-    return spread(marks, -most, -least)
-
-
-def _shift(marks: Bits, offset: int) -> Bits:
-    result = np.zeros_like(marks)
-    if offset >= 0:
-        result[offset:] = marks[: max(len(marks) - offset, 0)]
+def _shift(bitmap: PackedFeatures, by: int) -> PackedFeatures:
+    """The bitmap with every bit so many positions later; earlier where negative."""
+    if by == 0:
+        return bitmap
+    whole, rest = divmod(abs(by), BITS)
+    left, into = np.uint64(rest), np.uint64(BITS - rest)
+    result = np.zeros_like(bitmap)
+    n = max(len(bitmap) - whole, 0)
+    if by > 0:
+        np.left_shift(bitmap[:n], left, out=result[len(bitmap) - n :])
+        if rest and n > 1:
+            result[whole + 1 :] |= bitmap[: n - 1] >> into
     else:
-        result[:offset] = marks[-offset:]
+        np.right_shift(bitmap[len(bitmap) - n :], left, out=result[:n])
+        if rest and n > 1:
+            result[: n - 1] |= bitmap[whole + 1 :] << into
     return result
 
 
 def _conjunction(
-    planes: PackedFeatures, rows: list[int], near: Bits | None, out: PackedFeatures
+    planes: PackedFeatures, rows: list[int], near: PackedFeatures | None, out: PackedFeatures
 ) -> None:
-    """Write the frames that all rows of `planes` hold, at least those that `near` marks."""
+    """Write the frames that all rows of `planes` hold, at least those of `near`."""
     if near is not None:
-        wanted = near.view(_MARKS_OF_INTEGER) != 0
+        wanted = near != 0
         if np.count_nonzero(wanted) * _SPARSE < len(wanted):
             at = np.flatnonzero(wanted)
             some = planes[rows[0]][at]

@@ -25,6 +25,7 @@ from motionary.models.keyframes.posting_lists import (
     Intervals,
     Layout,
     Plan,
+    count_runs,
     join,
     plan_query,
     read_posting_lists,
@@ -43,6 +44,9 @@ Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 _COMPILED = "motionary.models.keyframes._compiled"
 
+#: Runs of the rarest keyframe, for 64 frames, from which on steps per run are slower than
+#: steps per frames.
+_MANY_RUNS = 0.3
 #: Pairs of frames that are compared at a time.
 _MOST_PAIRS = 2_000_000
 
@@ -58,7 +62,7 @@ def search_query(
     index : PostingIndex over the same features
     engine : which twin computes, with the same result; a single query ends before a
         compiler is loaded, so "auto" takes the compiled one only where numba is at work
-        already
+        already, and not where the rarest keyframe comes and goes often
 
     Returns
     -------
@@ -78,7 +82,8 @@ def search_query(
     rows = [index.rows(*keyframe) for keyframe in zip(plan.values, plan.fixed, strict=True)]
     n_frames = [index.counts[row[0]] for row in rows]
     order = reading_order(n_frames)
-    if kernels is not None:
+    many_runs = engine == "auto" and count_runs(index.planes, rows[order[0]]) > _MANY_RUNS
+    if kernels is not None and not many_runs:
         return _search_compiled(kernels.search_planes, index, rows, n_frames, order, plan.gaps)
     lists = read_posting_lists(index.planes, rows, order, plan.gaps)
     return HitRanges.none() if lists is None else _join(lists, plan, index.layout)
