@@ -18,6 +18,7 @@ from motionary.matching.distance import (
 from motionary.matching.hits import (
     ClassSegment,
     Hit,
+    align_hits,
     annotate_distances,
     find_hits,
     local_minima,
@@ -74,6 +75,7 @@ __all__ = [
     "StreamedPath",
     "advance",
     "align",
+    "align_hits",
     "annotate_distances",
     "cell_costs",
     "cell_ratios",

@@ -82,7 +82,24 @@ def find_hits(
     limit: int | None = None,
     skip_weight: float = SKIP_WEIGHT,
 ) -> list[Hit]:
-    """Hits of a pattern in one sequence, cheapest first.
+    """Hits of a pattern in one sequence, cheapest first; see `align_hits`."""
+    found = align_hits(
+        distance, pattern, packed, known, threshold=threshold, limit=limit, skip_weight=skip_weight
+    )
+    return [Hit(one.start, one.end + 1, float(distance[one.end])) for one in found]
+
+
+def align_hits(
+    distance: Single,
+    pattern: Pattern,
+    packed: PackedFeatures,
+    known: PackedFeatures | None = None,
+    *,
+    threshold: float,
+    limit: int | None = None,
+    skip_weight: float = SKIP_WEIGHT,
+) -> list[Alignment]:
+    """Alignments of the hits of a pattern in one sequence, by the distance at their ends.
 
     After a hit of n frames, ends within half of n before and a tenth of n after its end
     are excluded, and a later end whose start falls within a tenth of n before or half of n
@@ -111,19 +128,37 @@ def find_hits(
     order = np.argsort(distance, kind="stable")
     order = order[(distance[order] <= threshold) & np.isfinite(distance[order])]
     excluded = np.zeros(len(distance), dtype=np.bool_)
-    taken: list[Hit] = []
+    taken: list[Alignment] = []
     while len(order) and (limit is None or len(taken) < limit):
         order = order[~excluded[order]]
-        batch, order = order[:_BATCH], order[_BATCH:]
-        for found in align(pattern, packed, known, batch, skip_weight=skip_weight):
-            if excluded[found.end] or any(_same(found.start, hit) for hit in taken):
-                continue
-            hit = Hit(found.start, found.end + 1, float(distance[found.end]))
-            taken.append(hit)
-            _exclude_ends(excluded, hit)
-            if limit is not None and len(taken) == limit:
+        # At first likely hits, one of each; then what lies beside them and may be another.
+        ends = order[:_BATCH].tolist() if taken else _ends_apart(order, len(pattern), limit)
+        aligned = align(pattern, packed, known, ends, skip_weight=skip_weight)
+        found = dict(zip(ends, aligned, strict=True))
+        n_done = 0
+        for end in order.tolist():
+            if not excluded[end] and end not in found:
                 break
+            n_done += 1
+            if not excluded[end] and not any(_same(found[end].start, hit) for hit in taken):
+                taken.append(found[end])
+                _exclude_ends(excluded, end, end + 1 - found[end].start)
+        order = order[n_done:]
     return taken
+
+
+def _ends_apart(order: NDArray[np.intp], n_columns: int, limit: int | None) -> list[int]:
+    """The first ends of which none is excluded by one before, however short that hit is."""
+    most = _BATCH if limit is None else min(limit, _BATCH)
+    apart: list[int] = []
+    excluded = np.zeros(order.max(initial=-1) + 1, dtype=np.bool_)
+    for end in order.tolist():
+        if not excluded[end]:
+            apart.append(end)
+            _exclude_ends(excluded, end, (n_columns + 1) // 2)
+            if len(apart) == most:
+                break
+    return apart
 
 
 def _check_threshold(threshold: float) -> None:
@@ -131,14 +166,13 @@ def _check_threshold(threshold: float) -> None:
         raise InvalidInput("threshold must be a number, got NaN")
 
 
-def _exclude_ends(excluded: NDArray[np.bool_], hit: Hit) -> None:
-    length, end = hit.stop - hit.start, hit.stop - 1
+def _exclude_ends(excluded: NDArray[np.bool_], end: int, length: int) -> None:
     first = max(0, end - ceil(0.5 * length))
     excluded[first : end + ceil(0.1 * length) + 1] = True
 
 
-def _same(start: int, hit: Hit) -> bool:
-    length = hit.stop - hit.start
+def _same(start: int, hit: Alignment) -> bool:
+    length = hit.end + 1 - hit.start
     return hit.start - ceil(0.1 * length) <= start <= hit.start + ceil(0.5 * length)
 
 

@@ -12,7 +12,7 @@ first of (1, 1), (1, 2), (2, 1) is taken.
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -79,38 +79,41 @@ class Pattern:
 
 
 def cell_costs(
-    pattern: Pattern,
-    column: int,
-    packed: PackedFeatures,
-    known: PackedFeatures,
-    *,
-    tables: Floats | None = None,
+    pattern: Pattern, columns: int | slice, packed: PackedFeatures, known: PackedFeatures
 ) -> Floats:
-    """Costs of one column against frames of any leading shape.
+    """Costs of one column, or of several, against frames.
 
     Parameters
     ----------
+    columns : number of one, or several
     packed, known : arrays, shape (..., n_integers), uint64, that broadcast
-    tables : `byte_tables` of the pattern's entry weights, if many columns are asked for
 
     Returns
     -------
-    array, shape (...), float64. Unknown entries leave the fraction; a column of which fewer
-    than half of the fixed entries are known costs its whole weight.
+    array, shape (...), of several columns (columns, ...), float64. Unknown entries leave the
+    fraction; a column of which fewer than half of the fixed entries are known costs its whole
+    weight.
     """
-    seen = known & pattern.fixed[column]
-    wrong = (packed ^ pattern.values[column]) & seen
+    if isinstance(columns, int):
+        (costs,) = cell_costs(pattern, slice(columns, columns + 1), packed, known)
+        return np.asarray(costs)
+
+    def by_column(values: NDArray[Any]) -> NDArray[Any]:
+        # An axis for each of the frames, before those of a value.
+        shape = (-1, *(1,) * (max(packed.ndim, known.ndim) - 1), *values.shape[1:])
+        return values[columns].reshape(shape)
+
+    seen = known & by_column(pattern.fixed)
+    wrong = (packed ^ by_column(pattern.values)) & seen
     n_seen = count(seen)
     if pattern.entry_weights is None:
         fraction = count(wrong) / np.maximum(n_seen, 1)
     else:
-        own = slice(column, column + 1)
-        table = (byte_tables(pattern.entry_weights[own]) if tables is None else tables[own])[0]
-        seen_weight = _weigh(seen, table)
-        fraction = _weigh(wrong, table) / np.where(seen_weight > 0, seen_weight, 1.0)
-    unseen = 2 * n_seen < pattern.n_fixed[column]
-    costs: Floats = np.where(unseen, 1.0, fraction) * pattern.column_weights[column]
-    return costs
+        tables = byte_tables(pattern.entry_weights[columns])
+        seen_weight = _weigh(seen, tables)
+        fraction = _weigh(wrong, tables) / np.where(seen_weight > 0, seen_weight, 1.0)
+    unseen = 2 * n_seen < by_column(pattern.n_fixed)
+    return np.asarray(np.where(unseen, 1.0, fraction) * by_column(pattern.column_weights))
 
 
 def byte_tables(weights: Floats) -> Floats:
@@ -188,8 +191,9 @@ def _weigh(packed: PackedFeatures, tables: Floats) -> Floats:
     """Sum of the weights of what is set, in the order of bytes whatever stands beside."""
     as_bytes = np.ascontiguousarray(packed, dtype="<u8").view(np.uint8)
     total = np.zeros(packed.shape[:-1])
-    for i, table in enumerate(tables):
-        total += table.take(as_bytes[..., i])
+    for column, of_column in enumerate(tables):
+        for i, table in enumerate(of_column):
+            total[column] += table.take(as_bytes[column, ..., i])
     return total
 
 
@@ -304,12 +308,11 @@ def _accumulate(
     n_windows, width = outside.shape
     steps = np.zeros((len(pattern), n_windows, width), dtype=np.int8)
     padded = np.full((3, n_windows, width + 2), np.inf)
-    entries = pattern.entry_weights
-    tables = None if entries is None else byte_tables(entries)
+    costs = cell_costs(pattern, slice(None), packed, known)
     for k in range(len(pattern)):
         left = len(pattern) - 1 - k
         here = slice(width - 1 - 2 * left, width - (left + 1) // 2)
-        cost = cell_costs(pattern, k, packed, known, tables=tables)[frames[:, here]]
+        cost = costs[k][frames[:, here]]
         row, before, skipped = (padded[(k - back) % 3] for back in range(3))
         if k > 0:
             one = before[:, here.start + 1 : here.stop + 1]

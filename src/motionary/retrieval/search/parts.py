@@ -31,13 +31,11 @@ class PartTask(NamedTuple):
     shard : of the part, or where it lies
     ranks : array, the place of each of its sequences among those of the part
     most : largest cost that still counts
-    may_win : whether anything that it may hold comes before what was found elsewhere
     """
 
     shard: Shard | StoredShard
     ranks: NDArray[np.int64]
     most: float
-    may_win: bool = True
 
     def open(self) -> Collection:
         """The part as a collection of its own, its recordings in the order of the whole."""
@@ -74,9 +72,8 @@ def merge_parts(
     threshold: float,
     limit: int | None,
     jobs: Workers = 1,
-    may_skip: bool = True,
 ) -> Merged[Found]:
-    """The best that a search of each part finds.
+    """The best that a search of each part finds; those that cannot win are left out.
 
     Parameters
     ----------
@@ -85,17 +82,17 @@ def merge_parts(
     collection : at least one recording
     threshold, limit : largest cost, and most rows; None for all
     jobs : who does it
-    may_skip : whether parts are left out that cannot win; otherwise they are told so
     """
     merging = _Merging[Found](collection, threshold, limit)
     n_matched = 0
-    tasks = merging.tasks(jobs, may_skip=may_skip)
-    for done in map_ordered(partial(_attempt_part, work=work), tasks, jobs=jobs):
+    for done in map_ordered(partial(_attempt_part, work=work), merging.tasks(jobs), jobs=jobs):
         if isinstance(done, Failure):
             raise done.error
         number, found = done
-        merging.add(number, found.rows)
-        n_matched += found.n_matched
+        # Of several processes one may have begun what could not win any more.
+        if merging.may_win(number):
+            merging.add(number, found.rows)
+            n_matched += found.n_matched
     return Merged(merging.best, n_matched)
 
 
@@ -104,19 +101,20 @@ class _Merging(Generic[Found]):
 
     def __init__(self, collection: Collection, threshold: float, limit: int | None) -> None:
         self._parts, self._threshold, self._limit = collection.parts, threshold, limit
-        self._whole = collection
+        self._first = [int(part.numbers.min()) for part in self._parts]
         self.best: list[Row[Found]] = []
 
-    def tasks(self, jobs: Workers, *, may_skip: bool) -> Iterator[tuple[int, PartTask]]:
+    def tasks(self, jobs: Workers) -> Iterator[tuple[int, PartTask]]:
         """Parts to search, those of the first recordings first; each as it is asked for."""
-        first = [int(part.numbers.min()) for part in self._parts]
-        for i in np.argsort(first, kind="stable").tolist():
-            may_win = not self._is_full or (_LEAST, first[i]) < self.best[-1][:2]
-            if may_skip and not may_win:
-                continue
-            shard = self._parts[i].shard
-            ranks = np.argsort(np.argsort(self._parts[i].numbers))
-            yield i, PartTask(shard if jobs == 1 else shard.handle(), ranks, self._most, may_win)
+        for i in np.argsort(self._first, kind="stable").tolist():
+            if self.may_win(i):
+                shard = self._parts[i].shard
+                ranks = np.argsort(np.argsort(self._parts[i].numbers))
+                yield i, PartTask(shard if jobs == 1 else shard.handle(), ranks, self._most)
+
+    def may_win(self, number: int) -> bool:
+        """Whether anything that a part may hold comes before what was found."""
+        return not self._is_full or (_LEAST, self._first[number]) < self.best[-1][:2]
 
     def add(self, number: int, rows: Sequence[Row[Found]]) -> None:
         """Merge the rows of a part."""
@@ -159,9 +157,7 @@ def rank_patterns(
 ) -> Ranking:
     """Hits of templates over all recordings; of equal ones the earlier recording's first."""
     work = partial(_rank_part, patterns=tuple(patterns), limit=limit)
-    merged = merge_parts(
-        work, collection, threshold=threshold, limit=limit, jobs=jobs, may_skip=False
-    )
+    merged = merge_parts(work, collection, threshold=threshold, limit=limit, jobs=jobs)
     n_frames = max(len(patterns) * collection.n_frames, 1)
     return Ranking([row.found for row in merged.rows], merged.n_matched / n_frames)
 
@@ -169,11 +165,6 @@ def rank_patterns(
 def _rank_part(
     task: PartTask, *, patterns: Sequence[SearchPattern], limit: int | None
 ) -> PartRows[Hit]:
-    collection = task.open()
-    if not task.may_win:
-        # Only bitmaps are read, to count what would be matched.
-        (part,) = collection.parts
-        return PartRows([], sum(pattern.count_matched(part.shard) for pattern in patterns))
-    matches = match(patterns, collection)
+    matches = match(patterns, task.open())
     rows = [Row(*one) for one in matches.rank_numbered(threshold=task.most, limit=limit)]
     return PartRows(rows, matches.n_matched)

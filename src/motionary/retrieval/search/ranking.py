@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from motionary.batch import Failure
 from motionary.features import FeatureSequence, NamedFile
-from motionary.matching import Alignment, Corpus, Pattern, align, corpus_distance, find_hits
+from motionary.matching import Alignment, Corpus, Pattern, align_hits, corpus_distance
 from motionary.models.keyframes import HitRanges, KeyframeQuery, PostingIndex, select_in_index
 from motionary.models.templates import MotionTemplate, QuantisedTemplate
 from motionary.motion import Floats, Motion
 from motionary.packing import PackedFeatures
 from motionary.recording import Recording
 from motionary.retrieval.explanation import Comparison, Evidence
-from motionary.retrieval.index import Collection, Part, Shard
+from motionary.retrieval.index import Collection, Part
 from motionary.tables import Table, Tabular
 
 Integers = NDArray[np.int64]
@@ -153,10 +153,6 @@ class SearchPattern:
     def windows(self, index: PostingIndex) -> HitRanges:
         """Where it is matched, if it has queries."""
         return select_in_index(self.queries, self.template.n_columns, index, votes=self.votes)
-
-    def count_matched(self, shard: Shard) -> int:
-        """Frames of a shard in which it is matched."""
-        return self.windows(shard.posting_index).n_frames if self.queries else shard.n_frames
 
 
 class Window(NamedTuple):
@@ -331,8 +327,7 @@ def _find_matches(
 ) -> list[Evidence]:
     """Hits of one template in one window of which enough was seen."""
     _, packed, known, distance = window
-    hits = find_hits(distance, item.pattern, packed, known, threshold=threshold, limit=limit)
-    paths = align(item.pattern, packed, known, [hit.stop - 1 for hit in hits])
+    paths = align_hits(distance, item.pattern, packed, known, threshold=threshold, limit=limit)
     found = (
         Evidence(item.name, item.template, item.pattern, sequence, path.shifted(window.start))
         for path in paths
