@@ -6,6 +6,7 @@ operation over a tile of frames, and over as many patterns abreast as fit into t
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -93,8 +94,12 @@ def stack(patterns: Sequence[Columns]) -> Columns:
     return Columns(*(join(parts) for parts in zip(*patterns, strict=True)))
 
 
+@lru_cache(maxsize=16)
 def prepare_weighed(pattern: Pattern) -> WeighedColumns:
-    """Columns of any pattern; without entry weights every fixed entry weighs 1."""
+    """Columns of any pattern; without entry weights every fixed entry weighs 1.
+
+    Kept for some patterns: one is matched with many parts of an archive.
+    """
     n_features = 64 * pattern.values.shape[1]
     fixed, value = unpack(pattern.fixed, n_features), unpack(pattern.values, n_features)
     weight = fixed.astype(np.float64)

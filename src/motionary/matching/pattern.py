@@ -94,7 +94,7 @@ def cell_costs(
     fraction; a column of which fewer than half of the fixed entries are known costs its whole
     weight.
     """
-    if isinstance(columns, int):
+    if not isinstance(columns, slice):
         (costs,) = cell_costs(pattern, slice(columns, columns + 1), packed, known)
         return np.asarray(costs)
 

@@ -14,11 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.batch import Failure, Workers, map_ordered
-from motionary.retrieval.index import Collection, Part, Shard, StoredShard
+from motionary.matching import load_twin
+from motionary.retrieval.index import LARGE_COLLECTION, Collection, Part, Shard, StoredShard
 from motionary.retrieval.search.ranking import ROUNDING, Hit, SearchPattern, match
 
 Found = TypeVar("Found")
 
+# Kernels that many parts are worth loading a compiler for, however small each part is.
+_KERNELS = ("motionary.matching._compiled", "motionary.models.keyframes._compiled")
 # What is found costs at least that.
 _LEAST = 0.0
 
@@ -156,15 +159,18 @@ def rank_patterns(
     jobs: Workers = 1,
 ) -> Ranking:
     """Hits of templates over all recordings; of equal ones the earlier recording's first."""
-    work = partial(_rank_part, patterns=tuple(patterns), limit=limit)
+    is_large = collection.n_frames > LARGE_COLLECTION
+    work = partial(_rank_part, patterns=tuple(patterns), limit=limit, is_large=is_large)
     merged = merge_parts(work, collection, threshold=threshold, limit=limit, jobs=jobs)
     n_frames = max(len(patterns) * collection.n_frames, 1)
     return Ranking([row.found for row in merged.rows], merged.n_matched / n_frames)
 
 
 def _rank_part(
-    task: PartTask, *, patterns: Sequence[SearchPattern], limit: int | None
+    task: PartTask, *, patterns: Sequence[SearchPattern], limit: int | None, is_large: bool
 ) -> PartRows[Hit]:
+    for kernels in _KERNELS if is_large else ():
+        load_twin(kernels, "auto", pays=True)
     matches = match(patterns, task.open())
     rows = [Row(*one) for one in matches.rank_numbered(threshold=task.most, limit=limit)]
     return PartRows(rows, matches.n_matched)
