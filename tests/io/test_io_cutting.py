@@ -249,6 +249,11 @@ def test_a_trc_clip_keeps_every_byte_but_the_count(tmp_path):
     assert clip[:2] + clip[3:5] == lines[:2] + lines[3:5]
     assert clip[2].split(b"\t") == [*lines[2].split(b"\t")[:2], b"2", *lines[2].split(b"\t")[3:]]
     assert clip[5:] == [*lines[6:8], b""]
+    # A header that has too few values stays as it is.
+    lines[2] = b"60.0"
+    (tmp_path / "a.trc").write_bytes(b"\r\n".join(lines))
+    cut_file(tmp_path / "a.trc", 13, 14, tmp_path / "clip.trc")
+    assert (tmp_path / "clip.trc").read_bytes().split(b"\r\n")[2] == b"60.0"
 
 
 def test_clips_of_other_arrays_keep_what_they_have(tmp_path):
@@ -269,9 +274,10 @@ def test_clips_of_other_arrays_keep_what_they_have(tmp_path):
     cut_file(tmp_path / "batch.npz", 3, 7, tmp_path / "clip.npz", take=2)
     with np.load(tmp_path / "batch.npz") as batch, np.load(tmp_path / "clip.npz") as clip:
         assert np.array_equal(clip["joints"], batch["joints"][1, 3:8])
-    np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(UnreadableFile, match="no clips can be cut out of it"):
-        cut_file(tmp_path / "other.npz", 0, 1, tmp_path / "clip.npz")
+    for other in ({"a": np.zeros(3)}, {"poses": np.zeros(()), "trans": np.zeros((4, 3))}):
+        np.savez(tmp_path / "other.npz", **other)
+        with pytest.raises(UnreadableFile, match="no clips can be cut out of it"):
+            cut_file(tmp_path / "other.npz", 0, 1, tmp_path / "clip.npz")
 
 
 def test_a_clip_that_would_end_late_is_called_by_the_end(tmp_path):

@@ -246,22 +246,9 @@ def _rotate(
 
 
 def write_amc(motion: Motion, path: str | Path, *, asf: str | Path | None = None) -> None:
-    """Write the motion of an Acclaim skeleton.
+    """Write the motion of the skeleton `asf`, by default the one that `find_asf` finds by name.
 
-    Parameters
-    ----------
-    motion : with the skeleton of `asf` and rotations
-    path : the file; packed where its name ends in .gz
-    asf : the skeleton; by default it is looked for beside `path` by name, see `find_asf`
-
-    Raises
-    ------
-    UnreadableFile
-        If there is no skeleton.
-    InvalidInput
-        If the motion is not one of this skeleton.
-    UnwritableFile
-        If the file cannot be written.
+    A path whose name ends in .gz is packed.
     """
     skeleton = read_asf(Path(asf if asf is not None else find_asf(Path(path))))
     with at_fault(motion.source or "motion"):

@@ -143,7 +143,7 @@ def cut_npz(path: Path, first: int, last: int, take: str | int | None = None) ->
     elif key is None:
         source = find_source(arrays)
         key = source.turns[0] if source else None
-    if key is None:
+    if key is None or not arrays[key].ndim:
         raise UnreadableFile(
             "no clips can be cut out of it; convert it to a .npz of motionary first"
         )

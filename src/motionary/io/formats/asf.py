@@ -9,7 +9,7 @@ starts.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -132,17 +132,8 @@ def find_asf(path: Path, *, listing: Callable[[Path], Mapping[str, Path]] = list
     """The skeleton of a motion: same name, a beginning of it, or alone in the folder.
 
     `HDM_bd_squat_001.amc` goes with `HDM_bd_squat.asf`, `HDM_bd.asf`, `HDM.asf`, looked
-    for beside the motion and up to two folders above.
-
-    Parameters
-    ----------
-    path : the motion
-    listing : says which skeletons a folder holds; for many motions, one that remembers
-
-    Raises
-    ------
-    UnreadableFile
-        If there is none; the message says what was looked for.
+    for beside the motion and up to two folders above. For many motions, `listing` says which
+    skeletons a folder holds, and remembers.
     """
     parts = stem_of(path).split("_")
     stems = ["_".join(parts[:n]) for n in range(len(parts), 0, -1)]
@@ -179,20 +170,14 @@ class _Reader:
             "bonedata": self.read_bone,
             "hierarchy": self.read_children,
         }
-        for words in self.lines(text):
-            if words[0].startswith(":"):
+        for self.line, line in enumerate(text.split("\n"), start=1):
+            words = line.partition("#")[0].split()
+            if words and words[0].startswith(":"):
                 section = words[0][1:].lower()
-            elif section in readers:
+            elif words and section in readers:
                 readers[section](words[0].lower(), words)
         self.check()
         return self.skeleton
-
-    def lines(self, text: str) -> Iterator[list[str]]:
-        for number, line in enumerate(text.split("\n"), start=1):
-            self.line = number
-            words = line.partition("#")[0].split()
-            if words:
-                yield words
 
     def numbers(self, words: list[str], count: int) -> tuple[float, ...]:
         try:
@@ -230,12 +215,12 @@ class _Reader:
             if not name or name == ROOT or name in bones:
                 self.fail(f"a bone needs a name of its own, got {name!r}")
             bones[name] = Bone(name)
-        elif key in ("direction", "length", "axis", "dof"):
-            if not bones:
-                self.fail(f"{words[0]!r} comes before the name of a bone")
-            self.read_property(bones[next(reversed(bones))], key, words)
-
-    def read_property(self, bone: Bone, key: str, words: list[str]) -> None:
+            return
+        if key not in ("direction", "length", "axis", "dof"):
+            return
+        if not bones:
+            self.fail(f"{words[0]!r} comes before the name of a bone")
+        bone = bones[next(reversed(bones))]
         if key == "direction":
             bone.direction = self.numbers(words, 3)
         elif key == "length":

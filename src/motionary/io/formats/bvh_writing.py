@@ -51,20 +51,9 @@ class _Node:
 
 
 def write_bvh(motion: Motion, path: str | Path, *, unit: float | str = "cm") -> None:
-    """Write a motion that has a rig.
+    """Write a motion that has a rig and no gaps; a path whose name ends in .gz is packed.
 
-    Parameters
-    ----------
-    motion : with skeleton and rotations
-    path : the file; packed where its name ends in .gz
-    unit : of lengths in the file, as in `read`
-
-    Raises
-    ------
-    InvalidInput
-        If the motion has no rig, gaps, or a name that the format does not hold.
-    UnwritableFile
-        If the file cannot be written.
+    Lengths are in `unit`, as in `read`.
     """
     metres = metres_per_unit(unit)
     skeleton, rotations = rig_of(motion, "BVH holds the turns of a rig")

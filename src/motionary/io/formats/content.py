@@ -124,17 +124,8 @@ def place_joints(
 ) -> Floats:
     """Joint positions of a tree over hours of frames, shape (frames, joints, 3).
 
-    Parameters
-    ----------
-    skeleton : tree of the joints
-    quaternions : array, shape (frames, joints, 4), local rotations wxyz
-    root_positions : array, shape (frames, 3)
-    translations : per joint index, (frames, 3), in place of the offset
-
-    Raises
-    ------
-    UnreadableFile
-        If numbers are so large that no body can be meant.
+    Local rotations wxyz are (frames, joints, 4); translations, (frames, 3) by index, are in place
+    of a joint's offset. Numbers so large that no body can be meant are refused.
     """
     n_frames, n_joints = quaternions.shape[:2]
     positions = np.empty((n_frames, n_joints, 3))
@@ -168,13 +159,9 @@ def rig_of(motion: Motion, holds: str) -> tuple[Skeleton, Floats]:
 
 
 def rest_offsets(positions: Floats, turns: Floats, parents: NDArray[np.intp]) -> Floats:
-    """Offsets of joints in their parents' frames, shape (joints, 3).
+    """Offsets of joints in their parents' frames, shape (joints, 3), parents first.
 
-    Parameters
-    ----------
-    positions : array, shape (joints, 3), of one pose
-    turns : array, shape (joints, 4), local turns of the same pose, wxyz
-    parents : array, shape (joints,), parents first
+    Positions (joints, 3) and local turns wxyz (joints, 4) are those of one pose.
     """
     world = turns.copy()
     for joint, parent in enumerate(parents.tolist()):
@@ -247,14 +234,8 @@ def number_doubles(names: Sequence[str]) -> list[str]:
 def choose_take(takes: Sequence[str] | int, take: str | int | None, source: str) -> int:
     """Which of several recordings in a file is meant: by its name, or by its number from 1.
 
-    `takes` are their names, or how many there are where they have none.
-
-    Raises
-    ------
-    SeveralRecordings
-        If there are several and none is named, or every one is asked for.
-    InvalidInput
-        If none is called so.
+    `takes` are their names, or how many there are where they have none. That of a single one need
+    not be given; to ask for `EVERY` is `SeveralRecordings`.
     """
     # Names of thousands are not written out for each that is read.
     names: Sequence[object] = range(1, takes + 1) if isinstance(takes, int) else takes

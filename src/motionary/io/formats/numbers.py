@@ -150,17 +150,13 @@ def read_frames(
 def iterate_frames(
     texts: Iterable[bytes], names: Sequence[bytes | None], *, gaps: Collection[str] = ()
 ) -> Iterator[Floats]:
-    """Numbers of frames, some frames at a time.
+    """Numbers of frames, some frames at a time, (frames, numbers per frame).
 
     Parameters
     ----------
     texts : parts of the text, cut anywhere; each frame begins on a line of its own
     names : per word of a frame the name that stands there, or None for a number
     gaps : words in lower case, without their sign, that become NaN
-
-    Yields
-    ------
-    array, shape (frames, numbers per frame)
 
     Raises
     ------

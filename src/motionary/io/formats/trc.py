@@ -172,11 +172,10 @@ def cut_trc(lines: list[str], first: int, last: int) -> list[str]:
     chosen = frames[first - first_number : last - first_number + 1]
     header = [line for line in lines[: head.line] if line.strip()]
     keys = [key.strip() for key in header[1].split(head.separator)]
-    if "NumFrames" in keys:
-        mark = head.separator or " "
-        cells = header[2].split(head.separator)
+    cells = header[2].split(head.separator)
+    if "NumFrames" in keys[: len(cells)]:
         cells[keys.index("NumFrames")] = str(len(chosen))
-        header[2] = mark.join(cells)
+        header[2] = (head.separator or " ").join(cells)
         header[2] = end_alike([header[2]], header[1])[0]
     return header + end_alike(chosen, header[-1])
 
