@@ -481,8 +481,9 @@ def test_a_damaged_index_is_refused_where_it_is_named(folder, place, harm):
         Index.open(folder, at=place)
 
 
-@pytest.mark.parametrize("harm", PARTIAL_HARMS)
-@pytest.mark.parametrize("is_named", [True, False])
+@pytest.mark.parametrize(
+    ("harm", "is_named"), [*((harm, True) for harm in PARTIAL_HARMS), ("half a file", False)]
+)
 def test_what_is_damaged_is_read_again_and_told(
     folder, place, tmp_path, monkeypatch, harm, is_named
 ):
