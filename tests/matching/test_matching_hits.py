@@ -161,3 +161,5 @@ def test_many_hits_exclude_across_batches_of_candidates():
         earlier = [tuple(other) for other in hits[:i]]
         assert not any(oracle.is_excluded(hit.start, hit.stop - 1, e) for e in earlier)
         assert not earlier or earlier[-1][2] <= hit.cost
+    for limit in (1, 2, 5, 40):
+        assert find_hits(distance, pattern, packed, threshold=INF, limit=limit) == hits[:limit]

@@ -142,6 +142,8 @@ def align_hits(
             n_done += 1
             if not excluded[end] and not any(_same(found[end].start, hit) for hit in taken):
                 taken.append(found[end])
+                if len(taken) == limit:
+                    return taken
                 _exclude_ends(excluded, end, end + 1 - found[end].start)
         order = order[n_done:]
     return taken
