@@ -111,6 +111,12 @@ def test_a_list_names_files_folders_and_comments(folders, tmp_path):
         Index.open(f"@{listed}", at=tmp_path / "index")
 
 
+def test_a_list_in_a_list_is_a_folder_of_that_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "list.txt").write_text("@list.txt\n")
+    assert find_sources("@list.txt") == (Source("@list.txt"),)
+
+
 def test_a_bucket_is_indexed_as_the_same_files_here(bucket, short, folders, tmp_path):
     index = Index.open("memory://bucket", at=tmp_path / "index")
     done = []

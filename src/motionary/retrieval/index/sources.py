@@ -175,15 +175,19 @@ def find_sources(given: str | Path | Sequence[str | Path]) -> tuple[Source, ...]
 def _expand(given: Iterable[str]) -> Iterator[str]:
     """The same without lists and patterns."""
     for path in given:
-        if is_list(path):
-            file = Path(path.removeprefix(LIST_MARK))
-            lines = [line.strip() for line in read_text(file).splitlines()]
-            named = (line for line in lines if line and not line.startswith("#"))
-            yield from _expand(one if is_url(one) else str(file.parent / one) for one in named)
-        elif not is_url(path) and has_magic(path) and not file_of(path).exists():
-            yield from map(str, find_recordings(path))
-        else:
-            yield path
+        for one in _read_list(path) if is_list(path) else [path]:
+            if not is_url(one) and has_magic(one) and not file_of(one).exists():
+                yield from map(str, find_recordings(one))
+            else:
+                yield one
+
+
+def _read_list(path: str) -> list[str]:
+    """Paths in a list, relative to it; one that looks like a list is a folder there."""
+    file = Path(path.removeprefix(LIST_MARK))
+    lines = [line.strip() for line in read_text(file).splitlines()]
+    named = (line for line in lines if line and not line.startswith("#"))
+    return [one if is_url(one) else str(file.parent / one) for one in named]
 
 
 def _divide(path: str) -> tuple[str, str | None]:
