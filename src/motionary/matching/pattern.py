@@ -78,30 +78,23 @@ class Pattern:
         return not (~known & np.bitwise_or.reduce(self.fixed, axis=0)).any()
 
 
-def cell_costs(
-    pattern: Pattern, columns: int | slice, packed: PackedFeatures, known: PackedFeatures
-) -> Floats:
-    """Costs of one column, or of several, against frames.
+def cell_costs(pattern: Pattern, packed: PackedFeatures, known: PackedFeatures) -> Floats:
+    """Costs of all columns against frames.
 
     Parameters
     ----------
-    columns : number of one, or several
     packed, known : arrays, shape (..., n_integers), uint64, that broadcast
 
     Returns
     -------
-    array, shape (...), of several columns (columns, ...), float64. Unknown entries leave the
-    fraction; a column of which fewer than half of the fixed entries are known costs its whole
-    weight.
+    array, shape (columns, ...), float64. Unknown entries leave the fraction; a column of which
+    fewer than half of the fixed entries are known costs its whole weight.
     """
-    if not isinstance(columns, slice):
-        (costs,) = cell_costs(pattern, slice(columns, columns + 1), packed, known)
-        return np.asarray(costs)
 
     def by_column(values: NDArray[Any]) -> NDArray[Any]:
         # An axis for each of the frames, before those of a value.
         shape = (-1, *(1,) * (max(packed.ndim, known.ndim) - 1), *values.shape[1:])
-        return values[columns].reshape(shape)
+        return values.reshape(shape)
 
     seen = known & by_column(pattern.fixed)
     wrong = (packed ^ by_column(pattern.values)) & seen
@@ -109,7 +102,7 @@ def cell_costs(
     if pattern.entry_weights is None:
         fraction = count(wrong) / np.maximum(n_seen, 1)
     else:
-        tables = byte_tables(pattern.entry_weights[columns])
+        tables = byte_tables(pattern.entry_weights)
         seen_weight = _weigh(seen, tables)
         fraction = _weigh(wrong, tables) / np.where(seen_weight > 0, seen_weight, 1.0)
     unseen = 2 * n_seen < by_column(pattern.n_fixed)
@@ -308,7 +301,7 @@ def _accumulate(
     n_windows, width = outside.shape
     steps = np.zeros((len(pattern), n_windows, width), dtype=np.int8)
     padded = np.full((3, n_windows, width + 2), np.inf)
-    costs = cell_costs(pattern, slice(None), packed, known)
+    costs = cell_costs(pattern, packed, known)
     for k in range(len(pattern)):
         left = len(pattern) - 1 - k
         here = slice(width - 1 - 2 * left, width - (left + 1) // 2)
