@@ -63,7 +63,7 @@ def read_features(
     if isinstance(jobs, Cluster):
         # Its workers run in folders of their own.
         options, files = options.absolute(), ((name, path.absolute()) for name, path in files)
-    work = partial(_measure, options=options or ReadOptions(), feature_set=feature_set)
+    work = partial(_measure, options=options, feature_set=feature_set)
     for done in map_ordered(work, _join_short(files), jobs=jobs):
         for file, item in (
             done if not isinstance(done, Failure) else _measure_alone(work, done, jobs)

@@ -340,7 +340,7 @@ def _legend(*, hits: bool, threshold: float | None, truth: bool) -> "list[Artist
 def plot_check(check: "TrackingCheck") -> "Figure":
     """Picture of the angles between limbs and sensors, and of what is wrong.
 
-    Of the two lines above the first a stretch goes on that is wrong, above the second it is one.
+    Of the two lines, a wrong segment rises above the upper and stays above the lower.
 
     Parameters
     ----------

@@ -198,8 +198,9 @@ def make_folds(examples: Examples, *, groups: str | None, seed: int) -> list[Fol
     fold_of: list[int | None] = []
     if keys:
         names = sorted(set(keys))
-        order = rng.permutation(len(names)).tolist()
-        fold_of += (order.index(names.index(key)) % N_FOLDS for key in keys)
+        dealt = enumerate(rng.permutation(len(names)))
+        parts = {names[k]: place % N_FOLDS for place, k in dealt}
+        fold_of += [parts[key] for key in keys]
     else:
         fold_of = _deal(items, rng)
     folds = []
