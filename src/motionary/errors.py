@@ -186,7 +186,8 @@ def _describe_json(error: JSONDecodeError) -> str:
         said = f"it ends too early, in line {error.lineno}" if error.doc.strip() else "it is empty"
         return f"{said}; get the whole file"
     place = f"line {error.lineno}, column {error.colno}"
-    return f"in {place} stands {rest[:30]!r}, which JSON does not have there; is it whole?"
+    remedy = "have its program write it again"
+    return f"in {place} stands {rest[:30]!r}, which JSON does not have there; {remedy}"
 
 
 def check_kind(

@@ -327,7 +327,7 @@ def test_hits_are_cut(motionary, world, squat, tmp_path):
     ("options", "words"),
     [
         (("--class", "squat", "--save-class", "x"), "goes with --like FILE"),
-        ((), "say what is sought by one of them"),
+        ((), "say what to search for by one of them"),
         (("--query", "body low", "--from", 1), "goes with --like FILE"),
         (("--query", "body low", "--template", "x.png"), "goes with --like FILE"),
         (("--query", "body low", "--library", "x"), "goes with --class NAME"),

@@ -75,14 +75,14 @@ def fit_points(
 ) -> Fit:
     """The pose in which points of the body are nearest to where they were seen.
 
+    The search starts from the pose at rest, moved and turned onto the targets; the prior holds on
+    to it.
+
     Parameters
     ----------
     body : Body
     points : of the body, as from `Body.points` or `Body.joint_points`
     targets : array, shape (points, 3), metres; NaN = not seen
-
-    The search starts from the pose at rest, moved and turned onto the targets; the prior holds on
-    to it.
 
     Raises
     ------

@@ -153,9 +153,9 @@ class QueryOptions:
     def check(self) -> None:
         """Refuse options that contradict each other."""
         if self.like is not None and self.class_name is not None:
-            raise wrong("--like, --class", "say what is sought by one of them")
+            raise wrong("--like, --class", "say what to search for by one of them")
         if (self.like, self.class_name, self.query) == (None, None, None):
-            raise wrong("--like, --class, --query", "say what is sought by one of them")
+            raise wrong("--like, --class, --query", "say what to search for by one of them")
         if self.class_name is not None and self.library == "none":
             raise wrong("--class", "needs the library that the class is from: --library LIB")
         if self.class_name is None:

@@ -91,7 +91,7 @@ class LimbCheck(NamedTuple):
     deviation_deg : expected error of the calibration; NaN if not to be had
     drift_deg : largest drift of the heading that was taken out
     margin : residual of the next best limb over this one's; NaN where a map told the limb
-    wrong : stretches of frames, first and one past the last
+    wrong : segments of frames, first and one past the last
     notes : what makes it doubtful
     """
 
@@ -115,7 +115,7 @@ class TrackingCheck(NamedTuple):
     ----------
     limbs : one for each sensor, by name
     lag : of the sensors' clock behind the motion's
-    track : the stretches that are wrong, as labels of the motion
+    track : the segments that are wrong, as labels of the motion
     notes : what was noticed of all
     """
 
@@ -373,7 +373,7 @@ def _judge(
 
 
 def _to_track(motion: Motion, checks: Sequence[LimbCheck]) -> LabelTrack:
-    """The stretches as labels: the limb is wrong, by how much, and in which way."""
+    """The segments as labels: the limb is wrong, by how much, and in which way."""
     labels = []
     for check in checks:
         for first, stop in check.wrong:

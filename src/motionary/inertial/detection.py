@@ -1,6 +1,6 @@
-"""Where a limb is tracked wrongly: stretches in which it and its sensor disagree.
+"""Where a limb is tracked wrongly: segments in which it and its sensor disagree.
 
-A stretch rises above one angle somewhere and stays above a smaller one, so that noise neither
+A segment rises above one angle somewhere and stays above a smaller one, so that noise neither
 begins nor splits it. The thesis asks for 45 degrees in a frame (section 7.6).
 """
 
@@ -43,9 +43,9 @@ class DetectionSettings:
 
     Attributes
     ----------
-    high_deg, low_deg : which a stretch must reach, and above which it stays
+    high_deg, low_deg : which a segment must reach, and above which it stays
     min_s : shorter ones are left out
-    max_gap_s : shorter ones between two stretches are bridged
+    max_gap_s : shorter ones between two segments are bridged
     """
 
     high_deg: float = 25.0
@@ -61,7 +61,7 @@ OF_DIRECTIONS = DetectionSettings(high_deg=15.0, low_deg=8.0)
 def find_wrong(
     residual_deg: Floats, rate_hz: float, settings: DetectionSettings | None = None
 ) -> list[tuple[int, int]]:
-    """Stretches of frames (first, one past the last) that are wrong, by time.
+    """Segments of frames (first, one past the last) that are wrong, by time.
 
     Parameters
     ----------

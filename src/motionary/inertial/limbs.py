@@ -176,20 +176,19 @@ def simulate_sensor(
         )
     rng = np.random.default_rng(seed)
     limb = continuous_signs(orientations)
-    place = places
     turned = limb if mount is None else multiply_quaternions(limb, np.asarray(mount))
     if settings.lowpass_hz is not None:
-        place = _lowpass(place, settings.lowpass_hz, rate_hz)
+        places = _lowpass(places, settings.lowpass_hz, rate_hz)
         turned = _lowpass(turned, settings.lowpass_hz, rate_hz)
     turned = multiply_quaternions(turned, _soft_tissue(n, rate_hz, settings, rng))
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
     gyr = rates_of_turn(turned, rate_hz) + _errors(
         n, settings.gyr_noise * np.sqrt(rate_hz), settings.gyr_bias, rng
     )
-    acc = specific_forces(turned, place, rate_hz) + _errors(
+    acc = specific_forces(turned, places, rate_hz) + _errors(
         n, settings.acc_noise * np.sqrt(rate_hz), settings.acc_bias, rng
     )
-    mag = rotate(conjugate_quaternions(turned), _field(place, settings))
+    mag = rotate(conjugate_quaternions(turned), _field(places, settings))
     mag += _errors(n, settings.mag_noise, 0.0, rng)
     return SimulatedSensor(gyr, acc, mag, turned)
 

@@ -203,7 +203,7 @@ def _describe(
     if lacking:
         raise InvalidInput(
             f"intrinsics are missing: {' and '.join(lacking)} of the depth camera, in pixels; "
-            "write it into camera.json beside the images, or give --intrinsics",
+            "write them into camera.json beside the images, or give --intrinsics",
             file=name,
         )
     for side, given in (("width", first.shape[1]), ("height", first.shape[0])):

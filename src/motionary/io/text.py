@@ -127,9 +127,7 @@ def parse_json(text: str, **where: Any) -> Any:
     # Not JSONDecodeError alone: numbers may have more digits than Python takes.
     except (ValueError, RecursionError) as error:
         raise UnreadableFile(
-            f"is no JSON file, or broken JSON: {describe_cause(error)}; give a file of JSON, or "
-            "have its program write it again",
-            **where,
+            f"is no JSON file, or broken JSON: {describe_cause(error)}", **where
         ) from error
 
 

@@ -251,7 +251,7 @@ class _Turns(NamedTuple):
 
 
 def _read_turns(numbers: Floats, per_joint: int | None) -> _Turns:
-    """_Turns of the first joints.
+    """Turns of the body's joints.
 
     Parameters
     ----------
