@@ -151,3 +151,24 @@ def test_an_index_may_be_of_chosen_features_and_of_patterns(
     assert (ran.code, ran.out) == (1, "")
     assert "none*.bvh: no recording has a name like this" in ran.err
     assert motionary(*made, "--features", "mine").code == 2
+
+
+def test_a_search_does_not_make_an_index_forget_sources_that_are_not_given(
+    motionary, archive, tmp_path
+):
+    folders = [tmp_path / name for name in ("one", "two", "three")]
+    for folder in folders:
+        folder.mkdir()
+        (folder / "squat.bvh").write_bytes((archive / "squat.bvh").read_bytes())
+    at = ("--index", tmp_path / "index", "--skeleton", "generic")
+    assert motionary("index", *folders, *at).code == 0
+    example = archive / "squat.bvh"
+    part = motionary("search", *folders[:2], "--like", example, *at)
+    assert part.code == 1
+    assert "sources that are not given, such as three/squat.bvh; give all" in part.err
+    whole = motionary("search", *folders, "--like", example, *at, "--json")
+    assert {json.loads(line)["recording"] for line in whole.out.splitlines()} == {
+        "one/squat.bvh", "two/squat.bvh", "three/squat.bvh",
+    }  # fmt: skip
+    assert motionary("index", *folders[:2], *at).code == 0
+    assert motionary("search", *folders[:2], "--like", example, *at).code == 0

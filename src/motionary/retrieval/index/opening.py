@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from motionary.batch import Workers
-from motionary.errors import UnreadableFile, UnwritableFile
+from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 from motionary.features import FeatureSet
 from motionary.io import ReadOptions, name_recordings
 from motionary.retrieval.index.changes import Changes
@@ -82,7 +82,9 @@ class Opener:
         """The index of recordings, up to date; None where the cache cannot be written."""
         index = self.open_index(paths, at)
         try:
-            return index, self.update_index(index, index.changes())
+            changes = index.changes()
+            _check_sources(index, changes)
+            return index, self.update_index(index, changes)
         except UnwritableFile as error:
             if at is not None:
                 raise
@@ -189,6 +191,23 @@ class Opener:
             )
             return True
         return False
+
+
+def _check_sources(index: Index, changes: Changes) -> None:
+    """Refuse to forget what an index holds of sources that are not given.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    given = tuple(source.prefix for source in index.sources)
+    others = [name for name in changes.gone if not name.startswith(given)]
+    if others:
+        raise InvalidInput(
+            f"the index in {index.place} holds recordings of sources that are not given, such as "
+            f"{others[0]}; give all that it was made of, or name another place by --index; "
+            "`motionary index` with these sources alone forgets the others"
+        )
 
 
 def needs_one_index(paths: Iterable[str], at: str | None) -> bool:
