@@ -155,7 +155,7 @@ def from_patterns(
 def parse_query(
     text: str, *, vocabulary: Vocabulary = FULL_BODY, rate_hz: float = SEQUENCE_HZ
 ) -> KeyframeQuery:
-    """Query that a text describes, in lines as above.
+    """Query that a text describes, in lines as in the module's description.
 
     Raises
     ------

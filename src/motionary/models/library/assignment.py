@@ -79,7 +79,10 @@ class JudgedLabel(NamedTuple):
 
 
 def find_candidates(sequence: FeatureSequence, library: ClassLibrary) -> Candidates:
-    """Scored matches of all prototypes in one recording; refused of a library without priors."""
+    """Scored matches of all prototypes in one recording.
+
+    Raises InvalidInput if the library has no priors.
+    """
     check_has_scores(library)
     places: list[PrototypePlace] = []
     patterns: list[Pattern] = []

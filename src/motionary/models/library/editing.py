@@ -40,7 +40,8 @@ _MIRRORED = "Mirrored"
 def replace_class(library: ClassLibrary, name: str, changed: MotionClass) -> ClassLibrary:
     """Library in which another class stands in the place of one.
 
-    It is refused if it has the name of a third, or other features.
+    Raises InvalidInput if there is no class of that name, or the new one has the name of a
+    third, or other features.
     """
     old = library[name]
     return replace(library, classes=tuple(changed if one is old else one for one in library))
@@ -75,7 +76,10 @@ def rename_class(library: ClassLibrary, name: str, new_name: str) -> ClassLibrar
 
 
 def find_prototype(motion_class: MotionClass, name: str | None = None) -> Prototype:
-    """The prototype of a name; by default the only one, or the one called like the class."""
+    """The prototype of a name; by default the only one, or that called like the class.
+
+    Raises InvalidInput if there is none of that name, or none is given and several may be meant.
+    """
     wanted = motion_class.name if name is None else name
     for one in motion_class.prototypes:
         if one.name == wanted or (name is None and len(motion_class.prototypes) == 1):

@@ -112,7 +112,10 @@ def scoring_for(feature_set: FeatureSet, others: Sequence[FeatureSequence] = ())
 def mix_prior(
     examples: Sequence[FeatureSequence], scoring: Scoring | None, *, mirror: bool
 ) -> tuple[float, ...]:
-    """Prior of each feature, from the examples of all classes; empty without, or without corpus."""
+    """Prior of each feature, from the examples of all classes and a general corpus.
+
+    Empty without either; `mirror` says whether templates have their mirror images.
+    """
     if scoring is None or not examples:
         return ()
     feature_set = examples[0].feature_set
@@ -251,6 +254,11 @@ def fit_probability(margins: ArrayLike, is_right: ArrayLike) -> tuple[float, flo
     Returns
     -------
     logarithm of the odds at a margin of 0, and how it grows with the margin: never falling
+
+    Raises
+    ------
+    InvalidInput
+        If there is no label.
     """
     # Not needed to read or use a library: imported where it is.
     from scipy.optimize import minimize

@@ -219,7 +219,7 @@ def state_problem(
     seed: int = 0,
     template: MotionTemplate | None = None,
 ) -> Problem:
-    """Checked examples with the columns that queries are made of; otherwise as `learn_query`."""
+    """Checked examples with the columns that queries are made of, as for `learn_query`."""
     _check_examples(positives, negatives)
     template = template or template_of(positives)
     strict = quantise(template, tolerance=0.0)
