@@ -321,6 +321,13 @@ def test_names_that_the_format_does_not_hold(tmp_path, name):
         write_c3d(Motion((name,), np.zeros((1, 1, 3)), Recording(rate_hz=30.0)), tmp_path / "a.c3d")
 
 
+def test_more_events_than_the_format_holds_are_refused(tmp_path):
+    events = tuple(Event("step", "left", 0.1 * i) for i in range(256))
+    motion = Motion(("a",), np.zeros((1, 1, 3)), Recording(rate_hz=30.0), events=events)
+    with pytest.raises(InvalidInput, match=r"at most 255 events, got 256; write \.npz"):
+        write_c3d(motion, tmp_path / "a.c3d")
+
+
 # fmt: off
 PLUG_IN_GAIT = [
     "LFHD", "RFHD", "LBHD", "RBHD", "C7", "T10", "CLAV", "STRN", "RBAK", "LSHO", "LUPA",

@@ -194,9 +194,9 @@ def learn(
     options.check()
     if options.corrections is None:
         return _learn_examples(options, examples, as_json, jobs=jobs, reading=reading)
-    if examples is not None:
+    if examples is not None or options.library is None:
         raise wrong("--corrections", "needs --library, and no EXAMPLES")
-    return _learn_corrected(options, as_json, jobs=jobs, reading=reading)
+    return _learn_corrected(options, options.library, as_json, jobs=jobs, reading=reading)
 
 
 def _learn_examples(
@@ -299,15 +299,13 @@ def _cell(key: str, value: Any) -> str:
 
 
 def _learn_corrected(
-    options: TrainingFlags, as_json: bool, *, jobs: int, reading: ReadOptions
+    options: TrainingFlags, folder: str, as_json: bool, *, jobs: int, reading: ReadOptions
 ) -> int:
     """Let a library learn from its labels as a person left them, and say what that did."""
     from motionary.models.library import EVERYDAY, find_sequences, list_tracks, open_library
     from motionary.retrieval.corrections import learn_corrections
 
-    folder, table = options.library, options.corrections or ""
-    if folder is None:
-        raise wrong("--corrections", "needs --library, and no EXAMPLES")
+    table = options.corrections or ""
     if options.output is None and folder == EVERYDAY:
         raise wrong("--output", "the library that ships stays as it is; name a folder for yours")
     target = folder if options.output is None else options.output

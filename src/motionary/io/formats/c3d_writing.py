@@ -54,6 +54,10 @@ def write_c3d(motion: Motion, path: str | Path) -> None:
     """Write positions and events as C3D: millimetres, z up, unseen points with residual -1."""
     if len(motion.names) > MOST_COUNTED:
         raise InvalidInput(f"C3D holds at most {MOST_COUNTED} points, got {len(motion.names)}")
+    if len(motion.events) > MOST_EVENTS:
+        raise InvalidInput(
+            f"C3D holds at most {MOST_EVENTS} events, got {len(motion.events)}; write .npz"
+        )
     too_long = [n for n in motion.names if len(n.encode()) > _LONGEST_LABEL or not n.strip()]
     if too_long:
         raise InvalidInput(
