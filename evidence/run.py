@@ -20,7 +20,7 @@ SCRIPTS = (
     "everyday_classes", "inertial", "simulated_sensors", "figures_2012",
     "body", "depth", "stream_decisions", "corrections", "styles", "elsewhere", "kills",
     "multiview", "multiview_priors", "real_views", "regions", "live", "live_day", "archives",
-    "archives_rare", "cluster_kills",
+    "cluster_kills",
 )  # fmt: skip
 #: Scripts whose pages are not in the documentation yet; run by name alone.
 FURTHER: tuple[str, ...] = ()
