@@ -72,7 +72,7 @@ class SearchResult(Sequence[Hit], Tabular):
     failures : files that could not be read, and why
     nearest : without hits, a sentence on what came closest
     queries : keyframes that chose where to match; none if everything was matched
-    fraction_matched : fraction of all frames that was matched
+    fraction_matched : fraction of all frames that was matched; without shards that cannot win
     query, searched : what was searched for, and where, as they were given
     """
 
