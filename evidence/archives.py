@@ -58,12 +58,12 @@ _UP, _DOWN = "right hand above neck", "not right hand above neck"
 _BENT = ("right hand above neck, right knee bent", "not right hand above neck, not right knee bent")
 KEYFRAMES = {
     "frequent": "right hand fast, then within 0.5 s right hand low",
-    "few hits": _GAP.join([*_BENT, _BENT[0]]),
-    "no hits": _GAP.join([_UP, _DOWN] * 3),
+    "seldom": _GAP.join([*_BENT, _BENT[0]]),
+    "hardly ever": _GAP.join([_UP, _DOWN] * 3),
 }
 #: Two seconds from the middle of recordings that no archive is made of.
 EXAMPLES = {"jump": "02_04", "dance": "05_06", "climb": "01_09"}
-AGAIN = {True: 5, False: 2}
+AGAIN = 5
 
 
 class Source(NamedTuple):
@@ -201,7 +201,7 @@ def _search_all(size: int, *, place: Path, examples: dict[str, FeatureSequence])
         for name, (query, preselect) in queries.items():
             ask = partial(search, query, collection, preselect=preselect)
             result, first = timed(ask)
-            again = [timed(ask)[1] for _ in range(AGAIN[preselect is None])]
+            again = [timed(ask)[1] for _ in range(AGAIN)]
             rows[name] = {
                 "first": first,
                 "again": min(again, key=lambda one: one["s"]),
