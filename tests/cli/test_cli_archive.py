@@ -165,10 +165,23 @@ def test_a_search_does_not_make_an_index_forget_sources_that_are_not_given(
     example = archive / "squat.bvh"
     part = motionary("search", *folders[:2], "--like", example, *at)
     assert part.code == 1
-    assert "sources that are not given, such as three/squat.bvh; give all" in part.err
+    assert "holds 1 recordings that are not given, such as three/squat.bvh; give all" in part.err
     whole = motionary("search", *folders, "--like", example, *at, "--json")
     assert {json.loads(line)["recording"] for line in whole.out.splitlines()} == {
         "one/squat.bvh", "two/squat.bvh", "three/squat.bvh",
     }  # fmt: skip
     assert motionary("index", *folders[:2], *at).code == 0
     assert motionary("search", *folders[:2], "--like", example, *at).code == 0
+
+
+def test_nor_files_that_a_pattern_meant(motionary, archive, tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.bvh").write_bytes((archive / "squat.bvh").read_bytes())
+    at = ("--index", tmp_path / "index", "--skeleton", "generic")
+    assert motionary("index", tmp_path / "*.bvh", *at).code == 0
+    one = motionary("search", tmp_path / "a.bvh", "--like", archive / "squat.bvh", *at)
+    assert (one.code, "not given, such as b.bvh" in one.err) == (1, True)
+    # What is not there any more is forgotten.
+    (tmp_path / "b.bvh").unlink()
+    one = motionary("search", tmp_path / "a.bvh", "--like", archive / "squat.bvh", *at)
+    assert one.code == 0

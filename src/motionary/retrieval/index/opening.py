@@ -13,7 +13,7 @@ from motionary.io import ReadOptions, name_recordings
 from motionary.retrieval.index.changes import Changes
 from motionary.retrieval.index.collection import Collection, join_collections, read_collection
 from motionary.retrieval.index.folder import Index
-from motionary.retrieval.index.sources import is_list, is_url
+from motionary.retrieval.index.sources import Source, is_list, is_url
 
 __all__ = ["Follower", "Opened", "Opener"]
 
@@ -173,8 +173,9 @@ class Opener:
         if changes.leaves_nothing and (index.is_named or not changes.states):
             raise UnreadableFile(
                 f"none of the {len(changes.gone)} recordings of the index in {index.place} is "
-                "there; name the folder that it was made of, or another place by --index; to "
-                "have it made anew, remove it",
+                "there under its name (of several sources names begin with the source); give all "
+                "sources that it was made of, or another place by --index; to have it made anew, "
+                "remove it",
                 file=index.folder,
             )
         for reason in (*index.damage, *changes.skipped):
@@ -194,20 +195,29 @@ class Opener:
 
 
 def _check_sources(index: Index, changes: Changes) -> None:
-    """Refuse to forget what an index holds of sources that are not given.
+    """Refuse to forget what an index holds of recordings that are there, but not given.
 
     Raises
     ------
     InvalidInput
     """
-    given = tuple(source.prefix for source in index.sources)
-    others = [name for name in changes.gone if not name.startswith(given)]
+    others = [name for name in changes.gone if _is_left_out(name, index.sources)]
     if others:
         raise InvalidInput(
-            f"the index in {index.place} holds recordings of sources that are not given, such as "
-            f"{others[0]}; give all that it was made of, or name another place by --index; "
+            f"the index in {index.place} holds {len(others)} recordings that are not given, such "
+            f"as {others[0]}; give all that it was made of, or name another place by --index; "
             "`motionary index` with these sources alone forgets the others"
         )
+
+
+def _is_left_out(name: str, sources: Iterable[Source]) -> bool:
+    """Whether a recording is of another source, or of one of which other files are chosen."""
+    source = next((source for source in sources if name.startswith(source.prefix)), None)
+    if source is None:
+        return True
+    inside = name.removeprefix(source.prefix)
+    is_chosen = source.chosen is None or inside in source.chosen
+    return not is_chosen and Path(source.address(inside)).exists()
 
 
 def needs_one_index(paths: Iterable[str], at: str | None) -> bool:
