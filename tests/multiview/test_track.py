@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import motionary as mo
-from cli_cases import run
+from cli_cases import documented_keys, run
 from motionary.errors import InvalidInput, UnreadableFile
 from motionary.io.keypoints import Views
 from motionary.multiview import see
@@ -88,6 +88,18 @@ def test_the_command_writes_what_can_be_read(session, tmp_path, capsys, monkeypa
     truth = to_y_up(walker(FRAMES))[:, NAMES.index("LKnee")]
     far = np.linalg.norm(motion.positions[:, motion.names.index(joint)] - truth, axis=-1)
     assert far.mean() < 0.03
+
+
+def test_json_is_what_the_reference_says(session, tmp_path, capsys, monkeypatch):
+    given = ("--cameras", session / "calib.toml", "--rate", "60", "-o", tmp_path / "walk.npz")
+    done = run(capsys, monkeypatch, "track", session / "pose", *given, "--json")
+    told = json.loads(done.out)
+    inner = {"label", "start_s", "end_s", "name", "taken", "not_taken", *told["before"]}
+    assert told.keys() | inner == set(documented_keys("`motionary track --json` gives one object"))
+    assert (told["recording"], told["frames"], told["labels"]) == ("walk", FRAMES, None)
+    assert list(told["before"]) == ["sliding_m_s", "below_floor", "unknown", "jitter_m_s2"]
+    assert told["after"]["unknown"] == 0 < told["before"]["unknown"]
+    assert all(set(one) == {"label", "start_s", "end_s"} for one in told["exchanges"])
 
 
 def test_a_page_shows_the_track_as_each_camera_saw_it(found, tmp_path):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from motionary.cli import screen
 from motionary.cli.options import (
     REQUIRED,
+    AsJson,
     Excel,
     Force,
     argument,
@@ -132,6 +133,7 @@ def track(
     keypoints: Keypoints,
     output: Annotated[str, declare("--output -o FILE", "The motion: .trc, .c3d, .bvh, .npz.")],
     options: TrackOptions,
+    as_json: AsJson = False,
     force: Force = False,
 ) -> int:
     """Track a person in keypoints of several calibrated cameras.
@@ -157,7 +159,10 @@ def track(
     )  # fmt: skip
     name, is_rig = Path(output).stem, Path(output).suffix.lower() == ".bvh"
     write((found.rig if is_rig else found.motion).renamed(name), output)
-    _show(found)
+    if as_json:
+        screen.print_json({**found.as_dict(), "recording": name})
+    else:
+        _show(found)
     if options.labels is not None and found.labels is not None:
         write_labels([found.labels.renamed(name)], options.labels)
     if options.confidence is not None:
@@ -167,9 +172,10 @@ def track(
 
         report_tracking(found, options.report, images=options.images, title=name)
         screen.say_size(options.report)
-    for note in found.notes:
-        screen.warn(note)
-    screen.say(f"{views.n_frames} frames written to {output}")
+    if not as_json:
+        for note in found.notes:
+            screen.warn(note)
+        screen.say(f"{views.n_frames} frames written to {output}")
     return 0
 
 

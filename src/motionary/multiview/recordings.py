@@ -1,9 +1,10 @@
 """Whole recordings of several cameras: a person tracked, or only exchanged sides put right."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,38 @@ class Tracking:
     labels: LabelTrack | None
     priors: tuple[AllocatedPrior, ...]
     notes: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What is said of it, in plain values; None where there is nothing to measure."""
+        taken = Counter((prior.name, prior.kept) for prior in self.priors)
+        return {
+            "recording": self.motion.source,
+            "rate_hz": self.motion.rate_hz,
+            "frames": len(self.motion.positions),
+            "before": _plain(self.before),
+            "after": _plain(self.after),
+            "floor_m": self.floor_m,
+            "offsets": list(self.offsets),
+            "exchanges": _segments(self.exchanges),
+            "labels": None if self.labels is None else _segments(self.labels),
+            "priors": [
+                {"name": name, "taken": taken[name, True], "not_taken": taken[name, False]}
+                for name in dict.fromkeys(prior.name for prior in self.priors)
+            ],
+            "notes": list(self.notes),
+        }
+
+
+def _plain(measures: Steadiness) -> dict[str, float | None]:
+    keys = ("sliding_m_s", "below_floor", "unknown", "jitter_m_s2")
+    return {k: None if np.isnan(v) else float(v) for k, v in zip(keys, measures, strict=True)}
+
+
+def _segments(track: LabelTrack) -> list[dict[str, Any]]:
+    return [
+        {"label": one.name, "start_s": float(one.start_s), "end_s": float(one.end_s)}
+        for one in track
+    ]
 
 
 def track(
