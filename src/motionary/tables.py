@@ -4,6 +4,7 @@ Names come from files of strangers: in HTML every cell is escaped and without co
 characters. pandas and pyarrow are imported only where they are asked for.
 """
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
@@ -17,6 +18,8 @@ _MOST_ROWS = 20
 _MOST_LETTERS = 200
 # Names of a sentence.
 _MOST_NAMES = 5
+# Names that may have been meant.
+_MOST_HINTS = 3
 
 
 class Table(NamedTuple):
@@ -166,6 +169,18 @@ def enumerate_names(names: Sequence[str], *, most: int = _MOST_NAMES) -> str:
     """The first names, and how many more there are; "none" where there are none."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return (", ".join(names[:most]) or "none") + more
+
+
+def near_names(wanted: str, names: Iterable[str]) -> list[str]:
+    """The names that come nearest: by their letters, else by their words; at most three."""
+    even = {" ".join(name.split()).casefold(): name for name in names}
+    wanted = " ".join(wanted.split()).casefold()
+    near = difflib.get_close_matches(wanted, even, n=_MOST_HINTS, cutoff=0.6)
+    if not near:
+        parts = set(wanted.split())
+        shared = {name: len(parts & set(name.split())) for name in even}
+        near = [name for name in sorted(even, key=lambda n: -shared[n]) if shared[name]]
+    return [even[name] for name in near[:_MOST_HINTS]]
 
 
 def printable(text: str) -> str:

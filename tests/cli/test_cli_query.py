@@ -459,7 +459,7 @@ def test_indexing_tells_what_it_did(motionary, world, tmp_path):
     (folder / "0.bvh").unlink()
     ran = motionary("index", folder)
     assert ran.code == 0
-    assert ran.out.startswith("2 recordings, 0.00 hours; read 0, 2 gone, 0 could not be read\n")
+    assert ran.out.startswith("2 recordings, 0.1 minutes; read 0, 2 gone, 0 could not be read\n")
 
 
 def test_another_folder_does_not_empty_an_index(motionary, tmp_path):

@@ -56,7 +56,10 @@ LIKE = ("search", "{world}/examples", "--like", "{world}/take.bvh")
         (("search", "{world}/examples"), "--like"),
         ((*LIKE, "--class", "squat"), "--like, --class"),
         (("search", "{world}", "--class", "squat", "--library", "none"), "--library LIB"),
-        (("search", "{world}", "--class", "sqat", "--library", "{world}/library"), "kick_left, s"),
+        (
+            ("search", "{world}", "--class", "sqat", "--library", "{world}/library"),
+            "did you mean 'squat'?",
+        ),
         (("search", "{world}", "--class", "squat", "--library", "l", "--from", "1"), "--from"),
         ((*LIKE, "--library", "{world}/library"), "--library"),
         ((*LIKE, "--from", "99"), "take.bvh lasts from 0 to "),
@@ -472,3 +475,77 @@ def test_too_little_memory_is_one_line(capsys):
     assert capsys.readouterr().err == (
         "motionary: there is not enough memory for this; give fewer or shorter recordings\n"
     )
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("learn", "{world}/examples", "-o", "everyday"),
+        ("library", "edit", "everyday", "squat", "--threshold", "0.1"),
+        ("library", "add", "./everyday", "squat", "{world}/examples"),
+        ("library", "merge", "{world}/library", "-o", "everyday"),
+        ("search", "{world}", "--like", "{world}/take.bvh", "--save-class", "everyday"),
+    ],
+)
+def test_no_command_makes_a_folder_that_hides_the_library_that_ships(
+    motionary, world, tmp_path, monkeypatch, arguments
+):
+    monkeypatch.chdir(tmp_path)
+    ran = motionary(*(a.format(world=world) for a in arguments))
+    assert (ran.code, ran.out) == (2, "")
+    assert "the library that ships stays as it is; name another folder" in ran.err
+    assert not (tmp_path / "everyday").exists()
+
+
+def test_a_folder_that_hides_the_library_that_ships_is_told(motionary, tmp_path, monkeypatch):
+    from motionary.features import FULL_BODY
+    from motionary.models.library import ClassLibrary
+
+    monkeypatch.chdir(tmp_path)
+    ClassLibrary((), FULL_BODY).save("everyday")
+    ran = motionary("library", "list", "everyday", "--json")
+    assert (ran.code, ran.out) == (0, "")
+    assert ran.err.count("the folder ./everyday is used, not the library of that name") == 1
+    assert motionary("library", "list", "./everyday", "--json").err == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("annotate", ""), "'FILE'"),
+        (("search", "", "--class", "squat"), "'FOLDER'"),
+        (("annotate", "x.bvh", "--output="), "'--output'"),
+        (("library", "list", ""), "'LIB'"),
+    ],
+)
+def test_an_empty_argument_is_named(motionary, arguments, named):
+    ran = motionary(*arguments)
+    assert (ran.code, ran.out) == (2, "")
+    assert named in ran.err
+    assert "must not be empty" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("annotate", "hd", "--threshold", "6"), "--assignment scores"),
+        (("index", "x", "--features", "published"), "--features: no set 'published'"),
+        (("library", "show", "everyday"), "`motionary library list everyday`"),
+    ],
+)
+def test_wrong_use_says_what_to_do(motionary, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    ran = motionary(*arguments)
+    assert (ran.code, ran.out) == (2, "")
+    assert message in ran.err
+
+
+def test_the_folder_that_was_read_is_no_place_for_what_is_untangled(motionary, tmp_path):
+    (tmp_path / "pose").mkdir()
+    (tmp_path / "pose" / "x.json").write_text("{}")
+    (tmp_path / "c.toml").write_text("")
+    ran = motionary("untangle", tmp_path / "pose", "-o", tmp_path / "pose",
+                    "--cameras", tmp_path / "c.toml", "--rate", 60)  # fmt: skip
+    assert (ran.code, ran.out) == (1, "")
+    assert "give another folder" in ran.err
+    assert "--force" not in ran.err

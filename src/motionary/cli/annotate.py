@@ -23,7 +23,7 @@ from motionary.cli.options import (
     picture_path,
     wrong,
 )
-from motionary.cli.recordings import WorkOptions, find_files, measure_files
+from motionary.cli.recordings import WorkOptions, find_files, measure_files, open_library
 from motionary.files import is_stdout
 from motionary.io.options import ReadOptions
 
@@ -88,6 +88,13 @@ class LabelOptions(TableOptions):
     def check(self, *, as_json: bool) -> None:
         """Refuse options that do not go together, and tables that cannot be written."""
         super().check(as_json=as_json)
+        threshold = self.threshold
+        if threshold is not None and threshold > 1 and self.assignment != "scores":
+            raise wrong(
+                "--threshold",
+                f"costs are at most 1, so {threshold:g} leaves nothing out; for a least score add "
+                "--assignment scores",
+            )
         if self.at_most_false is None:
             return
         if self.threshold is not None:
@@ -128,7 +135,9 @@ def annotate(
 ) -> int:
     """Label recordings with the classes of a library, by default that of everyday motion.
 
-    A recording without a label says which class came nearest, and what failed.
+    A recording without a label says which class came nearest, and what failed. By scores,
+    "false/min" is the number of false labels to expect in a minute of motion from that score on,
+    "right" the estimated probability that the label is right.
 
     motionary annotate long.bvh
     motionary annotate takes/*.amc --library my-classes -o labels.csv --explain
@@ -237,7 +246,7 @@ def _check_set(
 
 def _library(options: LabelOptions) -> "ClassLibrary":
     """The library, before anything is read: what is wrong with the use shows at once."""
-    from motionary.models.library import NO_LIBRARY, open_library
+    from motionary.models.library import NO_LIBRARY
 
     if options.library == NO_LIBRARY:
         raise wrong(
@@ -294,7 +303,8 @@ def count(
     """Count repetitions by recording, class and side; options are those of annotate.
 
     "per_min" is the number of repetitions a minute by the usual time from one start to the
-    next, "unassessed_s" the seconds of which too little was seen to judge.
+    next, "unassessed_s" the seconds of which too little was seen to judge. "side", of a class
+    that knows its mirror image: "as learned" like its examples, or "mirrored".
 
     motionary count training.c3d --library exercises -o counts.csv
     """

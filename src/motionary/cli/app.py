@@ -99,6 +99,15 @@ class _Command(TyperCommand):
         """What is left of the arguments once they are read."""
         return super().parse_args(ctx, [_rename(argument) for argument in args])
 
+    def invoke(self, ctx: Any) -> Any:
+        """The end of the command; no value of a text is empty."""
+        params: list[Any] = list(self.params)
+        for param in params:
+            value = ctx.params.get(param.name)
+            if value == "" or (isinstance(value, list | tuple) and "" in value):
+                raise typer.BadParameter("must not be empty", ctx=ctx, param=param)
+        return super().invoke(ctx)
+
 
 def _rename(argument: str) -> str:
     option, equals, value = argument.partition("=")
@@ -150,7 +159,7 @@ def _build_group(
     """Commands below one, which only describes them."""
     group = typer.Typer(help=_help_of(described), no_args_is_help=True, rich_markup_mode=None)
     for name, command in commands.items():
-        group.command(name, short_help=_summary(command))(_guarded(command))
+        group.command(name, cls=_Command, short_help=_summary(command))(_guarded(command))
     return group
 
 

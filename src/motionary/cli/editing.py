@@ -22,9 +22,10 @@ from motionary.cli.options import (
     find_feature_set,
     flag,
     option,
+    refuse_shipped,
     wrong,
 )
-from motionary.cli.recordings import find_files, measure_all, warn_of_all
+from motionary.cli.recordings import find_files, measure_all, open_library, warn_of_all
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 from motionary.tables import enumerate_names
@@ -107,6 +108,7 @@ def edit(
     """
     check_picture("--plot", plot)
     changes.check()
+    refuse_shipped(folder)
     check_target(folder, is_folder=True)
     from motionary.models.library import edit_class
 
@@ -128,7 +130,7 @@ def edit(
 
 
 def _load(folder: str, features: str | None, *, new: bool) -> "ClassLibrary":
-    from motionary.models.library import ClassLibrary, open_library
+    from motionary.models.library import ClassLibrary
 
     if new and not Path(folder, LIBRARY_FILE).exists():
         return ClassLibrary((), find_feature_set(features))
@@ -177,9 +179,10 @@ def add(
     motionary library add my-classes squat new/*.bvh
     motionary library add my-classes squat times.csv --recordings takes/
     """
-    from motionary.models.library import add_examples, open_library
+    from motionary.models.library import add_examples
 
     check_picture("--plot", options.plot)
+    refuse_shipped(folder)
     check_target(folder, is_folder=True)
     library = open_library(folder)
     before = library[name]
@@ -253,7 +256,7 @@ def merge(
 
     motionary library merge my-classes yours -o ours --on-clash first
     """
-    from motionary.models.library import find_clashes, merge_libraries, open_library
+    from motionary.models.library import find_clashes, merge_libraries
 
     check_picture("--plot", plot)
     check_library(output, replace=force)

@@ -141,8 +141,10 @@ def _say_kept(index: "Index", changes: "Changes", *, as_json: bool) -> None:
         counts = {"recordings": n, "words": index.n_frames, "read": read, "gone": gone}
         screen.print_json({**counts, "failed": failed, "place": str(index.place)})
         return
+    shown = f"{hours:.2f} hours" if hours >= 1 else f"{60 * hours:.1f} minutes"
     screen.say(
-        f"{n} recordings, {hours:.2f} hours; read {read}, {gone} gone, {failed} could not be read",
+        f"{screen.count(n, 'recording')}, {shown}; read {read}, {gone} gone, {failed} could not be "
+        "read",
         f"kept in {index.place}",
     )
 

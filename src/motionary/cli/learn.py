@@ -22,7 +22,13 @@ from motionary.cli.options import (
     picture_path,
     wrong,
 )
-from motionary.cli.recordings import describe_failure, find_files, measure_all, warn_of_all
+from motionary.cli.recordings import (
+    describe_failure,
+    find_files,
+    measure_all,
+    open_library,
+    warn_of_all,
+)
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 
@@ -302,12 +308,10 @@ def _learn_corrected(
     options: TrainingFlags, folder: str, as_json: bool, *, jobs: int, reading: ReadOptions
 ) -> int:
     """Let a library learn from its labels as a person left them, and say what that did."""
-    from motionary.models.library import EVERYDAY, find_sequences, list_tracks, open_library
+    from motionary.models.library import find_sequences, list_tracks
     from motionary.retrieval.corrections import learn_corrections
 
     table = options.corrections or ""
-    if options.output is None and folder == EVERYDAY:
-        raise wrong("--output", "the library that ships stays as it is; name a folder for yours")
     target = folder if options.output is None else options.output
     check_library(target, replace=True)
     library = open_library(folder)

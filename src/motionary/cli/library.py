@@ -19,7 +19,7 @@ from motionary.cli.editing import (
 from motionary.cli.learn import show_library
 from motionary.cli.multiview import priors
 from motionary.cli.options import AsJson, argument, check_page, check_picture, option, wrong
-from motionary.cli.recordings import find_files, read_motions, split_failures
+from motionary.cli.recordings import find_files, open_library, read_motions, split_failures
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -48,8 +48,6 @@ def list_classes(folder: LibraryFolder, plot: PlotLibrary = None, as_json: AsJso
 
     motionary library list my-classes --plot my-classes.png
     """
-    from motionary.models.library import open_library
-
     check_picture("--plot", plot)
     loaded = open_library(folder)
     if not as_json:
@@ -90,13 +88,16 @@ def show(
     motionary library show my-classes squat > squat.txt
     motionary library show my-classes --report classes.html --recordings examples/
     """
-    from motionary.models.library import find_prototype, open_library
+    from motionary.models.library import find_prototype
     from motionary.models.templates import template_to_text
 
     check_picture("--plot", options.plot)
     check_page("--report", options.report)
     if name is None and options.report is None:
-        raise wrong("CLASS", "name one of the library's classes; --report shows all of them")
+        raise wrong(
+            "CLASS",
+            f"name one of those that `motionary library list {folder}` shows; --report has all",
+        )
     if options.recordings and options.report is None:
         raise wrong("--recordings", "goes with --report HTML")
     loaded = open_library(folder)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from motionary.cli import screen
 from motionary.cli.options import argument, declare, flag, option, wrong
-from motionary.cli.recordings import read_recording
+from motionary.cli.recordings import open_library, read_recording
 from motionary.errors import InvalidInput, UnwritableFile
 from motionary.io.options import ReadOptions
 
@@ -85,7 +85,6 @@ def live(options: LiveOptions) -> int:
     motionary live --osc 39539 --osc-to 9000 --page 8080
     """
     from motionary.live import VMC_HZ, LivePeople, OscSender, PageServer
-    from motionary.models.library import open_library
     from motionary.skeletons import named_mapping
 
     if options.port is None and options.osc is None and options.address != _LOOPBACK:

@@ -17,6 +17,7 @@ from motionary.cli.options import (
     flag,
     option,
 )
+from motionary.cli.recordings import open_library
 from motionary.errors import InvalidInput, UnreadableFile, UnwritableFile
 
 if TYPE_CHECKING:
@@ -109,6 +110,8 @@ def untangle(
 
     target = Path(output)
     table = target.with_name(f"{target.name}.exchanges.csv")
+    if target.is_dir() and Path(keypoints).resolve() == target.resolve():
+        raise UnwritableFile("holds the files that were read; give another folder", file=target)
     check_target(output, is_folder=True)
     check_target(str(table), replace=force)
     if target.is_dir() and any(target.iterdir()) and not force:
@@ -197,7 +200,6 @@ def _read_library(
     """The classes of a folder or those that ship, poses of people and edited priors beside them."""
     if folder is None:
         return None, None, None
-    from motionary.models.library import open_library
     from motionary.multiview import PoseMemory
 
     library, poses = open_library(folder), Path(folder, "poses.npz")
@@ -225,7 +227,6 @@ def priors(
 
     motionary library priors my-classes
     """
-    from motionary.models.library import open_library
     from motionary.multiview import PRIORS_FILE, derive_priors, write_priors
 
     library, path = open_library(folder), Path(folder, PRIORS_FILE)

@@ -170,7 +170,7 @@ def find_feature_set(name: str | None) -> "FeatureSet":
     if name is None:
         return FULL_BODY
     if name not in known_sets():
-        raise typer.BadParameter(f"no set {name!r}; choose one of {', '.join(known_sets())}")
+        raise wrong("--features", f"no set {name!r}; choose one of {', '.join(known_sets())}")
     return known_sets()[name]
 
 
@@ -184,8 +184,8 @@ FeatureSetName = Annotated[
     str | None,
     declare(
         "--features SET",
-        "Features to measure: full-body-40 (the usual), legs-14, three-levels-129 (how far and how "
-        "fast), full-body-39.",
+        "Features to measure: full-body-40 (the usual, as published), legs-14, three-levels-129 "
+        "(how far and how fast), full-body-39.",
         callback=_check_feature_set,
     ),
 ]
@@ -260,8 +260,20 @@ def check_target(path: str | None, *, is_folder: bool = False, replace: bool = T
         raise UnwritableFile(f"cannot be written: {problem}; choose another place", file=path)
 
 
+def refuse_shipped(path: str) -> None:
+    """Refuse to make a folder that would stand for the library that ships from then on."""
+    from motionary.models.library import EVERYDAY
+
+    if Path(path).name == EVERYDAY and not Path(path, LIBRARY_FILE).exists():
+        raise typer.BadParameter(
+            f"the library that ships stays as it is; name another folder than {EVERYDAY}: "
+            f"`motionary library merge {EVERYDAY} -o my-{EVERYDAY}` makes a copy to change"
+        )
+
+
 def check_library(path: str, *, replace: bool) -> None:
     """Fail before the work where a library cannot be written, as `check_target`."""
+    refuse_shipped(path)
     check_target(path, is_folder=True, replace=replace)
     if not Path(path, LIBRARY_FILE).exists() and holds_others(Path(path), LIBRARY_FILE):
         raise UnwritableFile("holds files but no library; give a new or empty folder", file=path)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from motionary.cli.options import LibraryDefault, declare, flag, option, refuse, wrong
-from motionary.cli.recordings import read_recording
+from motionary.cli.recordings import open_library, read_recording
 from motionary.errors import InvalidInput
 from motionary.files import NO_SUCH_FILE
 from motionary.io.options import ReadOptions
@@ -290,14 +290,13 @@ def _check_example(
 
 
 def _motion_class(options: QueryOptions) -> "tuple[MotionClass, FeatureSet]":
-    from motionary.models.library import EVERYDAY, open_library
+    from motionary.models.library import EVERYDAY
 
     library = open_library(options.library or EVERYDAY)
-    name = options.class_name or ""
-    if name not in library.names:
-        known = ", ".join(library.names) or "none"
-        raise wrong("--class", f"the library has no class {name!r}; its classes are: {known}")
-    return library[name], library.feature_set
+    try:
+        return library[options.class_name or ""], library.feature_set
+    except InvalidInput as error:
+        raise wrong("--class", str(error)) from error
 
 
 def _read_keyframes(

@@ -9,16 +9,30 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from motionary.cli import screen
-from motionary.cli.options import LibraryDefault, option, wrong
+from motionary.cli.options import LIBRARY_FILE, LibraryDefault, option, wrong
 from motionary.errors import NotAFile, NotAMotion, NotHuman, UnreadableFile
 from motionary.io.options import ReadOptions
 
 if TYPE_CHECKING:
     from motionary.batch import Failure, Workers
     from motionary.features import FeatureSequence, FeatureSet, NamedFile
+    from motionary.models.library import ClassLibrary
     from motionary.motion import Motion
 
 Result = TypeVar("Result")
+
+
+# -- libraries --------------------------------------------------------------------------
+
+
+def open_library(folder: str) -> "ClassLibrary":
+    """A library by its folder, or the one that ships; says where a folder hides that one."""
+    from motionary.models.library import EVERYDAY
+    from motionary.models.library import open_library as open_named
+
+    if folder == EVERYDAY and Path(folder, LIBRARY_FILE).exists():
+        screen.warn(f"the folder ./{EVERYDAY} is used, not the library of that name that ships")
+    return open_named(folder)
 
 
 # -- files ------------------------------------------------------------------------------

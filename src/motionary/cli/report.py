@@ -22,7 +22,7 @@ from motionary.cli.options import (
     wrong,
 )
 from motionary.cli.query import Start, Stop, check_part
-from motionary.cli.recordings import Found, find_files, read_motions, read_recording
+from motionary.cli.recordings import Found, find_files, open_library, read_motions, read_recording
 from motionary.errors import InvalidInput
 from motionary.io.options import ReadOptions
 from motionary.tables import enumerate_names
@@ -102,7 +102,6 @@ def _compare(found: Found, options: PageOptions, reading: ReadOptions) -> int:
 def _report(found: Found, options: PageOptions, reading: ReadOptions) -> int:
     """The page of recordings over their labels."""
     from motionary.io import read_labels
-    from motionary.models.library import open_library
     from motionary.reporting import report as write_report
 
     read = partial(

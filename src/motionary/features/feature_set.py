@@ -7,7 +7,6 @@ A feature is data but for its quantity; quantities of this package go by their n
 another program has the same: rows of strings, numbers and lists, as TOML and JSON have them.
 """
 
-import difflib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -22,6 +21,7 @@ from motionary.features import quantities
 from motionary.features.body import LENGTHS, Body, Floats
 from motionary.motion import GENERIC_JOINTS
 from motionary.recording import find_runs
+from motionary.tables import near_names
 
 Comparison = Literal[">", ">=", "<", "<=", "within"]
 Threshold = float | tuple[float, float]
@@ -39,7 +39,6 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "window_s": (int, float),
 }
 _TESTS = (">", ">=", "<", "<=", "within")
-_MOST_HINTS = 3
 #: Velocities in the room, and those that are if they are relative to no joint.
 _ABSOLUTE = (quantities.speed, quantities.travel, quantities.fastest, quantities.mean_speed)
 _RELATIVE = (quantities.move_ahead, quantities.move_left, quantities.move_up)
@@ -310,14 +309,9 @@ def _check_joints(feature: Feature) -> None:
 
 def _hint(wanted: str, feature_set: FeatureSet) -> str:
     """The names that come nearest: by their letters, else by their words."""
-    names = {_even(name): name for name in feature_set.names}
-    near = difflib.get_close_matches(wanted, names, n=_MOST_HINTS, cutoff=0.6)
-    if not near:
-        parts = set(wanted.split())
-        shared = {name: len(parts & set(name.split())) for name in names}
-        near = [name for name in sorted(names, key=lambda n: -shared[n]) if shared[name]]
+    near = near_names(wanted, feature_set.names)
     if near:
-        return "did you mean " + " or ".join(repr(names[n]) for n in near[:_MOST_HINTS]) + "?"
+        return f"did you mean {' or '.join(map(repr, near))}?"
     return f"it has {', '.join(feature_set.names)}"
 
 

@@ -48,7 +48,7 @@ from motionary.models.library.toml_tables import (
     update_table,
     write_document,
 )
-from motionary.tables import Table, Tabular
+from motionary.tables import Table, Tabular, near_names
 
 #: Raised when a reader of the version before could misunderstand the files.
 VERSION = 1
@@ -134,8 +134,10 @@ class ClassLibrary(Tabular):
     def __getitem__(self, name: str) -> MotionClass:
         if name in self.names:
             return self.classes[self.names.index(name)]
-        known = ", ".join(self.names) or "none"
-        raise InvalidInput(f"the library has no class {name!r}; its classes are: {known}")
+        rest = f"its classes are: {', '.join(self.names) or 'none'}"
+        if near := near_names(name, self.names):
+            rest = f"did you mean {' or '.join(map(repr, near))}? motionary library list shows all"
+        raise InvalidInput(f"the library has no class {name!r}; {rest}")
 
     @property
     def names(self) -> tuple[str, ...]:

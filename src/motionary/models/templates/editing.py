@@ -246,7 +246,8 @@ def _asked(template: QuantisedTemplate, edges: Floats, feature_set: FeatureSet) 
     longest = sorted(joined, key=lambda r: r.start_s - r.end_s)[:_MOST_LINES]
     lines = [f"{run.span}  {run.phrase}" for run in sorted(longest)]
     if len(joined) > len(longest):
-        lines.append(f"and {len(joined) - len(longest)} shorter segments")
+        n = len(joined) - len(longest)
+        lines.append(f"and {n} shorter segment{'' if n == 1 else 's'}")
     return _column("holds", lines)
 
 
