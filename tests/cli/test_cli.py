@@ -518,3 +518,15 @@ def test_labels_of_another_recording(motionary, tables, tmp_path):
         "motionary: the labels and the truth have no recording in common; labels: a.bvh, c.bvh, "
         "sub/b.amc; truth: z\n"
     )
+
+
+def test_the_overview_of_commands_is_that_of_whole_commands(motionary):
+    from typer.main import get_command
+
+    from motionary.cli.app import build_app
+
+    shown = [line for line in motionary("--help").out.splitlines() if line.startswith("  ")]
+    whole = get_command(build_app())
+    for name in whole.list_commands(None):
+        summary = whole.commands[name].get_short_help_str(200)
+        assert any(line.split()[:2] == [name, summary.split()[0]] for line in shown)

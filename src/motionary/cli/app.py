@@ -122,11 +122,15 @@ def run_app() -> None:
     first = sys.argv[1] if len(sys.argv) > 1 else ""
     # Completion asks with the words of the command line in variables.
     one = first if first in COMMANDS and _COMPLETION not in os.environ else None
-    build_app(one)(prog_name="motionary")
+    is_overview = sys.argv[1:] in ([], ["--help"], ["-h"]) and _COMPLETION not in os.environ
+    build_app(one, is_overview=is_overview)(prog_name="motionary")
 
 
-def build_app(one: str | None = None) -> typer.Typer:
-    """All commands, or one of them: others need not be imported to run it."""
+def build_app(one: str | None = None, *, is_overview: bool = False) -> typer.Typer:
+    """All commands, or one of them: others need not be imported to run it.
+
+    For an overview of all, commands are there by what they do, without their options.
+    """
     app = typer.Typer(
         cls=_InSequence,
         help=_help_of(_start),
@@ -142,6 +146,9 @@ def build_app(one: str | None = None) -> typer.Typer:
             continue
         module = importlib.import_module(f"motionary.cli.{home}")
         command = getattr(module, name)
+        if is_overview:
+            app.command(name, short_help=_summary(command))(_start)
+            continue
         below = getattr(module, "SUBCOMMANDS", {}).get(name)
         if below is not None:
             group = _build_group(command, below)
