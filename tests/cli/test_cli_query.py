@@ -459,7 +459,10 @@ def test_indexing_tells_what_it_did(motionary, world, tmp_path):
     (folder / "0.bvh").unlink()
     ran = motionary("index", folder)
     assert ran.code == 0
-    assert ran.out.startswith("2 recordings, 0.1 minutes; read 0, 2 gone, 0 could not be read\n")
+    assert ran.out.startswith("2 recordings, 4.03 seconds; read 0, 2 gone, 0 could not be read\n")
+    (folder / "1.bvh").unlink()
+    ran = motionary("index", folder)
+    assert re.match(r"1 recording, [12]\.\d\d seconds; read 0, 1 gone", ran.out)
 
 
 def test_another_folder_does_not_empty_an_index(motionary, tmp_path):

@@ -136,12 +136,14 @@ def _say_kept(index: "Index", changes: "Changes", *, as_json: bool) -> None:
     from motionary.features import SEQUENCE_HZ
 
     n, gone, failed = len(index), len(changes.gone), len(index.failures)
-    read, hours = index.count_ready(changes.to_read), index.n_frames / SEQUENCE_HZ / 3600
+    read, seconds = index.count_ready(changes.to_read), index.n_frames / SEQUENCE_HZ
     if as_json:
         counts = {"recordings": n, "words": index.n_frames, "read": read, "gone": gone}
         screen.print_json({**counts, "failed": failed, "place": str(index.place)})
         return
-    shown = f"{hours:.2f} hours" if hours >= 1 else f"{60 * hours:.1f} minutes"
+    units = (("hours", 3600), ("minutes", 60), ("seconds", 1))
+    unit, size = next((one for one in units if seconds >= one[1]), units[-1])
+    shown = f"{seconds / size:.2f} {unit}"
     screen.say(
         f"{screen.count(n, 'recording')}, {shown}; read {read}, {gone} gone, {failed} could not be "
         "read",
@@ -248,4 +250,6 @@ def _say(result: "DuplicateResult") -> None:
     if result.n_alike:
         screen.say(f"{result.n_alike} further pairs change alike, each performed on its own")
     if result.still:
-        screen.say(f"{len(result.still)} recordings change too little to be told apart")
+        n = len(result.still)
+        changing = screen.count(n, "recording changes", "recordings change")
+        screen.say(f"{changing} too little to be told apart")

@@ -128,7 +128,7 @@ def untangle(
         screen.print_table((f"{one.limb} of", ">exchanged", ">unsure"), rows)
     for note in found.notes:
         screen.warn(note)
-    screen.say(f"{changed} files changed; written to {output} and {table}")
+    screen.say(f"{screen.count(changed, 'file')} changed; written to {output} and {table}")
     return 0
 
 
@@ -237,7 +237,7 @@ def priors(
     check_target(str(path))
     found = derive_priors(library)
     write_priors(found, path)
-    screen.say(f"{sum(map(len, found.values()))} priors written to {path}")
+    screen.say(f"{screen.count(sum(map(len, found.values())), 'prior')} written to {path}")
     return 0
 
 

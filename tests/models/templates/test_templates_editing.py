@@ -15,6 +15,7 @@ from motionary.models.templates import (
     Pause,
     concatenate,
     cut,
+    describe_template,
     fix,
     free,
     join,
@@ -186,3 +187,20 @@ def other_features():
 def test_what_cannot_be_done_is_told(call, message):
     with pytest.raises(InvalidInput, match=message):
         call(template_from_text("for 1 s: F1"))
+
+
+def test_one_segment_that_is_left_out_is_one(monkeypatch):
+    from motionary.models.library import load_everyday
+    from motionary.models.templates import editing
+
+    template = load_everyday()["squat"].prototypes[0].template
+
+    def left_out(most):
+        monkeypatch.setattr(editing, "_MOST_LINES", most)
+        lines = describe_template(template, tolerance=0.1, feature_set=load_everyday().feature_set)
+        (line,) = (line.strip() for line in lines if " shorter segment" in line)
+        return line.partition("and ")[2]
+
+    number, rest = left_out(1).split(maxsplit=1)
+    assert rest == "shorter segments"
+    assert left_out(int(number)) == "1 shorter segment"
