@@ -17,7 +17,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 CHECK := $(BIN)/check-jsonschema --quiet --builtin-schema
 FORMS := $(filter-out %/config.yml,$(wildcard .github/ISSUE_TEMPLATE/*.yml))
-PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check
+# Modules are compiled when they are first imported: most of what is installed never is.
+PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check --no-compile
 
 # MOTIONARY_DATA= (empty) runs without recordings.
 DATA := $(abspath $(wildcard ../shared/data))
