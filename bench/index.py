@@ -79,7 +79,9 @@ def build(sequences: Sequence[FeatureSequence], place: Path, name: str) -> None:
     changes = index.changes()
     known = {file: one.renamed(file) for file, one in zip(changes.to_read, sequences, strict=True)}
     # Features are there already: only what the index does with them is measured.
-    with patch.object(building, "read_features", lambda files, **_: [known[f.name] for f in files]):
+    with patch.object(
+        building, "read_features", lambda files, **_: [known[name] for name, _ in files]
+    ):
         start = time.perf_counter()
         index.update(changes)
     seconds = time.perf_counter() - start
