@@ -44,7 +44,7 @@ COMPILED_PAYS_AT = 20_000_000
 
 # Frames times patterns that are matched together, in NumPy: as many as fit into a tile.
 _ABREAST_CELLS = 32768
-_COMPILED = "motionary.matching._compiled"
+COMPILED = "motionary.matching._compiled"
 
 
 @dataclass(slots=True, eq=False)
@@ -244,7 +244,7 @@ def march_pattern(
     result = np.empty(len(packed), dtype=np.float32)
     columns = prepare(pattern) if _is_plain(pattern) else prepare_weighed(pattern)
     pays = len(pattern) * len(packed) >= COMPILED_PAYS_AT
-    kernels = load_twin(_COMPILED, engine, pays=pays)
+    kernels = load_twin(COMPILED, engine, pays=pays)
     if kernels is None:
         if isinstance(columns, Columns):
             columns = stack([columns])

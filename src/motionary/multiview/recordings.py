@@ -21,6 +21,7 @@ from motionary.multiview.priors import AllocatedPrior, PriorTable
 from motionary.multiview.tracking import (
     TABLE,
     Steadiness,
+    TrackedPoints,
     find_upright,
     floor_of,
     in_sequence_of,
@@ -154,10 +155,6 @@ def track(
     )
     skeleton, rotations, joints = to_skeleton(found.chain, found.pose)
     exchanges = _in_own_frames(found.exchanges, fitted.offsets)
-    notes = [f"rays at the person are certain to {1000 * found.settings.noise_m:.0f} mm"]
-    alone = float((found.confidence <= 0.05).mean())
-    if alone > 0:
-        notes.append(f"{100 * alone:.1f} % of points are told by no view, but by the chain alone")
     return Tracking(
         Motion(names, found.points, recording, mapping=named_mapping(TABLE, names)),
         Motion(skeleton.names, joints, recording, None, skeleton, rotations),
@@ -170,8 +167,16 @@ def track(
         floor,
         labels,
         priors,
-        (*views.notes, *fitted.notes, said, *notes),
+        (*views.notes, *fitted.notes, said, *_note_certainty(found)),
     )
+
+
+def _note_certainty(found: TrackedPoints) -> list[str]:
+    notes = [f"rays at the person are certain to {1000 * found.settings.noise_m:.0f} mm"]
+    alone = float((found.confidence <= 0.05).mean())
+    if alone > 0:
+        notes.append(f"{100 * alone:.1f} % of points are told by no view, but by the chain alone")
+    return notes
 
 
 class Untangled(NamedTuple):

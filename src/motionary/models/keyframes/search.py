@@ -42,7 +42,7 @@ from motionary.recording import find_runs
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
-_COMPILED = "motionary.models.keyframes._compiled"
+COMPILED = "motionary.models.keyframes._compiled"
 
 #: Runs of the rarest keyframe, for 64 frames, from which on steps per run are slower than
 #: steps per frames.
@@ -75,15 +75,16 @@ def search_query(
     """
     check_features(query, index.feature_set, index.feature_ids)
     # A search takes less time than loading a compiler.
-    kernels = load_twin(_COMPILED, engine, pays="numba" in sys.modules)
+    kernels = load_twin(COMPILED, engine, pays="numba" in sys.modules)
     plan = plan_query(query)
     if plan is None:
         return HitRanges.none()
     rows = [index.rows(*keyframe) for keyframe in zip(plan.values, plan.fixed, strict=True)]
     n_frames = [index.counts[row[0]] for row in rows]
     order = reading_order(n_frames)
-    many_runs = engine == "auto" and count_runs(index.planes, rows[order[0]]) > _MANY_RUNS
-    if kernels is not None and not many_runs:
+    if kernels is not None and (
+        engine == "compiled" or count_runs(index.planes, rows[order[0]]) <= _MANY_RUNS
+    ):
         return _search_compiled(kernels.search_planes, index, rows, n_frames, order, plan.gaps)
     lists = read_posting_lists(index.planes, rows, order, plan.gaps)
     return HitRanges.none() if lists is None else _join(lists, plan, index.layout)

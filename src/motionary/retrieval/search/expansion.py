@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from motionary.errors import InvalidInput
 from motionary.features import FeatureSequence
 from motionary.matching import Pattern, align, distance_function
-from motionary.models.templates import MotionTemplate, learn_template, pattern_of, quantise
+from motionary.models.templates import MotionTemplate, pattern_of, quantise, template_of
 from motionary.packing import unpack
 from motionary.retrieval.index import Collection
 from motionary.retrieval.search.keyframes import Preselection, preselect_by
@@ -187,16 +187,9 @@ def _count_shown(
 
 
 def _learn(example: FeatureSequence, hits: Sequence[FeatureSequence]) -> MotionTemplate:
-    parts = [example, *hits]
     n_hits = "1 hit" if len(hits) == 1 else f"{len(hits)} hits"
-    every = all(bool(p.known_features.all()) for p in parts)
-    return learn_template(
-        [p.features for p in parts],
-        known=None if every else [p.known_features.astype(np.bool_) for p in parts],
-        feature_names=example.feature_set.ids,
-        feature_set=example.feature_set.name,
-        provenance=f"expanded from {example.source or 'an example'} and {n_hits}",
-    )
+    provenance = f"expanded from {example.source or 'an example'} and {n_hits}"
+    return template_of([example, *hits], provenance=provenance)
 
 
 def _features_of(hit: Hit | FeatureSequence) -> FeatureSequence:

@@ -14,14 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motionary.batch import Failure, Workers, map_ordered
-from motionary.matching import load_twin
+from motionary.matching import distance, load_twin
+from motionary.models.keyframes import search as keyframe_search
 from motionary.retrieval.index import LARGE_COLLECTION, Collection, Part, Shard, StoredShard
 from motionary.retrieval.search.ranking import ROUNDING, Hit, SearchPattern, match
 
 Found = TypeVar("Found")
 
 # Kernels that many parts are worth loading a compiler for, however small each part is.
-_KERNELS = ("motionary.matching._compiled", "motionary.models.keyframes._compiled")
+_KERNELS = (distance.COMPILED, keyframe_search.COMPILED)
 # What is found costs at least that.
 _LEAST = 0.0
 
